@@ -18,6 +18,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.sampling import evenly_spread
 
 MISNUMBERED = 0.5
 """Residual of the homography over the distance of neighbouring corners, median of the images.
@@ -73,9 +74,8 @@ def board_images(recording: Recording) -> dict[str, list[BoardImage]]:
         frames = frames[counts >= FEWEST_CORNERS]
         if recording.object.board is None or not len(frames):
             continue
-        at = np.unique(np.linspace(0, len(frames) - 1, MOST_IMAGES).round().astype(int))
         found[name] = []
-        for frame in frames[at]:
+        for frame in frames[evenly_spread(len(frames), MOST_IMAGES)]:
             rows = own[recording.frame[own] == frame]
             rays = camera.undistort(recording.points[rows])
             if np.isfinite(rays).all():

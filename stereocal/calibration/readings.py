@@ -16,6 +16,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.numbers import rounded
+from stereocal.system.sampling import evenly_spread
 
 ONE_OR_BOTH: tuple[tuple[CameraName, ...], ...] = (
     ("primary",),
@@ -230,10 +231,7 @@ def fewer_corners(dataset: Dataset) -> Dataset:
     to judge a reading, which takes a tenth of the time then. Of other objects all targets."""
     if (board := board_of(dataset)) is None:
         return dataset
-    kept = [
-        np.unique(np.linspace(0, count - 1, most).round().astype(int))
-        for count, most in zip((board.columns, board.rows), MOST_CORNERS, strict=True)
-    ]
+    kept = [*map(evenly_spread, (board.columns, board.rows), MOST_CORNERS)]
     row, column = np.divmod(dataset.correspondences.target, board.columns)
     chosen = np.isin(column, kept[0]) & np.isin(row, kept[1])
     return replace(dataset, correspondences=dataset.correspondences.where(chosen))

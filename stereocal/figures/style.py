@@ -19,6 +19,7 @@ from stereocal.calibration.methods import METHOD_NAMES as METHOD_NAMES
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.correspondences import TARGETS, Correspondences
 from stereocal.system.numbers import count as count
+from stereocal.system.sampling import evenly_spread
 
 METHOD_COLOURS: Mapping[Method, str] = {
     "essential": "#7F7F7F",
@@ -194,7 +195,7 @@ def note(text: str, number: str, font: Mapping[str, Any]) -> dict[str, Any]:
 def evenly_drawn(n: int) -> BoolArray:
     """(n,): which of n frames or bars a figure draws: all, or `MOST_DRAWN` spread evenly."""
     drawn = np.zeros(n, dtype=np.bool_)
-    drawn[np.linspace(0, n - 1, min(n, MOST_DRAWN)).round().astype(int)] = True
+    drawn[evenly_spread(n, MOST_DRAWN)] = True
     return drawn
 
 

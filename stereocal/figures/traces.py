@@ -10,6 +10,7 @@ from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import IntArray
 from stereocal.system.numbers import rounded
+from stereocal.system.sampling import evenly_spread
 
 MAXIMUM_DRAWN = 2000
 """Maximum number of moves drawn; more are thinned evenly, with the first and the last."""
@@ -75,7 +76,7 @@ def describe_traces(calibration: Calibration) -> str:
 
 def drawn_moves(moves: int) -> IntArray:
     """Indices of the moves to draw: all, or `MAXIMUM_DRAWN` evenly spaced ones."""
-    return np.linspace(0, moves - 1, min(moves, MAXIMUM_DRAWN)).round().astype(np.int64)
+    return evenly_spread(moves, MAXIMUM_DRAWN)
 
 
 def _traces(calibration: Calibration) -> dict[Method, Trace]:

@@ -31,6 +31,7 @@ from stereocal.intrinsics.proposed_board import (
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.photograph import PhotographFile, read_colours, read_photograph
+from stereocal.system.sampling import evenly_spread
 
 LOOKED_AT = 5
 """Photographs of each camera, spread over all."""
@@ -131,8 +132,7 @@ def held_object(cameras: Sequence[Mapping[str, PhotographFile]]) -> HeldObject |
 
 def spread(every: Sequence[T]) -> list[T]:
     """`LOOKED_AT` of them, from the first to the last."""
-    places = np.linspace(0, len(every) - 1, min(LOOKED_AT, len(every))).round().astype(int)
-    return [every[at] for at in places]
+    return [every[at] for at in evenly_spread(len(every), LOOKED_AT)]
 
 
 def _looks(photographs: Mapping[str, PhotographFile]) -> Iterator[_Look]:

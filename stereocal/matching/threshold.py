@@ -44,6 +44,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
+from stereocal.system.sampling import evenly_spread
 
 SAMPLE_FRAMES = 20
 SAMPLE_POINTS = 2000
@@ -142,8 +143,7 @@ def _percent(share: float, bound: str = "") -> str:
 def sample_of(frames: Sequence[int] | IntArray, points_per_frame: float) -> set[int]:
     """Evenly spaced frames to choose a threshold from."""
     wanted = max(SAMPLE_FRAMES, int(np.ceil(SAMPLE_POINTS / max(points_per_frame, 1e-9))))
-    at = np.linspace(0, len(frames) - 1, min(wanted, len(frames))).round().astype(int)
-    return {int(frames[k]) for k in at}
+    return {int(frames[k]) for k in evenly_spread(len(frames), wanted)}
 
 
 def choose_threshold(
@@ -284,7 +284,7 @@ def _choose(found: Mixture, sample: _Sample, threshold: float | None) -> tuple[f
     """The threshold of least lost + wrong, over all frames together, unless it is given."""
     errors = found.errors
     near = np.flatnonzero(errors.off_px <= 3 * found.scales)
-    near = near[np.linspace(0, len(near) - 1, min(SHAPES, len(near))).round().astype(int)]
+    near = near[evenly_spread(len(near), SHAPES)]
     scales = (errors.relative * found.scales)[near]
     limit = found.limit_px * float(np.median(errors.relative[near]))
     edges = np.concatenate([[0.0], np.geomspace(1e-2 * scales.min(), limit, 2000)])

@@ -50,10 +50,10 @@ from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.numbers import rounded
+from stereocal.system.sampling import evenly_spread
 
 MOST_FRAMES = 75
 """Are enough to tell; of longer recordings so many, evenly spread."""
@@ -195,26 +195,21 @@ def _fewer_points(recording: Recording) -> Recording:
     worth = pairs_worth_a_fit(recording)
     if len(common) > MOST_FRAMES:
         names, bars = list(recording.cameras), bars_by_frame(recording)
-        common = common[_spread(len(common), MOST_FRAMES)]
+        common = common[evenly_spread(len(common), MOST_FRAMES)]
         for pair in worth:
             own = np.flatnonzero(bars[:, names.index(pair[0]), names.index(pair[1])])
             if np.isin(own, common).sum() < LEAST_BARS:
-                common = np.union1d(common, own[_spread(len(own), LEAST_BARS)])
+                common = np.union1d(common, own[evenly_spread(len(own), LEAST_BARS)])
     kept = np.isin(recording.frame, frames[common])
     count, board = len(recording.object.names), recording.object.board
     if board is None:
-        chosen = np.union1d(_spread(count, MOST_POINTS), recording.object.longest)
+        chosen = np.union1d(evenly_spread(count, MOST_POINTS), recording.object.longest)
         return recording.where(kept & np.isin(recording.target, chosen))
     grid = np.arange(count).reshape(board.rows, board.columns)
-    chosen = grid[np.ix_(*(_spread(n, MOST_IN_ROW) for n in grid.shape))]
+    chosen = grid[np.ix_(*(evenly_spread(n, MOST_IN_ROW) for n in grid.shape))]
     fewer = recording.where(kept & np.isin(recording.target, chosen))
     # Of a few boards, or of hidden ones, all corners.
     return fewer if {*worth} <= {*pairs_worth_a_fit(fewer)} else recording.where(kept)
-
-
-def _spread(count: int, most: int) -> IntArray:
-    """At most so many of some indices, evenly spread, with the first and the last."""
-    return np.unique(np.linspace(0, count - 1, most).round().astype(np.int64))
 
 
 def every_reading(whole: Recording, part: Recording, about: Sequence[str]) -> Iterator[RigReading]:

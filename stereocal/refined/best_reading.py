@@ -42,6 +42,7 @@ from stereocal.rig.camera import CameraName
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import rounded
+from stereocal.system.sampling import evenly_spread
 
 HELD_LENGTHS = 1e-3
 """Scatter of the bars, as a fraction: what is wrong must show in pixels."""
@@ -140,8 +141,7 @@ def _fewer_frames(dataset: Dataset) -> Dataset:
     frames = dataset.correspondences.frames
     if len(frames) <= MOST_FRAMES:
         return dataset
-    at = np.linspace(0, len(frames) - 1, MOST_FRAMES).round().astype(int)
-    return dataset.of_frames(frames[at])
+    return dataset.of_frames(frames[evenly_spread(len(frames), MOST_FRAMES)])
 
 
 def _every_reading(dataset: Dataset, out_of_step: bool) -> list[JudgedReading]:

@@ -19,6 +19,7 @@ from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rigid_object import placed
 from stereocal.system.numbers import count, rounded
+from stereocal.system.sampling import evenly_spread
 
 FEWEST = 4
 """Frames before and after a step."""
@@ -64,7 +65,7 @@ def two_recordings(fit: RefinedResult) -> str:
     if board_of(dataset) is None:
         return ""
     frames = dataset.correspondences.frames
-    at = np.unique(np.linspace(0, len(frames) - 1, MOST_FRAMES).round().astype(int))
+    at = evenly_spread(len(frames), MOST_FRAMES)
     poses = _poses(fewer_corners(dataset.of_frames(frames[at])))
     start = _step(poses)
     if not start or not _parts_fit_better(fit, poses.frames[start]):

@@ -17,6 +17,7 @@ from stereocal.field.planning.plan import (
 )
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.sampling import evenly_spread
 
 MARGIN_PX = 15.0
 """Least distance of a bar's end from the edge of an image: room for noise and half a target."""
@@ -134,7 +135,7 @@ def bar_places(plan: Plan) -> list[BarPlace]:
     if not spots:
         raise _hardly_fits(plan)
     count, frames = len(spots), plan.frames
-    chosen = np.linspace(0, count - 1, min(frames, count)).round().astype(int).tolist()
+    chosen = evenly_spread(count, frames).tolist()
     chosen += [k % count for k in range(frames - len(chosen))]
     middles = np.array([spot[1] for spot in spots])
     ends, positions = _ends(plan, middles), ground_from_primary(plan).apply(middles)
