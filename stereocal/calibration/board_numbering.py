@@ -130,10 +130,9 @@ def _message(board: BoardPattern, fitting: Mapping[str, int], all_cameras: bool)
 
 def run_counter_clockwise(dataset: Dataset) -> bool:
     """Whether the corners of a board, columns to rows, run counter-clockwise in both cameras."""
-    rigid_object = dataset.correspondences.rigid_object
-    if rigid_object is None or rigid_object.board is None:
+    if dataset.board is None:
         return False
-    columns = rigid_object.board.columns
+    columns = dataset.board.columns
     images = board_images(Recording.of_pair(dataset)).values()
     shares = [np.mean([image.is_clockwise(columns) for image in own]) for own in images]
     return len(shares) == 2 and bool(max(shares) < 1.0 - ONE_WAY)

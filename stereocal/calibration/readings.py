@@ -14,7 +14,6 @@ from stereocal.calibration.board_numbering import run_counter_clockwise
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensModel
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.numbers import rounded
 from stereocal.system.sampling import evenly_spread
 
@@ -91,7 +90,7 @@ def readings_of_cameras(dataset: Dataset) -> Iterator[Reading]:
             "Exchange the files.",
             partial(replace, dataset, **own),
         )
-    frames, board = dataset.correspondences.frames, board_of(dataset)
+    frames, board = dataset.correspondences.frames, dataset.board
     yield Reading(
         "A and B seem to be exchanged in one of the cameras, in all frames"
         if board is None
@@ -157,7 +156,7 @@ def readings_of_points(dataset: Dataset) -> Iterator[Reading]:
     ):
         for which in CAMERAS:
             yield Reading(claim, remedy, partial(_mirrored, dataset, (which,), axis))
-    if (board := board_of(dataset)) is not None:
+    if (board := dataset.board) is not None:
         grid = np.arange(len(board.points)).reshape(board.rows, board.columns)
         by_columns = np.arange(len(board.points)).reshape(board.columns, board.rows).T
         for numbers, how in (
@@ -220,16 +219,10 @@ def _mirrored(dataset: Dataset, cameras: Sequence[CameraName], axis: int) -> Dat
     return replace(dataset, correspondences=replace(dataset.correspondences, **changes))
 
 
-def board_of(dataset: Dataset) -> BoardPattern | None:
-    """The board that is seen; None of another object."""
-    rigid_object = dataset.correspondences.rigid_object
-    return None if rigid_object is None else rigid_object.board
-
-
 def fewer_corners(dataset: Dataset) -> Dataset:
     """The data set with some corners of its board, its outermost ones among them: they are enough
     to judge a reading, which takes a tenth of the time then. Of other objects all targets."""
-    if (board := board_of(dataset)) is None:
+    if (board := dataset.board) is None:
         return dataset
     kept = [*map(evenly_spread, (board.columns, board.rows), MOST_CORNERS)]
     row, column = np.divmod(dataset.correspondences.target, board.columns)

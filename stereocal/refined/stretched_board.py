@@ -8,7 +8,6 @@ upright, wrong ratios of fx and fy look the same.
 
 import numpy as np
 
-from stereocal.calibration.readings import board_of
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult
 from stereocal.rig.compiled import FloatArray
@@ -34,7 +33,7 @@ def stretched_board(fit: RefinedResult) -> str:
     Raises:
         StereocalError: says the same of a stretch above `LARGEST`, of boards not held alike.
     """
-    board = board_of(fit.dataset)
+    board = fit.dataset.board
     if board is None:
         return ""
     found, level = _stretches(fit).T

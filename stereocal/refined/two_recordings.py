@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.calibration.readings import board_of, fewer_corners
+from stereocal.calibration.readings import fewer_corners
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
@@ -62,7 +62,7 @@ def two_recordings(fit: RefinedResult) -> str:
         fit: a fit with wide priors, such as that of the screening.
     """
     dataset = fit.dataset
-    if board_of(dataset) is None:
+    if dataset.board is None:
         return ""
     frames = dataset.correspondences.frames
     at = evenly_spread(len(frames), MOST_FRAMES)
@@ -114,7 +114,7 @@ def other_size(fit: RefinedResult, out: BoolArray) -> str:
         return ""
     frames = fit.frames[alike].tolist()
     named = ", ".join(map(str, frames[:MOST_NAMED])) + (", ..." if frames[MOST_NAMED:] else "")
-    held = "board" if board_of(fit.dataset) else "bar"
+    held = "board" if fit.dataset.board else "bar"
     return (
         f"In {count(len(frames), 'frame')} ({named}) the {held} is "
         f"{rounded(float(np.exp(middle)), 3)} times as large as in the others: is it another "

@@ -17,7 +17,7 @@ from stereocal.rig.correspondences import Correspondences, refuse_points_outside
 from stereocal.rig.field_of_view import beyond_view
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
-from stereocal.rig.rigid_object import placed
+from stereocal.rig.rigid_object import BoardPattern, placed
 from stereocal.rig.tracks import TimeOffset, interpolate
 from stereocal.system.numbers import rounded
 
@@ -120,6 +120,12 @@ class Dataset:
     def baseline_is_free(self) -> bool:
         """Whether the baseline was not measured, but found from the lengths of the bars."""
         return self.baseline_sigma_m == np.inf
+
+    @property
+    def board(self) -> BoardPattern | None:
+        """The board that is seen; None of another object."""
+        rigid_object = self.correspondences.rigid_object
+        return None if rigid_object is None else rigid_object.board
 
     def of_frames(self, frames: npt.ArrayLike) -> "Dataset":
         """The same data set with the given frames only."""

@@ -23,7 +23,6 @@ import numpy as np
 from scipy.special import stdtrit
 
 from stereocal.calibration.methods import METHOD_NAMES, Method, errors_of
-from stereocal.calibration.readings import board_of
 from stereocal.errors import StereocalError
 from stereocal.evaluation import evaluate
 from stereocal.evaluation.summary import Estimate, MethodSummary, figures_of_set, summarise
@@ -86,7 +85,7 @@ def further_recordings(
     table = model.dataset.correspondences
     length = max(model.clusters.length, _length_of_places(model))
     if length == 1:
-        return {} if board_of(model.dataset) is None else _further_boards(model, files, seed)
+        return {} if model.dataset.board is None else _further_boards(model, files, seed)
     order = np.argsort(table.time_frame, kind="stable")
     used = order[model.used_rows[order]]
     at = np.unique(table.time_frame[used], return_inverse=True)[1]
