@@ -44,6 +44,7 @@ from stereocal.refined.best_reading import (
     POSSIBLE_GAIN,
     JudgedReading,
     message_of,
+    possible_in_words,
     typical_noise,
 )
 from stereocal.refined.free_baseline import with_rough_baseline
@@ -134,11 +135,7 @@ def check_inputs(recording: Recording, noise_px: float) -> list[str]:
         judged = _judged(part, nominal, every_reading(recording, part, about))
         if named := _named(nominal, judged, CERTAIN_GAIN):
             certain.append((named[0].rank, _message(nominal, named)))
-        possible += [
-            f"{it.reading.claim}: all points and lengths would then fit to {rounded(it.noise_px)} "
-            f"px instead of {rounded(nominal.px)} px, which is not enough to be certain. Check it."
-            for it in _named(nominal, judged, POSSIBLE_GAIN)[:1]
-        ]
+        possible += possible_in_words(nominal.px, _named(nominal, judged, POSSIBLE_GAIN))
     if certain:
         raise StereocalError(min(certain)[1])
     return list(dict.fromkeys(possible))

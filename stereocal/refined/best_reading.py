@@ -101,12 +101,7 @@ def check_inputs(dataset: Dataset, out_of_step: bool = False) -> list[str]:
     if message := message_of(nominal, judged, CERTAIN_GAIN):
         raise StereocalError(message)
     possible = [] if out_of_step else named_readings(nominal, judged, POSSIBLE_GAIN)
-    return [
-        f"{best.reading.claim}: all points and lengths would then fit to "
-        f"{rounded(best.noise_px)} px instead of {rounded(nominal)} px, which is not enough to be "
-        "certain. Check it."
-        for best in possible[:1]
-    ]
+    return possible_in_words(nominal, possible)
 
 
 def find_wrong_input(dataset: Dataset, out_of_step: bool = False) -> str:
@@ -255,6 +250,16 @@ def centred_readings(
 def named_readings(nominal: float, judged: list[JudgedReading], gain: float) -> list[JudgedReading]:
     """The readings that fit, and so many times better than what was given; the best first."""
     return [it for it in judged if it.fits and gain * it.noise_px < nominal]
+
+
+def possible_in_words(nominal: float, possible: list[JudgedReading]) -> list[str]:
+    """A warning about the best of the readings that may be right, if there are any."""
+    return [
+        f"{best.reading.claim}: all points and lengths would then fit to "
+        f"{rounded(best.noise_px)} px instead of {rounded(nominal)} px, which is not enough to be "
+        "certain. Check it."
+        for best in possible[:1]
+    ]
 
 
 def message_of(nominal: float, judged: list[JudgedReading], gain: float) -> str:
