@@ -14,7 +14,7 @@ from stereocal.errors import StereocalError, refuse
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import Correspondences, refuse_points_outside
-from stereocal.rig.field_of_view import beyond_view
+from stereocal.rig.field_of_view import beyond_either
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 from stereocal.rig.rigid_object import BoardPattern, placed
@@ -103,18 +103,11 @@ class Dataset:
             StereocalError: more than half of a camera's points are there.
         """
         refuse_points_outside("", rows, self.primary, self.secondary)
-        beyond = [
-            beyond_view(camera, points, which)
-            for which, camera, points in (
-                (CAMERAS[0], self.primary, rows.primary),
-                (CAMERAS[1], self.secondary, rows.secondary),
-            )
-        ]
-        counts: dict[str, int] = {}
-        if beyond[0].any() or beyond[1].any():
-            counts.update(zip(CAMERAS, (int(own.sum()) for own in beyond), strict=True))
-            rows = rows.where(~(beyond[0] | beyond[1]))
-        return replace(self, correspondences=rows, beyond_view=counts)
+        images = (self.primary, rows.primary), (self.secondary, rows.secondary)
+        lost, counts = beyond_either(dict(zip(CAMERAS, images, strict=True)))
+        if not lost.any():
+            return replace(self, correspondences=rows, beyond_view={})
+        return replace(self, correspondences=rows.where(~lost), beyond_view=counts)
 
     @property
     def baseline_is_free(self) -> bool:

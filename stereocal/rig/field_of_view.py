@@ -34,6 +34,22 @@ def beyond_view(camera: Camera, pixels: FloatArray, name: str) -> BoolArray:
     return beyond
 
 
+def beyond_either(
+    seen: Mapping[str, tuple[Camera, FloatArray]],
+) -> tuple[BoolArray, dict[str, int]]:
+    """(n,): which points are beyond the view of one of two cameras, and how many of each.
+
+    Args:
+        seen: by the camera's name, the camera and its pixels (n, 2).
+
+    Raises:
+        StereocalError: as `beyond_view`.
+    """
+    beyond = {name: beyond_view(camera, pixels, name) for name, (camera, pixels) in seen.items()}
+    lost: BoolArray = np.any([*beyond.values()], axis=0)
+    return lost, {name: int(own.sum()) for name, own in beyond.items()}
+
+
 def beyond_in_words(beyond: Mapping[str, int]) -> str:
     """What was left out, by the camera's name; empty if nothing was."""
     parts = [f"{count(n, 'point')} of the camera {name}" for name, n in beyond.items() if n]

@@ -14,7 +14,7 @@ from stereocal.rig.clusters import follow_each_other
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.field_of_view import beyond_in_words, beyond_view
+from stereocal.rig.field_of_view import beyond_either, beyond_in_words
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.system.numbers import count
@@ -153,16 +153,10 @@ def images_of_matches(
     notes: tuple[str, ...] = (),
 ) -> NewImages:
     """New images of matched points alone, raw pixels (n, 2) of each camera."""
-    beyond = {
-        which: beyond_view(camera, points, which)
-        for which, camera, points in (
-            (CAMERAS[0], rig.primary, primary),
-            (CAMERAS[1], rig.secondary, secondary),
-        )
-    }
-    if told := beyond_in_words({which: int(own.sum()) for which, own in beyond.items()}):
-        kept = ~np.logical_or(*beyond.values())
-        frames, primary, secondary = frames[kept], primary[kept], secondary[kept]
+    images = (rig.primary, primary), (rig.secondary, secondary)
+    lost, counts = beyond_either(dict(zip(CAMERAS, images, strict=True)))
+    if told := beyond_in_words(counts):
+        frames, primary, secondary = frames[~lost], primary[~lost], secondary[~lost]
         notes = (*notes, told)
     if len(frames) < FEWEST_PAIRS:
         raise StereocalError(
