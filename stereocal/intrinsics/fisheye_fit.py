@@ -10,9 +10,11 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.fisheye import image_radius
 
 UNDETERMINED = (
     "The boards determine no lens: take photographs with the board tilted in different directions."
@@ -142,7 +144,7 @@ def _fit(boards: Boards, lens: FloatArray, steps: int, held: bool = False) -> Fi
                 step, turns, shifts = _step(boards, residuals, J, damping)
             except np.linalg.LinAlgError:
                 break
-            trial = lens + step, _turned(turns) @ R, t + shifts
+            trial = lens + step, Rotation.from_rotvec(turns).as_matrix() @ R, t + shifts
             new, new_J = linearised(*trial)
             new_cost = float(np.square(new).sum())
             if new_cost < cost:
@@ -161,7 +163,7 @@ def rays_of(lens: FloatArray, corners: FloatArray) -> FloatArray:
     increase."""
     x, y = ((corners - lens[2:4]) / lens[:2]).T
     radius, angles = np.hypot(x, y), np.linspace(0.0, np.pi, SAMPLES)
-    of_angles = _radius(angles, lens[4:])[0]
+    of_angles = image_radius(angles, *lens[4:])[0]
     rising = np.flatnonzero(np.diff(of_angles) <= 0.0)
     end = rising[0] + 1 if len(rising) else SAMPLES
     angle = np.interp(radius, of_angles[:end], angles[:end])
@@ -192,14 +194,6 @@ def poses_of_rays(boards: Boards, rays: FloatArray) -> tuple[FloatArray, FloatAr
     return left @ right, H[:, :, 2] * np.abs(boards.points).max()
 
 
-def _radius(angle: FloatArray, k: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The radius in the image of an angle from the axis, in focal lengths, and its derivative."""
-    tt = angle * angle
-    k1, k2, k3, k4 = k
-    radius = angle * (1.0 + tt * (k1 + tt * (k2 + tt * (k3 + tt * k4))))
-    return radius, 1.0 + tt * (3 * k1 + tt * (5 * k2 + tt * (7 * k3 + tt * 9 * k4)))
-
-
 def _linearised(
     boards: Boards, lens: FloatArray, R: FloatArray, t: FloatArray, held: bool
 ) -> tuple[FloatArray, FloatArray]:
@@ -210,7 +204,7 @@ def _linearised(
     x, y, z = (turned + t[boards.of]).T
     r = np.maximum(np.hypot(x, y), TINY)
     angle, far, f = np.arctan2(r, z), r * r + z * z, lens[:2]
-    radius, slope = _radius(angle, lens[4:])
+    radius, slope = image_radius(angle, *lens[4:])
     along = np.array([x, y]) / r
     of_angle = np.array([z * along[0], z * along[1], -r]) / far
     of_along = np.array([[y * y, -x * y], [-x * y, x * x]]) / r**3
@@ -252,12 +246,3 @@ def _sums(boards: Boards, residuals: FloatArray, J: FloatArray) -> tuple[FloatAr
     """The normal matrix (b, 14, 14) and the gradient (b, 14) of each board."""
     N = np.add.reduceat(J.transpose(0, 2, 1) @ J, boards.starts)
     return N, np.add.reduceat((J * residuals[:, :, None]).sum(axis=1), boards.starts)
-
-
-def _turned(turns: FloatArray) -> FloatArray:
-    """Rotation matrices (n, 3, 3) of rotation vectors (n, 3)."""
-    angle = np.maximum(np.linalg.norm(turns, axis=1), TINY)[:, None, None]
-    x, y, z = (turns / angle[:, 0]).T
-    none = np.zeros(len(x))
-    K = np.array([[none, -z, y], [z, none, -x], [-y, x, none]]).transpose(2, 0, 1)
-    return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K))

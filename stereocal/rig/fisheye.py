@@ -5,6 +5,8 @@ k4 t^8) from the principal point, in focal lengths. It is OpenCV's `fisheye`, Ka
 ROS's `equidistant`. Points are (x, y) on the plane z = 1, as with every lens.
 """
 
+from typing import Any
+
 import numpy as np
 
 from stereocal.rig.compiled import FloatArray, compiled, inlined, internal
@@ -20,8 +22,9 @@ MAXIMUM_ITERATIONS = 60
 
 
 @inlined
-def image_radius(angle: float, k1: float, k2: float, k3: float, k4: float) -> tuple[float, float]:
-    """The radius in the image of an angle from the axis, and its derivative."""
+def image_radius(angle: Any, k1: float, k2: float, k3: float, k4: float) -> tuple[Any, Any]:
+    """The radius in the image of an angle from the axis, or of an array of them, and its
+    derivative."""
     tt = angle * angle
     radius = angle * (1.0 + tt * (k1 + tt * (k2 + tt * (k3 + tt * k4))))
     slope = 1.0 + tt * (3.0 * k1 + tt * (5.0 * k2 + tt * (7.0 * k3 + tt * 9.0 * k4)))
@@ -31,9 +34,7 @@ def image_radius(angle: float, k1: float, k2: float, k3: float, k4: float) -> tu
 def largest_angle(coefficients: FloatArray) -> float:
     """The angle to which the image radius increases, at most `INVERTED_ANGLE`."""
     angles = np.linspace(0.0, INVERTED_ANGLE, SAMPLES)
-    tt = angles**2
-    k1, k2, k3, k4 = coefficients
-    slope = 1.0 + tt * (3.0 * k1 + tt * (5.0 * k2 + tt * (7.0 * k3 + tt * 9.0 * k4)))
+    _, slope = image_radius(angles, *coefficients)
     falls = np.flatnonzero(slope <= 0.0)
     return float(angles[falls[0] - 1]) if len(falls) else float(INVERTED_ANGLE)
 
