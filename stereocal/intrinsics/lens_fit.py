@@ -202,11 +202,12 @@ def board_pose(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatA
 
 def residuals_of(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatArray:
     """Found minus projected corners (n, 2), px, with the best-fit pose of the board."""
-    points, pose = pattern.points[view.ids], board_pose(camera, pattern, view)
+    points = pattern.points[view.ids]
+    if camera.is_fisheye and len(points) >= SMALLEST_BOARD:
+        return pose_boards(boards_of(pattern, [view]), camera.lens_values).residuals
+    pose = board_pose(camera, pattern, view)
     if pose is None:
         return np.full((len(points), 2), np.nan)
-    if camera.is_fisheye:
-        return pose_boards(boards_of(pattern, [view]), camera.lens_values).residuals
     refined = cv2.solvePnPRefineLM(
         points, view.corners, camera.K, camera.distortion, pose[:3, None], pose[3:, None]
     )
