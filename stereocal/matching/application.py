@@ -17,12 +17,13 @@ import pandas as pd
 from stereocal.errors import StereocalError
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.matching import ANY_DEPTH, refuse_different_rigs
-from stereocal.matching.measure_tables import OUTSIDE_VOLUME, measure_tables
+from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.names import AUTO, WITHIN
 from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import POINT, PointTable
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.tables_by_camera import pixel_columns
+from stereocal.matching.trajectories import OUTSIDE_VOLUME
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.correspondences import Correspondences

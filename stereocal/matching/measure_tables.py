@@ -27,6 +27,13 @@ from stereocal.matching.reconstruction import Points3D, name_of_world, reconstru
 from stereocal.matching.report import Report
 from stereocal.matching.tables_by_camera import pixel_columns
 from stereocal.matching.tracks import OF_TRACKS, noise_of_tracks
+from stereocal.matching.trajectories import (
+    COORDINATES,
+    OUTSIDE_VOLUME,
+    POINT_COLUMNS,
+    SIGMA_COLUMNS,
+    with_track,
+)
 from stereocal.matching.view_groups import ViewFitter
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -36,11 +43,6 @@ from stereocal.rig.rig import PlacedCameras
 from stereocal.system.numbers import count, rounded
 from stereocal.system.tasks import Progress, Task, run_tasks
 
-POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
-SIGMA_COLUMNS = ("sigma_x", "sigma_y", "sigma_z")
-OUTSIDE_VOLUME = "outside_volume"
-COORDINATES = "coordinates"
-"""Names the world frame of x, y, z; without this column they are in the primary's frame."""
 OF_MATCHING = ("error_px", "runner_up_px")
 """Errors by the matching's parameters, not passed on; the points have their own error."""
 
@@ -49,6 +51,8 @@ FAR_OFF = 0.05
 
 AHEAD = 2
 """Blocks in memory: each may have 100,000 rows."""
+MOST_WITH_TRACK = 1_000_000
+"""Rows of a table that is held whole, which its trajectories need; longer ones get no `track`."""
 SAMPLE_PAIRS = 4000
 """Pairs that show the noise."""
 
@@ -70,14 +74,14 @@ def reconstruct(
     Returns:
         `frame,x,y,z,error_px`, then any standard errors, then `outside_volume` if the parameters
         know the volume of the bars, then `coordinates` with the name of the world frame, if there
-        is one, then the further columns. NaN, and outside, for pairs that do
-        not meet in front of both cameras.
+        is one, then the further columns, then `track` if trajectories are known (`with_track`).
+        NaN, and outside, for pairs that do not meet in front of both cameras.
     """
     missing = [name for name in ("frame", *PIXELS) if name not in pairs]
     if missing:
         raise StereocalError(f"The table of pairs has no column {missing[0]}.")
     pairs, _ = points_in_step(pairs, PIXELS[2:], rig)
-    return _Pairs(rig, world, noise_of_pairs(rig, pairs, sigma_px)).points(pairs)
+    return with_track(_Pairs(rig, world, noise_of_pairs(rig, pairs, sigma_px)).points(pairs))
 
 
 def noise_of_pairs(
@@ -149,13 +153,15 @@ def measure_tables(
         measuring = _Pairs(rig, world, noise, timing)
     tasks = (Task(measuring.points, (block,), len(block)) for block in blocks)
     measured = run_tasks(tasks, executor, rows, progress, ahead=AHEAD)
-    errors, outside = list[FloatArray](), 0
+    errors, outside, waiting = list[FloatArray](), 0, list[pd.DataFrame]()
     with open_table(out) as writer, closing(measured):
         for _, points in measured:
-            writer.add(points)
+            (waiting.append if rows <= MOST_WITH_TRACK else writer.add)(points)
             errors.append(points["error_px"].to_numpy(dtype=np.float64))
             if OUTSIDE_VOLUME in points:
                 outside += int((points[OUTSIDE_VOLUME] & points["error_px"].notna()).sum())
+        if waiting:
+            writer.add(with_track(pd.concat(waiting, ignore_index=True)))
     return measuring.report(np.concatenate(errors), outside)
 
 

@@ -18,7 +18,7 @@ from stereocal.figures import measured
 from stereocal.figures.matches import describe_matches, plot_matches
 from stereocal.figures.space import VIEWS, view_names
 from stereocal.figures.style import Photograph
-from stereocal.matching import lengths
+from stereocal.matching import lengths, trajectories
 from stereocal.matching.application import (
     PAIRS,
     POINTS,
@@ -28,9 +28,9 @@ from stereocal.matching.application import (
     agreement,
     result_in_words,
 )
-from stereocal.matching.measure_tables import COORDINATES
 from stereocal.matching.names import AUTO
 from stereocal.matching.point_table import pixels_of
+from stereocal.matching.trajectories import COORDINATES
 from stereocal.network.rig_file import RIG
 from stereocal.projects.application import USES, ProjectApplication, slot_of
 from stereocal.projects.files import StoredFile
@@ -236,7 +236,7 @@ def _read(pairs_digest: str, points_digest: str, _pairs: StoredFile, _points: St
             raise StereocalError(f"{file.label} of the last result is damaged.")
         tables.append(table)
     pairs, points = tables
-    tracks = lengths.track_columns(points), lengths.usual_tracks(points)
+    tracks = trajectories.track_columns(points), trajectories.usual_tracks(points)
     return Tables(pairs, points, result_in_words(pairs, points), agreement(pairs), *tracks)
 
 
@@ -352,4 +352,4 @@ def _show_space(project: Project, outcome: Outcome, result: Tables, frame: int |
 @st.cache_resource(show_spinner=False, max_entries=8)
 def _tracks(digest: str, column: str, _points: pd.DataFrame) -> list[IntArray]:
     assert digest
-    return lengths.tracks_by(_points, column)
+    return trajectories.tracks_by(_points, column)

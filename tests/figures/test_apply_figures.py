@@ -8,12 +8,12 @@ import pytest
 from stereocal.figures.matches import describe_matches, plot_matches
 from stereocal.figures.measured import describe_points, plot_points
 from stereocal.figures.space import HALF_VIEW, NARROW, VIEWS
-from stereocal.matching.lengths import tracks_by
 from stereocal.matching.matching import nearest_errors
 from stereocal.matching.measure_tables import reconstruct
 from stereocal.matching.pairs import match
 from stereocal.matching.point_table import pixels_of
 from stereocal.matching.threshold import Shares, ThresholdChoice
+from stereocal.matching.trajectories import tracks_by
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters

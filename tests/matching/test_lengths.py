@@ -5,12 +5,13 @@ import pandas as pd
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.matching.lengths import (
-    check_lengths,
-    has_two_a_frame,
+from stereocal.matching.lengths import check_lengths, has_two_a_frame
+from stereocal.matching.trajectories import (
+    ONE_A_FRAME,
     track_columns,
     tracks_by,
     usual_tracks,
+    with_track,
 )
 
 
@@ -102,3 +103,27 @@ def test_points_at_random_positions_are_not_connected() -> None:
     assert track_columns(points) == ["bird"]
     assert usual_tracks(points) is None
     assert usual_tracks(flight(frames=3)) is None  # too short to tell
+
+
+def test_the_trajectories_that_are_drawn_are_in_the_table() -> None:
+    named = with_track(flight())
+    assert named["track"].tolist() == named["bird"].tolist()
+    alone = flight(birds=1, step=5).drop(columns="bird")
+    alone = with_track(alone[alone["frame"] != 50].reset_index(drop=True))
+    tracks = tracks_by(alone, ONE_A_FRAME)
+    assert [alone["track"].iloc[rows].unique().tolist() for rows in tracks] == [[1], [2]]
+    random = flight()
+    random[["x", "y", "z"]] = np.random.default_rng(3).uniform(-1, 1, (len(random), 3))
+    assert "track" not in with_track(random)
+
+
+def test_a_track_of_one_name_in_both_cameras_is_one_however_short() -> None:
+    short = flight(frames=2).rename(columns={"bird": "track_id_primary"})
+    short["track_id_secondary"] = short["track_id_primary"].where(short["frame"] != 1, "b7")
+    found = with_track(short)
+    same = short["track_id_primary"] == short["track_id_secondary"]
+    assert same.any() and not same.all()
+    assert found["track"].tolist() == short["track_id_primary"].where(same, "").tolist()
+    # Counted differently in each camera, they name nothing.
+    apart = short.assign(track_id_secondary="other")
+    assert "track" not in with_track(apart)

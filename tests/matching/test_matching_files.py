@@ -10,9 +10,10 @@ import pytest
 from stereocal.cli import main
 from stereocal.matching import point_table
 from stereocal.matching.match_tables import match_tables
-from stereocal.matching.measure_tables import OUTSIDE_VOLUME, measure_tables
+from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.pairs import PAIR_COLUMNS, PIXELS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
+from stereocal.matching.trajectories import OUTSIDE_VOLUME
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.volume import Volume
 from stereocal.system.tasks import StoppedError
