@@ -7,6 +7,7 @@ is first used: all together take half a second, `import stereocal` alone takes 1
 from __future__ import annotations
 
 import importlib
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from stereocal.rig.compile_cache import use_writable_cache
@@ -19,32 +20,54 @@ if TYPE_CHECKING:
     from stereocal.formats.dataset_files import read_dataset as read_dataset
     from stereocal.formats.exchange.exchange import export as export
     from stereocal.formats.exchange.exchange import import_parameters as import_parameters
-    from stereocal.matching.measure_tables import reconstruct as reconstruct
-    from stereocal.matching.pairs import match as match
+    from stereocal.library.calibrations import calibrate as calibrate
+    from stereocal.library.calibrations import evaluate as evaluate
+    from stereocal.library.calibrations import read as read
+    from stereocal.library.field_day import check as check
+    from stereocal.library.field_day import detect as detect
+    from stereocal.library.field_day import plan as plan
+    from stereocal.library.field_day import sample as sample
+    from stereocal.library.field_day import simulate as simulate
+    from stereocal.library.tables import match as match
+    from stereocal.library.tables import reconstruct as reconstruct
+    from stereocal.network.rig_file import RigFile as RigFile
     from stereocal.rig.camera import Camera as Camera
     from stereocal.rig.correspondences import Correspondences as Correspondences
     from stereocal.rig.dataset import Dataset as Dataset
     from stereocal.rig.geometry import Pose as Pose
     from stereocal.rig.parameters import RigParameters as RigParameters
-    from stereocal.workflow import calibrate as calibrate
+    from stereocal.rig.recording import Recording as Recording
+    from stereocal.rig.rigid_object import BoardPattern as BoardPattern
 
 _MODULES = {
+    "BoardPattern": "rig.rigid_object",
     "CalibrationSettings": "calibration.methods",
     "Camera": "rig.camera",
-    "Correspondences": "rig.dataset",
+    "Correspondences": "rig.correspondences",
     "Dataset": "rig.dataset",
     "Pose": "rig.geometry",
+    "Recording": "rig.recording",
+    "RigFile": "network.rig_file",
     "RigParameters": "rig.parameters",
     "StereocalError": "errors",
-    "calibrate": "workflow",
+    "calibrate": "library.calibrations",
+    "check": "library.field_day",
+    "detect": "library.field_day",
+    "evaluate": "library.calibrations",
     "export": "formats.exchange.exchange",
     "import_parameters": "formats.exchange.exchange",
-    "match": "matching.pairs",
+    "match": "library.tables",
+    "plan": "library.field_day",
+    "read": "library.calibrations",
     "read_camera": "formats.camera_file",
     "read_dataset": "formats.dataset_files",
-    "reconstruct": "matching.measure_tables",
+    "reconstruct": "library.tables",
+    "sample": "library.field_day",
+    "simulate": "library.field_day",
 }
-__all__ = [*_MODULES]
+_FOLDERS = {"intrinsics": "library.field_day", "rig": "library.calibrations"}
+"""Folders of the package that are acts as well."""
+__all__ = [*_MODULES, *_FOLDERS]
 
 
 def __getattr__(name: str) -> Any:
@@ -56,7 +79,18 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted(__all__)
 
 
+class _Act(ModuleType):
+    """A folder that can also be called: `stereocal.rig(recording)`."""
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        act = self.__name__.removeprefix(f"{__name__}.")
+        module = importlib.import_module(f"{__name__}.{_FOLDERS[act]}")
+        return getattr(module, act)(*arguments, **named)
+
+
+for _folder in _FOLDERS:
+    importlib.import_module(f"{__name__}.{_folder}").__class__ = _Act
 use_writable_cache()  # before anything is compiled

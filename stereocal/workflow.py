@@ -75,6 +75,10 @@ MAP_SIZE = 45
 DEFAULT_REFINED = RefineSettings()
 
 
+def _untold(_step: str) -> None:
+    """Nobody waits for it."""
+
+
 @dataclass(eq=False)
 class Run:
     """All that is computed from a recording of two cameras. Each step is made when it is first
@@ -91,7 +95,7 @@ class Run:
     """Entries of the files on a validation, by method, instead of those of `evaluation`."""
     trace: bool = False
     """Whether every move of the searches is recorded."""
-    progress: Callable[[str], None] = lambda _: None
+    progress: Callable[[str], None] = _untold
     """Called with the name of each of `STEPS` when it begins."""
 
     @classmethod
@@ -236,12 +240,12 @@ class Run:
     @step
     def maps(self) -> list[AccuracyMap]:
         """Predicted errors of the refined set by position, from above and from the side."""
-        return [accuracy_map(self._refined_set, MAP_SIZE, plane) for plane in get_args(Plane)]
+        return [accuracy_map(self.refined_set, MAP_SIZE, plane) for plane in get_args(Plane)]
 
     @step
     def misfit(self) -> Misfit:
         """Residuals of the refined set over the images."""
-        return misfit_of(self._refined_set)
+        return misfit_of(self.refined_set)
 
     @step
     def curves(self) -> TradeOff:
@@ -250,13 +254,13 @@ class Run:
 
     def trace_curves(self, progress: Progress = lambda _done, _total: None) -> TradeOff:
         """Compute `curves`, with progress."""
-        dataset, settings = self.calibration.screening.dataset, self._refined_set.settings
+        dataset, settings = self.calibration.screening.dataset, self.refined_set.settings
         found = trade_off(dataset, settings, progress=progress)
         vars(self)["curves"] = found
         return found
 
     @property
-    def _refined_set(self) -> RefinedResult:
+    def refined_set(self) -> RefinedResult:
         if self.calibration.refined is None:
             raise StereocalError("There is no refined set of these data.")
         return self.calibration.refined

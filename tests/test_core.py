@@ -48,6 +48,19 @@ def test_the_commands_of_the_core(tmp_path: Path) -> None:
     assert (tmp_path / "points.csv").is_file() and (tmp_path / "checked/check.json").is_file()
 
 
+def test_the_library_of_the_core(tmp_path: Path) -> None:
+    """All but figures; these say what they need."""
+    (tmp_path / "field").symlink_to(FIELD)
+    done = script(
+        tmp_path,
+        "import stereocal\nrun = stereocal.calibrate(stereocal.read('field'))\n"
+        "print(run.evaluate(runs=2), run, sep='\\n')\n"
+        "try:\n    run.plot()\nexcept stereocal.StereocalError as error:\n    print(error)\n",
+    )
+    assert done.returncode == 0, done.stderr
+    assert "plotly" in done.stdout and "2 runs" in done.stdout
+
+
 def test_commands_of_the_extra_say_so(tmp_path: Path) -> None:
     (tmp_path / "field").symlink_to(FIELD)
     needed = {

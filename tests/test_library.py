@@ -1,15 +1,27 @@
 """What a script gets from `import stereocal`, and that the documented script runs."""
 
+import ast
+import copy
+import json
+import pickle
 import re
+import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
 import pytest
 
 import stereocal
+from stereocal.library.calibrations import CalibrationRun, Look
+from stereocal.matching.application import points_by_camera
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.answers import MOST_LINES, Answer
 
 ROOT = Path(__file__).parents[1]
 
@@ -23,13 +35,164 @@ def test_the_documented_script_runs(
     (tmp_path / "field").symlink_to(ROOT / "sample_data" / "field")
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    exec(compile(script, "library.md", "exec"), names)
+    exec(compile(script.replace("runs=100", "runs=10"), "library.md", "exec"), names)
     pairs, points = names["pairs"], names["points"]
     assert len(pairs) == len(points) > 45  # type: ignore[arg-type]  # of 50
     assert np.isfinite(points[["x", "y", "z", "sigma_z"]].to_numpy()).all()  # type: ignore[index]
-    assert RigParameters.load("parameters_3d.json").purpose == "reconstruction"
-    assert Path("opencv_files/extrinsics.yml").is_file()
+    assert RigParameters.load("calibration/parameters_3d.json").purpose == "reconstruction"
+    assert Path("calibration/opencv/extrinsics.yml").is_file()
     assert "error_px" in capsys.readouterr().out
+
+
+def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten cells; what stands last in a cell says its answer, or is a figure."""
+    monkeypatch.chdir(tmp_path)
+    cells = json.loads((ROOT / "docs" / "notebook.ipynb").read_text())["cells"]
+    names: dict[str, object] = {}
+    codes = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    assert len(codes) == 10
+    for number, code in enumerate(codes):
+        # As many runs as written take 20 s; the cells are otherwise as they are.
+        tree = ast.parse(re.sub(r"runs=\d+", "runs=3", code))
+        last = tree.body[-1]
+        ends = isinstance(last, ast.Expr) and number < len(codes) - 1
+        before = ast.Module(tree.body[:-1] if ends else tree.body, [])
+        exec(compile(before, f"cell {number}", "exec"), names)
+        if ends:
+            assert isinstance(last, ast.Expr)
+            shown = eval(compile(ast.Expression(last.value), f"cell {number}", "eval"), names)
+            if isinstance(shown, Answer):
+                assert 1 <= len(repr(shown).splitlines()) <= MOST_LINES
+                assert "<p>" in shown._repr_html_()
+            else:
+                assert isinstance(shown, go.Figure | pd.DataFrame)
+    assert sorted(path.name for path in Path("calibration").iterdir()) == [
+        "opencv",
+        "parameters_2d.json",
+        "parameters_3d.json",
+        "parameters_refined.json",
+    ]
+
+
+@pytest.fixture(scope="module")
+def run() -> CalibrationRun:
+    return stereocal.calibrate(stereocal.read(ROOT / "sample_data" / "field"))
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))])
+def test_results_can_be_kept_and_copied(run: CalibrationRun, copied: Callable[[Any], Any]) -> None:
+    """With all that was computed: a copy says the same, and computes on."""
+    repr(run)
+    primary, secondary = _views(run.dataset)
+    pairs = stereocal.match(run.sets["2d"], primary, secondary)
+    points = stereocal.reconstruct(run.sets["3d"], pairs)
+    checked = stereocal.check(run.sets["refined"], run.dataset)
+    everything: list[Any] = [run, run.dataset, run.recommendation, *run.sets.values()]
+    for value in (*everything, pairs, points, checked):
+        again = copied(value)
+        assert type(again) is type(value)
+        assert repr(again) == repr(value)
+    again = copied(run)
+    assert again.evaluate(runs=2).to_dataframe().equals(run.evaluate(runs=2).to_dataframe())
+
+
+def _views(dataset: stereocal.Dataset) -> list[pd.DataFrame]:
+    table = dataset.to_dataframe()
+    return [
+        table[["frame"]].assign(u=table[f"u_{camera}"], v=table[f"v_{camera}"])
+        for camera in ("primary", "secondary")
+    ]
+
+
+def test_a_validation_reaches_recommendation_and_sets(run: CalibrationRun) -> None:
+    fresh = CalibrationRun.of(run)
+    assert fresh.sets["2d"].to_json()["validation"] is None
+    found = fresh.evaluate(runs=5)
+    told = fresh.sets["2d"].validation
+    assert told is not None
+    assert told["runs"] == 5
+    assert fresh.sets["2d"].matching_threshold_px == told["threshold_px"]
+    assert found.to_dataframe().loc[("all", "2d"), "threshold_px"] == told["threshold_px"]
+    with pytest.raises(stereocal.StereocalError, match="validation"):
+        CalibrationRun.of(run).plot("validation")
+
+
+def test_a_rig_is_calibrated_matched_and_checked() -> None:
+    recording = stereocal.read(ROOT / "sample_data" / "rig")
+    assert isinstance(recording, stereocal.Recording)
+    with pytest.raises(stereocal.StereocalError, match=r"3 cameras.*stereocal\.rig"):
+        stereocal.calibrate(recording)
+    some = recording.where(recording.frame % 6 == 0)
+    found = stereocal.rig(some)
+    assert len(repr(found).splitlines()) <= MOST_LINES
+    assert "<table" in found._repr_html_()
+    tracks = stereocal.match(found, points_by_camera(some))
+    points = stereocal.reconstruct(found, tracks)
+    assert len(points) == len(tracks)
+    assert np.nanmedian(points["error_px"]) < 0.5  # 0.2 px
+    assert stereocal.check(found, some).verdict in ("same", "cannot tell")
+    assert [len(figure.data) > 0 for figure in (found.plot(), found.plot("cameras"))] == [True] * 2
+    assert repr(pickle.loads(pickle.dumps(found))) == repr(found)
+
+
+@pytest.mark.parametrize("look", get_args(Look))
+def test_every_look_is_drawn(run: CalibrationRun, look: Look) -> None:
+    if look == "validation":
+        run.evaluate(runs=2)
+    assert len(run.plot(look).data) > 0
+
+
+def test_tables_in_memory_are_a_recording(run: CalibrationRun) -> None:
+    """Long and wide tables give what the files give."""
+    dataset = run.dataset
+    cameras = {"primary": dataset.primary, "secondary": dataset.secondary}
+    about = cameras, 0.9, dataset.baseline_m
+    wide = stereocal.Recording.from_dataframe(dataset.to_dataframe(), *about)
+    long = stereocal.Recording.from_dataframe(wide.to_dataframe(), *about)
+    for recording in (wide, long):
+        again = recording.pair("primary", "secondary")
+        assert again.to_dataframe()[["frame", "target", "u_primary", "v_secondary"]].equals(
+            dataset.to_dataframe()[["frame", "target", "u_primary", "v_secondary"]]
+        )
+        assert (again.baseline_m, again.target_distance_m) == (dataset.baseline_m, 0.9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"target": "C"}, "C"),
+        ({"frame": 1.5}, "whole"),
+        ({"frame": 1}, "twice"),
+        ({"u_primary": 99_999.0}, "outside"),
+    ],
+)
+def test_a_wrong_table_is_refused(run: CalibrationRun, changes: dict[str, Any], said: str) -> None:
+    cameras = {"primary": run.dataset.primary, "secondary": run.dataset.secondary}
+    table = run.dataset.to_dataframe().assign(**changes)
+    with pytest.raises(stereocal.StereocalError, match=said):
+        stereocal.Recording.from_dataframe(table, cameras, 0.9, 4.5)
+
+
+def test_frames_without_common_points_match_nothing(run: CalibrationRun) -> None:
+    primary, secondary = _views(run.dataset)
+    pairs = stereocal.match(run.sets["2d"], primary.iloc[:0], secondary)
+    assert len(pairs) == 0
+    assert "u_primary" in pairs
+    assert len(stereocal.reconstruct(run.sets["3d"], pairs)) == 0
+
+
+def test_targets_found_are_calibrated(tmp_path: Path) -> None:
+    for name in ("dataset.json", "primary.json", "secondary.json"):
+        shutil.copy(ROOT / "sample_data" / "photographs" / name, tmp_path)
+    for camera in ("primary", "secondary"):
+        (tmp_path / camera).mkdir()
+        photographs = sorted((ROOT / "sample_data" / "photographs" / camera).iterdir())
+        for path in photographs[:6]:
+            shutil.copy(path, tmp_path / camera)
+    found = stereocal.detect(tmp_path)
+    assert len(found.frames) == 6
+    assert isinstance(found.recording, stereocal.Dataset)
+    assert len(found.to_dataframe()) == 2 * sum(frame.use for frame in found.frames)
 
 
 def test_calibrate_gives_the_refined_set_unless_told_not_to() -> None:
@@ -43,9 +206,9 @@ def test_calibrate_gives_the_refined_set_unless_told_not_to() -> None:
 
 
 def test_every_name_is_there() -> None:
-    assert set(stereocal.__all__) <= set(dir(stereocal))
+    assert sorted(stereocal.__all__) == dir(stereocal)
     for name in stereocal.__all__:
-        assert getattr(stereocal, name).__name__ == name
+        assert getattr(stereocal, name).__name__.split(".")[-1] == name
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = stereocal.nothing
 

@@ -20,9 +20,9 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.evaluation.summary import summarise_all
 from stereocal.figures.report import report_html
-from stereocal.figures.tables import validation_answer
 from stereocal.formats.evaluation_files import summary_json, unique_names, validation_figures
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
+from stereocal.verdict.validation_in_words import validation_answer
 from stereocal.workflow import Run
 
 OPTIONS: Options = {

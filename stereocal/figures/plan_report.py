@@ -13,7 +13,7 @@ from stereocal.field.planning.plan import AimedPose, Plan
 from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
 from stereocal.figures.html import html_figure, html_list, html_page, html_table, paragraphs
 from stereocal.figures.style import METHOD_COLOURS, add_trace, blank, line_of, sentence_only
-from stereocal.figures.tables import image_words, plan_table
+from stereocal.figures.tables import plan_table
 from stereocal.refined.uncertainty import AccuracyMap
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, percent
@@ -146,8 +146,8 @@ def how_computed(found: PlanForecast) -> str:
 def _contents(plan: Plan) -> pd.DataFrame:
     own, pose = plan.uncertainty, plan.stated_pose
     lines = {
-        "Primary camera": image_words(plan.primary),
-        "Secondary camera": image_words(plan.secondary),
+        "Primary camera": plan.primary.in_words,
+        "Secondary camera": plan.secondary.in_words,
         "Baseline": f"{rounded(plan.baseline_m, 4)} m ± {rounded(1000 * own.baseline_m, 3)} mm",
         "Volume": f"{rounded(plan.near_m, 4)} to {rounded(plan.far_m, 4)} m ahead of the primary "
         "camera",

@@ -14,12 +14,7 @@ from stereocal.figures import two_sets
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.html import html_figure, html_page, html_plot, html_table, paragraphs
 from stereocal.figures.style import in_order
-from stereocal.figures.tables import (
-    ANGLE_TITLES,
-    contents_table,
-    validation_answer,
-    validation_table,
-)
+from stereocal.figures.tables import ANGLE_TITLES, contents_table, validation_table
 from stereocal.figures.validation import plot_validation
 from stereocal.figures.validation_panels import COLUMNS, describe_validation
 from stereocal.refined.results import Calibration
@@ -32,6 +27,7 @@ from stereocal.system.numbers import rounded
 from stereocal.system.settings import descriptions
 from stereocal.verdict.in_words import left_out_line, listed
 from stereocal.verdict.recommendation import Recommendation
+from stereocal.verdict.validation_in_words import validation_answer
 
 
 def report_html(

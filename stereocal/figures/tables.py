@@ -6,9 +6,9 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from stereocal.calibration.methods import COST_UNITS, FILE_METHODS, METHOD_NAMES, METHODS, Method
+from stereocal.calibration.methods import COST_UNITS, FILE_METHODS, METHOD_NAMES, Method
 from stereocal.calibration.montecarlo import MethodResult
-from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
+from stereocal.evaluation.summary import Estimate, MethodSummary
 from stereocal.field.planning.forecast import PlanForecast
 from stereocal.figures.style import in_order
 from stereocal.figures.validation_panels import COLUMNS, standings
@@ -16,7 +16,6 @@ from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.two_views import BAR, is_near_pole, largest_turn_sigma
 from stereocal.refined.uncertainty import standard_errors
-from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import digits, rounded
@@ -113,12 +112,6 @@ def refined_table(result: RefinedResult) -> pd.DataFrame:
     return pd.DataFrame(lines).T.rename_axis("Refined set")
 
 
-def image_words(camera: Camera) -> str:
-    """Size of the image and focal length."""
-    width, height = camera.image_size
-    return f"{width} × {height} px, focal length {camera.K[0, 0]:.1f} px"
-
-
 def contents_table(dataset: Dataset) -> pd.DataFrame:
     """The contents of a data set, one row per quantity."""
     rows, own = dataset.correspondences, dataset.bar_distances_m
@@ -137,8 +130,8 @@ def contents_table(dataset: Dataset) -> pd.DataFrame:
         "Known distances"
         if of_object
         else "Frames with both targets": f"{len(rows.bars):,}{serving}",
-        "Primary image": image_words(dataset.primary),
-        "Secondary image": image_words(dataset.secondary),
+        "Primary image": dataset.primary.in_words,
+        "Secondary image": dataset.secondary.in_words,
         "Baseline": baseline,
         "Length of the known distances" if of_object else "Distance between the targets": distance,
     }
@@ -221,49 +214,3 @@ def _with_interval(estimate: Estimate, standing: str = "") -> str:
     if not math.isfinite(estimate.value):
         return "none"
     return ", ".join(filter(None, [f"{percent(estimate.value)} ({interval(estimate)})", standing]))
-
-
-def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
-    """What the sets did on held-out frames. What to use is said by the recommendation alone.
-
-    Of the paper's sets: the 2D set for pairs and the 3D set for lengths if they are best, or if
-    their intervals overlap that of the best. The refined set has a separate sentence.
-    """
-    paper = {method: summaries[method] for method in METHODS if method in summaries}
-    match, measure = (
-        _made_for(paper, "reprojection", "2d"),
-        _made_for(paper, "reconstruction", "3d"),
-    )
-    pairs, lengths = _pairs_in_words(paper[match]), _lengths_in_words(paper[measure])
-    answer = f"Held out here: with {_name(match)}{pairs}; with {_name(measure)}, {lengths}."
-    if (refined := summaries.get("refined")) is not None:
-        both = f"{_pairs_in_words(refined)}, and {_lengths_in_words(refined)}"
-        answer += f" With the one refined set{both}."
-    return answer
-
-
-def _pairs_in_words(own: MethodSummary) -> str:
-    matching = own.reprojection
-    return (
-        f" below {digits(matching.threshold, 2)} px, {percent(matching.wrong_let_in)} % of wrong "
-        f"pairs are accepted and {percent(matching.correct_lost)} % of correct ones are lost"
-    )
-
-
-def _lengths_in_words(own: MethodSummary) -> str:
-    within = own.reconstruction.p95
-    if not math.isfinite(within):
-        return "no bar could be measured"
-    return f"95 % of bars are within {percent(within)} %"
-
-
-def _made_for(paper: Mapping[Method, MethodSummary], quantity: str, made: Method) -> Method:
-    best = best_methods(paper)[quantity]
-    if made not in paper:
-        return best
-    own, least = paper[made].main(quantity), paper[best].main(quantity)
-    return made if own.low <= least.high and least.low <= own.high else best
-
-
-def _name(method: Method) -> str:
-    return "the essential matrix" if method == "essential" else f"the {METHOD_NAMES[method]}"

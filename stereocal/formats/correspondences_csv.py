@@ -8,19 +8,23 @@ import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, naming
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.correspondences import SOURCES, TARGETS, UNKNOWN_SOURCE, Correspondences
+from stereocal.rig.correspondences import (
+    KNOWN_POINT,
+    OBJECT,
+    OPTIONAL,
+    PIXELS,
+    SOURCE,
+    SOURCES,
+    TARGETS,
+    TIME,
+    UNKNOWN_SOURCE,
+    Correspondences,
+)
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.limits import Limits
 from stereocal.system.tables import EMPTY, Column, Reasons, Values, read_rows
 
-PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 REQUIRED = ("frame", "target", *PIXELS)
-KNOWN_POINT = ("x_m", "y_m", "z_m")
-SIGMAS = ("sigma_primary_px", "sigma_secondary_px")
-OPTIONAL = ("distance_m", *KNOWN_POINT, *SIGMAS)
-SOURCE, TIME = "source", "time_frame"
-OBJECT = ("x_object_m", "y_object_m", "z_object_m")
-"""Where the target is on a rigid object, in the object's own frame."""
 NUMBERS = (
     *(Column(name, is_whole=True) for name in ("frame", TIME)),
     *(Column(name) for name in PIXELS),
@@ -148,19 +152,4 @@ def _contradictions(
 
 def write_table(rows: Correspondences) -> bytes:
     """The table of `rows`, read back exactly by `read_table`."""
-    table = pd.DataFrame({"frame": rows.frame, "target": np.array(rows.names)[rows.target]})
-    table[list(PIXELS)] = np.hstack([rows.primary, rows.recorded_secondary])
-    seen = np.column_stack(
-        [rows.distance_m, rows.known_points_m, rows.sigma_primary_px, rows.sigma_secondary_px]
-    )
-    known = np.asarray(np.isfinite(seen).any(axis=0))
-    known[1:4] = known[1:4].any()
-    names = [name for name, there in zip(OPTIONAL, known.tolist(), strict=True) if there]
-    table[names] = seen[:, known]
-    if (rows.source != UNKNOWN_SOURCE).any():
-        table[SOURCE] = np.array(("", *SOURCES))[rows.source - UNKNOWN_SOURCE]
-    if rows.has_times:
-        table[TIME] = rows.time_frame
-    if rows.rigid_object is not None:
-        table[list(OBJECT)] = rows.rigid_object.points[rows.target]
-    return table.to_csv(index=False, lineterminator="\n").encode()
+    return rows.to_dataframe().to_csv(index=False, lineterminator="\n").encode()

@@ -10,10 +10,10 @@ from stereocal.field.checking.new_images import NewImages, images_of_bars, image
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
 from stereocal.formats.recording_files import parse_recording, read_points_csv
-from stereocal.matching.pairs import PIXELS
 from stereocal.matching.point_table import PointTable, is_parquet
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import LensModel
+from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording

@@ -305,10 +305,4 @@ def pack_recording(recording: Recording) -> dict[str, bytes]:
 
 def write_points(recording: Recording) -> bytes:
     """`points.csv`, read back exactly by `read_points_csv`."""
-    named = np.array([*recording.cameras])[recording.camera]
-    targets = np.array(recording.object.names)[recording.target]
-    table = pd.DataFrame({"frame": recording.frame, "camera": named, "target": targets})
-    table[["u", "v"]] = recording.points
-    if np.isfinite(recording.sigma_px).any():
-        table[SIGMA] = recording.sigma_px
-    return table.to_csv(index=False, lineterminator="\n").encode()
+    return recording.to_dataframe().to_csv(index=False, lineterminator="\n").encode()

@@ -36,7 +36,6 @@ from stereocal.system.tasks import Progress
 from stereocal.verdict.in_words import listed
 
 PAIRS, TRACKS, POINTS = "pairs.csv", "tracks.csv", "points.csv"
-LARGE_ERRORS = " The 3D set is fitted to lengths; its reprojection errors may be large."
 STAGES = ("frames matched", "pairs measured")
 SECONDS_PER_FRAME, SECONDS_PER_ROW, SECONDS_PER_PAIR = 3.5e-3, 2.2e-5, 6e-9
 """CPU time per frame, row and candidate pair: within 10 % of the measured 1.4 s for 400 frames of 3
@@ -231,16 +230,13 @@ def apply_sets(
     measured = measure_tables(
         measuring, together, folder / POINTS, work.world, sigma_px, progress, executor
     )
-    first, *others = measured.sentences
-    if isinstance(measuring, RigParameters) and measuring.purpose == "reconstruction":
-        first += LARGE_ERRORS
     return Outcome(
         digest=work.digest,
         threshold_px=matched.threshold_px,
         depths_m=work.shown_depths_m,
         pairs=matched.found,
         behind=measured.lost,
-        sentences=[*matched.sentences, first, *others],
+        sentences=[*matched.sentences, *measured.sentences],
         notes=[*matched.notes, *measured.notes],
         made_with=_made_with(work, matched.threshold_px),
         tables=[each.name for each in work.points.values()],

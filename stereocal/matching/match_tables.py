@@ -28,7 +28,7 @@ Matching = PairMatching | TrackMatching
 def match_tables(
     rig: RigParameters | RigFile,
     tables: Mapping[str, PointTable],
-    out: Path,
+    out: Path | None,
     stated: Stated | None = None,
     unmatched: Path | None = None,
     progress: Progress | None = None,
@@ -41,6 +41,7 @@ def match_tables(
 
     Args:
         tables: by camera, `primary` and `secondary` with `RigParameters`.
+        out: None: nothing is written, only passed on.
         unmatched: file for the points without a partner (`camera,frame,u,v` and further columns).
         progress: called with the number of frames done and the total; what it raises ends the
             work, and no file is written.

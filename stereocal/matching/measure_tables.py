@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from stereocal.errors import RowProblem, StereocalError
-from stereocal.matching.in_step import points_in_step, table_in_step
+from stereocal.errors import RowProblem
+from stereocal.matching.in_step import table_in_step
 from stereocal.matching.matching import purpose_warning
-from stereocal.matching.pairs import ERROR_DECIMALS, PIXELS
+from stereocal.matching.pairs import ERROR_DECIMALS
 from stereocal.matching.point_noise import (
     FEWEST_PAIRS,
     PointNoise,
@@ -37,12 +37,14 @@ from stereocal.matching.trajectories import (
 from stereocal.matching.view_groups import ViewFitter
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras
 from stereocal.system.numbers import count, rounded
 from stereocal.system.tasks import Progress, Task, run_tasks
 
+LARGE_ERRORS = " The 3D set is fitted to lengths; its reprojection errors may be large."
 OF_MATCHING = ("error_px", "runner_up_px")
 """Errors by the matching's parameters, not passed on; the points have their own error."""
 
@@ -55,33 +57,6 @@ MOST_WITH_TRACK = 1_000_000
 """Rows of a table that is held whole, which its trajectories need; longer ones get no `track`."""
 SAMPLE_PAIRS = 4000
 """Pairs that show the noise."""
-
-
-def reconstruct(
-    rig: RigParameters,
-    pairs: pd.DataFrame,
-    world: Pose | None = None,
-    sigma_px: float | None = None,
-) -> pd.DataFrame:
-    """3D points from a table of matched pairs as returned by `match`.
-
-    Args:
-        world: `world_from_primary`; None: points in the primary's frame, in metres.
-        sigma_px: standard deviation of a pixel coordinate, for `sigma_x`, `sigma_y`, `sigma_z`.
-            None: by the columns `sigma_primary_px` and `sigma_secondary_px`, else estimated from
-            the pairs, else that of the calibration's targets.
-
-    Returns:
-        `frame,x,y,z,error_px`, then any standard errors, then `outside_volume` if the parameters
-        know the volume of the bars, then `coordinates` with the name of the world frame, if there
-        is one, then the further columns, then `track` if trajectories are known (`with_track`).
-        NaN, and outside, for pairs that do not meet in front of both cameras.
-    """
-    missing = [name for name in ("frame", *PIXELS) if name not in pairs]
-    if missing:
-        raise StereocalError(f"The table of pairs has no column {missing[0]}.")
-    pairs, _ = points_in_step(pairs, PIXELS[2:], rig)
-    return with_track(_Pairs(rig, world, noise_of_pairs(rig, pairs, sigma_px)).points(pairs))
 
 
 def noise_of_pairs(
@@ -117,21 +92,25 @@ def noise_of_pairs(
 def measure_tables(
     rig: RigParameters | RigFile,
     table: PointTable,
-    out: Path,
+    out: Path | None,
     world: Pose | None = None,
     sigma_px: float | None = None,
     progress: Progress | None = None,
     executor: Executor | None = None,
+    passed_on: list[pd.DataFrame] | None = None,
 ) -> Report:
     """Reconstruct the points of a table of pairs, or of the tracks of a rig, and write them.
 
     Args:
         table: of pairs, or of tracks; pairs are measured a block at a time.
         world: `world_from_primary`, of a rig `world_from_reference`.
-        sigma_px: as of `reconstruct`; of a rig estimated from the errors in all cameras if None.
+        sigma_px: standard deviation of a pixel coordinate; None: as `noise_of_pairs` finds it, of a
+            rig from the errors in all cameras.
         progress: called with the number of rows done and the total; what it raises ends the work,
             and no file is written.
         executor: measures blocks; None: the calling thread.
+        out: None: nothing is written, only passed on.
+        passed_on: gets what is written.
     """
     check_sigma(sigma_px)
     timing, sample = "", list[pd.DataFrame]()
@@ -154,7 +133,7 @@ def measure_tables(
     tasks = (Task(measuring.points, (block,), len(block)) for block in blocks)
     measured = run_tasks(tasks, executor, rows, progress, ahead=AHEAD)
     errors, outside, waiting = list[FloatArray](), 0, list[pd.DataFrame]()
-    with open_table(out) as writer, closing(measured):
+    with open_table(out, passed_on=passed_on) as writer, closing(measured):
         for _, points in measured:
             (waiting.append if rows <= MOST_WITH_TRACK else writer.add)(points)
             errors.append(points["error_px"].to_numpy(dtype=np.float64))
@@ -176,7 +155,7 @@ class _Pairs:
     """A note on points that were brought into step."""
 
     def points(self, pairs: pd.DataFrame) -> pd.DataFrame:
-        """As `reconstruct`, of pairs in step."""
+        """The table of points of pairs that are in step."""
         pixels = pairs[list(PIXELS)].to_numpy(dtype=np.float64)
         sigmas = None
         if self.noise is not None:  # of the points of both cameras
@@ -203,6 +182,8 @@ class _Pairs:
         text = (
             f"{count(found, 'point')}, median reprojection error {rounded(median, 3)} px{behind}."
         )
+        if self.rig.purpose == "reconstruction":
+            text += LARGE_ERRORS
         if self.rig.volume is not None:
             filled = f"outside the volume that the bars filled ({self.rig.volume.depths})"
             beyond = (

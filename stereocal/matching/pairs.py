@@ -1,17 +1,16 @@
-"""Match the points of two cameras: `match` for tables in memory, and the table of pairs."""
+"""Match the points of two cameras: what is settled before the first frame, and each frame."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.matching.in_step import points_in_step
 from stereocal.matching.matching import ANY_DEPTH, check_depths, match_points, purpose_warning
 from stereocal.matching.names import (
     AUTO,
@@ -22,7 +21,6 @@ from stereocal.matching.names import (
     TwoCameras,
     choose_names,
     match_groups,
-    stated_columns,
     texts,
 )
 from stereocal.matching.point_table import PAIR_SIGMAS, POINT, SIGMA, SIGMAS, pixels_of
@@ -30,10 +28,10 @@ from stereocal.matching.report import Report
 from stereocal.matching.tables_by_camera import TablesByCamera, without_partner
 from stereocal.matching.threshold import ThresholdChoice, choose_threshold, sample_of
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import count, rounded
 
-PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
 PAIR_COLUMNS = ("frame", *PIXELS, "error_px", "runner_up_px", "ambiguous")
 ERROR_DECIMALS = 6
 FEW_MATCHED, MANY_LOST, USUAL_LOST = 0.1, 0.1, 0.05
@@ -54,56 +52,6 @@ class Stated:
     names: str = AUTO
     """`AUTO`: where all tables name their points (`names.name_columns`), only points of one name
     belong together; `OFF`: names are not used; else the columns that name points."""
-
-
-def match(
-    rig: RigParameters,
-    primary: pd.DataFrame,
-    secondary: pd.DataFrame,
-    threshold_px: float | Literal["auto"] | None = "auto",
-    depths_m: tuple[float, float] = ANY_DEPTH,
-    sigma_px: float | None = None,
-    names: str = AUTO,
-) -> pd.DataFrame:
-    """Match two tables in memory: columns `frame`, `u`, `v` (raw pixels), and any further ones.
-
-    Args:
-        threshold_px: "auto" or None: by the noise of the points.
-        sigma_px: the noise of the points, if it is known; None: that of the column `sigma_px`,
-            else estimated.
-        names: "auto": where both tables name their points (`names.name_columns`), only points of
-            one name are a pair; "none": names are not used; else the columns that name points.
-
-    Returns:
-        The pairs, with the columns of `pairs.csv`, ordered by frame.
-    """
-    for which, table in (("primary", primary), ("secondary", secondary)):
-        missing = [name for name in ("frame", *POINT) if name not in table]
-        if missing:
-            raise StereocalError(f"The {which} table has no column {missing[0]}.")
-        if not np.isfinite(table[["frame", *POINT]].to_numpy(dtype=np.float64)).all():
-            raise StereocalError(f"The {which} table has a number that is not finite.")
-    secondary, _ = points_in_step(secondary, POINT, rig)
-    columns = list(stated_columns(names, further_of(primary), further_of(secondary)))
-    given_px = None if threshold_px == "auto" else threshold_px
-    matching = PairMatching.settled(
-        rig,
-        sample_frames(primary, secondary),
-        [primary[columns], secondary[columns]],
-        Stated(given_px, depths_m, sigma_px, names),
-    )
-    both = [
-        {int(str(frame)): rows for frame, rows in table.groupby(table["frame"].astype(np.int64))}
-        for table in (primary, secondary)
-    ]
-    found = [
-        matching.match_frame(frame, [side[frame] for side in both])[0]
-        for frame in sorted(both[0].keys() & both[1].keys())
-    ]
-    if not found:
-        further = further_names(tuple(primary), tuple(secondary))
-        return pd.DataFrame(columns=[*PAIR_COLUMNS, *further[0].values(), *further[1].values()])
-    return pd.concat(found, ignore_index=True)
 
 
 def further_of(columns: Iterable[Any]) -> list[str]:

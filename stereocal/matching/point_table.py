@@ -293,10 +293,10 @@ class TableWriter:
 
     def __init__(
         self,
-        path: Path,
+        path: Path | None,
         columns: list[str] | None,
-        as_parquet: bool,
-        passed_on: list[pd.DataFrame] | None,
+        as_parquet: bool = False,
+        passed_on: list[pd.DataFrame] | None = None,
     ) -> None:
         self._path, self._columns, self._passed_on = path, columns, passed_on
         self._parquet: Any = _parquet_library() if as_parquet else None
@@ -320,6 +320,8 @@ class TableWriter:
         begins, self._waiting, self._rows = self.file is None, [], 0
         if self._passed_on is not None:
             self._passed_on.append(rows)
+        if self._path is None:
+            return
         if self._parquet is None:
             self.file = self._path.open("w", encoding="utf-8", newline="") if begins else self.file
             rows.to_csv(self.file, index=False, header=begins, lineterminator="\n")
@@ -339,15 +341,21 @@ def together(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 @contextmanager
 def open_table(
-    path: Path, columns: list[str] | None = None, passed_on: list[pd.DataFrame] | None = None
+    path: Path | None, columns: list[str] | None = None, passed_on: list[pd.DataFrame] | None = None
 ) -> Iterator[TableWriter]:
     """A writer for a new table, CSV or Parquet by its name; the file appears complete at the end,
     or not at all.
 
     Args:
+        path: None: nothing is written, only passed on.
         columns: of the table; None: those of the first rows.
         passed_on: gets the rows that are written.
     """
+    if path is None:
+        writer = TableWriter(None, columns, passed_on=passed_on)
+        yield writer
+        writer.write()
+        return
     with write_in_parts(path) as temporary:
         writer = TableWriter(temporary, columns, is_parquet(path), passed_on)
         try:

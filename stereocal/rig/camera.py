@@ -13,6 +13,7 @@ from stereocal.errors import StereocalError, naming, refuse
 from stereocal.rig.compiled import BoolArray, FloatArray, contiguous
 from stereocal.rig.fisheye import LARGEST_ANGLE, fill_distorted, fill_undistorted, largest_angle
 from stereocal.rig.geometry import homogeneous
+from stereocal.system.answers import Answer
 from stereocal.system.records import of_plain, plain
 
 LensModel = Literal["brown", "fisheye"]
@@ -110,8 +111,8 @@ def _kept(owner: object, name: str, values: npt.ArrayLike) -> FloatArray:
     return array
 
 
-@dataclass(frozen=True, eq=False)
-class Camera:
+@dataclass(frozen=True, eq=False, repr=False)
+class Camera(Answer):
     """A camera with one of OpenCV's lens models.
 
     Errors are in pixels of the undistorted image, K times points on the plane z = 1; those of a
@@ -184,6 +185,18 @@ class Camera:
                 f"The lens has {n} distortion coefficients, but {sigmas} uncertainties for them.",
             ),
         )
+
+    @property
+    def in_words(self) -> str:
+        """Size of the image and focal length."""
+        width, height = self.image_size
+        return f"{width} × {height} px, focal length {self.K[0, 0]:.1f} px"
+
+    @property
+    def answer(self) -> list[str]:
+        (cx, cy), given = self.K[:2, 2], [f"{value:.4g}" for value in self.distortion]
+        lens = "fisheye" if self.is_fisheye else "distortion"
+        return [f"{self.in_words}, centre ({cx:.1f}, {cy:.1f}); {lens} {', '.join(given) or '0'}."]
 
     @property
     def lens_values(self) -> FloatArray:

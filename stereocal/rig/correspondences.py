@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, refuse
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
@@ -14,6 +15,14 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rigid_object import RigidObject
 
 TARGETS = ("A", "B")
+PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")
+KNOWN_POINT = ("x_m", "y_m", "z_m")
+SIGMAS = ("sigma_primary_px", "sigma_secondary_px")
+OPTIONAL = ("distance_m", *KNOWN_POINT, *SIGMAS)
+SOURCE, TIME = "source", "time_frame"
+OBJECT = ("x_object_m", "y_object_m", "z_object_m")
+"""Columns of `correspondences.csv`; the last are where the target is on a rigid object, in the
+object's own frame."""
 SOURCES = ("detected", "corrected", "manual")
 """Origin of an image point: detector, detector after a user's click, or user alone."""
 UNKNOWN_SOURCE = -1
@@ -149,6 +158,25 @@ class Correspondences:
             time_frame=np.array(() if time_frame is None else time_frame, dtype=np.int64),
             rigid_object=rigid_object,
         )
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The table as in `correspondences.csv`; columns that say nothing are left out."""
+        table = pd.DataFrame({"frame": self.frame, "target": np.array(self.names)[self.target]})
+        table[list(PIXELS)] = np.hstack([self.primary, self.recorded_secondary])
+        seen = np.column_stack(
+            [self.distance_m, self.known_points_m, self.sigma_primary_px, self.sigma_secondary_px]
+        )
+        known = np.asarray(np.isfinite(seen).any(axis=0))
+        known[1:4] = known[1:4].any()
+        names = [name for name, there in zip(OPTIONAL, known.tolist(), strict=True) if there]
+        table[names] = seen[:, known]
+        if (self.source != UNKNOWN_SOURCE).any():
+            table[SOURCE] = np.array(("", *SOURCES))[self.source - UNKNOWN_SOURCE]
+        if self.has_times:
+            table[TIME] = self.time_frame
+        if self.rigid_object is not None:
+            table[list(OBJECT)] = self.rigid_object.points[self.target]
+        return table
 
     def __len__(self) -> int:
         return len(self.frame)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from stereocal.errors import StereocalError, refuse
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, pixel_scales
@@ -19,7 +20,8 @@ from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 from stereocal.rig.rigid_object import BoardPattern, placed
 from stereocal.rig.tracks import TimeOffset, interpolate
-from stereocal.system.numbers import rounded
+from stereocal.system.answers import TableAnswer
+from stereocal.system.numbers import count, rounded
 
 LONGEST_PLAUSIBLE_M = 1000.0
 """A longer baseline or bar is taken for a number in millimetres."""
@@ -29,8 +31,8 @@ with a smaller one the fit cannot be computed in double precision."""
 DIGESTED = ("frame", "target", "primary", "recorded_secondary", "distance_m", "known_points_m")
 
 
-@dataclass(frozen=True, eq=False)
-class Dataset:
+@dataclass(frozen=True, eq=False, repr=False)
+class Dataset(TableAnswer):
     """Correspondences with the two cameras and the two measured lengths."""
 
     name: str
@@ -108,6 +110,23 @@ class Dataset:
         if not lost.any():
             return replace(self, correspondences=rows, beyond_view={})
         return replace(self, correspondences=rows.where(~lost), beyond_view=counts)
+
+    @property
+    def answer(self) -> list[str]:
+        rows, lengths = self.correspondences, self.bar_distances_m
+        held = "bar" if rows.rigid_object is None else rows.rigid_object.word
+        found = "found from the known lengths" if self.baseline_is_free else "measured"
+        known = f" of {rounded(float(np.median(lengths)), 4)} m" if len(lengths) else ""
+        bars = f"{count(len(lengths), 'known length')}{known} ({held})"
+        return [
+            f"{self.name}: two cameras {rounded(self.baseline_m, 4)} m apart ({found}).",
+            f"{count(len(rows), 'pair')} of points in {count(len(rows.frames), 'frame')}, {bars}.",
+            f"Primary: {self.primary.in_words}. Secondary: {self.secondary.in_words}.",
+        ]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The table of points, as in `correspondences.csv`."""
+        return self.correspondences.to_dataframe()
 
     @property
     def baseline_is_free(self) -> bool:

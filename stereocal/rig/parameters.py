@@ -17,6 +17,8 @@ from stereocal.rig.result_file import ResultFile
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
+from stereocal.system.answers import Answer
+from stereocal.system.numbers import count
 
 PARAMETERS_FORMAT = "stereocal-parameters/1"
 PURPOSES = {"2d": "matching", "3d": "reconstruction", "refined": "both", "imported": "both"}
@@ -46,8 +48,8 @@ def threshold_of(
     return None if forecast is None else float(forecast.figures["threshold_px"]["value"])
 
 
-@dataclass(frozen=True, eq=False)
-class RigParameters(Rig, ResultFile):
+@dataclass(frozen=True, eq=False, repr=False)
+class RigParameters(Answer, Rig, ResultFile):
     """One parameter set: a rig, the method and settings that produced it, and its purpose.
 
     The file is self-describing JSON, format `stereocal-parameters/1`.
@@ -114,6 +116,20 @@ class RigParameters(Rig, ResultFile):
                 if value is not None
             ),
         )
+
+    @property
+    def answer(self) -> list[str]:
+        uses = {"matching": "match", "reconstruction": "measure", "both": "match and to measure"}
+        turns = ", ".join(
+            f"{name} {np.degrees(angle):.4f}" for name, angle in self.pose.angles._asdict().items()
+        )
+        limit = self.matching_threshold_px
+        return [
+            f"{self.set_name}, to {uses[self.purpose]} with: the cameras are "
+            f"{self.pose.baseline:.4f} m apart, angles in degrees {turns}."
+            + (f" Pairs match below {limit:.3g} px." if limit is not None else ""),
+            f"Left out: {count(len(self.frames_left_out), 'frame')}.",
+        ]
 
     @property
     def set_name(self) -> str:

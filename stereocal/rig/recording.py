@@ -1,20 +1,23 @@
 """A recording of one object by any number of cameras; any two of them are a data set."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from unicodedata import category
 
 import numpy as np
+import numpy.typing as npt
+import pandas as pd
 
-from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.errors import RefusedRowsError, RowProblem, StereocalError, refuse
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import TARGETS, Correspondences
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.dataset import Dataset, check_length, check_uncertainty
 from stereocal.rig.field_of_view import beyond_view
-from stereocal.rig.rigid_object import RigidObject
+from stereocal.rig.rigid_object import Held, RigidObject
+from stereocal.system.answers import TableAnswer
 from stereocal.system.numbers import count
 
 LONGEST_NAME = 64
@@ -25,8 +28,8 @@ MOST_IMAGES = 50_000_000
 """The most images of all targets in all frames and cameras: 800 MB of pixels."""
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(TableAnswer):
     """Image points of the targets of an object, one row per frame, camera and target.
 
     All arrays have n rows. Pixels are raw (distorted); (0, 0) is the centre of the top-left pixel.
@@ -54,6 +57,141 @@ class Recording:
 
     def __post_init__(self) -> None:
         check_camera_names(self.cameras)
+
+    @property
+    def answer(self) -> list[str]:
+        seen = np.bincount(self.camera, minlength=len(self.cameras)).tolist()
+        by_camera = zip(self.cameras, seen, strict=True)
+        return [
+            f"{self.name}: {count(len(self.cameras), 'camera')} and "
+            f"{'an' if self.object.word == 'object' else 'a'} {self.object.word} of "
+            f"{self.object.longest_m:g} m in {count(len(np.unique(self.frame)), 'frame')}.",
+            f"Points: {', '.join(f'{number:,} of {name}' for name, number in by_camera)}.",
+            self.describe_pairs(),
+        ]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The table as in `points.csv`."""
+        named = np.array([*self.cameras])[self.camera]
+        targets = np.array(self.object.names)[self.target]
+        table = pd.DataFrame({"frame": self.frame, "camera": named, "target": targets})
+        table[["u", "v"]] = self.points
+        if np.isfinite(self.sigma_px).any():
+            table["sigma_px"] = self.sigma_px
+        return table
+
+    @classmethod
+    def from_dataframe(
+        cls,
+        table: pd.DataFrame,
+        cameras: Mapping[str, Camera],
+        held: Held,
+        baselines_m: float | Mapping[str, float] | None = None,
+        baseline_sigma_m: float | None = None,
+        name: str = "recording",
+    ) -> "Recording":
+        """The recording of a table of raw pixels.
+
+        Args:
+            table: a row a point and camera, `frame,camera,target,u,v[,sigma_px]`; or a row a point,
+                `frame,target` and `u_NAME,v_NAME` of each camera, empty where it is not seen.
+            cameras, held, baselines_m, baseline_sigma_m: as of `from_arrays`.
+
+        Raises:
+            StereocalError: as of `from_arrays`; or a column is missing.
+        """
+        if "camera" not in table:
+            wide = ["frame", "target", *(f"{axis}_{which}" for which in cameras for axis in "uv")]
+            _refuse_missing(table, wide)
+            parts = [
+                table[["frame", "target"]].assign(
+                    camera=which, u=table[f"u_{which}"], v=table[f"v_{which}"]
+                )
+                for which in cameras
+            ]
+            table = pd.concat(parts, ignore_index=True).dropna(subset=["u", "v"])
+        _refuse_missing(table, ["frame", "camera", "target", "u", "v"])
+        return cls.from_arrays(
+            table["frame"],
+            table["camera"],
+            table["target"],
+            table[["u", "v"]],
+            cameras,
+            held,
+            baselines_m,
+            baseline_sigma_m,
+            table.get("sigma_px"),
+            name,
+        )
+
+    @classmethod
+    def from_arrays(
+        cls,
+        frame: npt.ArrayLike,
+        camera: Iterable[Hashable],
+        target: Iterable[Hashable],
+        points: npt.ArrayLike,
+        cameras: Mapping[str, Camera],
+        held: Held,
+        baselines_m: float | Mapping[str, float] | None = None,
+        baseline_sigma_m: float | None = None,
+        sigma_px: npt.ArrayLike | None = None,
+        name: str = "recording",
+    ) -> "Recording":
+        """The recording of n points.
+
+        Args:
+            frame: (n,) whole numbers.
+            camera, target: n names each.
+            points: (n, 2) raw pixels.
+            cameras: by name; the first is the primary.
+            held: a bar's length A-B in metres, points by name in metres, or a board.
+            baselines_m: of two cameras a length; of more by pair, as {"left-right": 4.976}; None
+                where nothing is measured: the object alone gives the scale.
+            sigma_px: (n,) standard error of each coordinate; NaN where unknown.
+
+        Raises:
+            StereocalError: a name is unknown, a point is twice, not finite or outside its image,
+                or a length is impossible.
+        """
+        rigid_object, pixels = (
+            RigidObject.of(held),
+            np.array(points, dtype=np.float64).reshape(-1, 2),
+        )
+        numbers = np.asarray(frame, dtype=np.float64)
+        refuse(
+            (not np.isfinite(pixels).all(), "An image point is not a finite number."),
+            (not (numbers == np.round(numbers)).all(), "A frame is not a whole number."),
+        )
+        found = cls(
+            name,
+            dict(cameras),
+            rigid_object,
+            numbers.astype(np.int64),
+            _codes("camera", camera, [*cameras]),
+            _codes("target", target, rigid_object.names),
+            pixels,
+            np.full(len(pixels), np.nan)
+            if sigma_px is None
+            else np.array(sigma_px, dtype=np.float64),
+            baseline_sigma_m=baseline_sigma_m,
+        )
+        keys = pd.DataFrame({"frame": found.frame, "camera": found.camera, "target": found.target})
+        if keys.duplicated().any():
+            at = int(np.flatnonzero(keys.duplicated())[0])
+            which, what = [*cameras][found.camera[at]], rigid_object.names[found.target[at]]
+            raise StereocalError(
+                f"Frame {found.frame[at]}, camera {which}, target {what} is there twice."
+            )
+        check_length("longest distance between points of the object", rigid_object.longest_m)
+        check_uncertainty("object", rigid_object.sigma_m, rigid_object.longest_m)
+        if isinstance(baselines_m, int | float):
+            baselines_m = {"-".join(found.pairs[0]): baselines_m}
+        measured = {found.pair_named(pair): value for pair, value in (baselines_m or {}).items()}
+        for pair, value in measured.items():
+            check_length(f"baseline {'-'.join(pair)}", value)
+        found.refuse_points_outside()
+        return replace(found, baselines_m=measured).within_view()
 
     @classmethod
     def of_pair(cls, dataset: Dataset) -> "Recording":
@@ -215,6 +353,24 @@ class Recording:
         _, one, other = np.intersect1d(of_first, of_second, True, return_indices=True)
         order = np.argsort(one)
         return rows[0][one[order]], rows[1][other[order]]
+
+
+def _refuse_missing(table: pd.DataFrame, columns: Iterable[str]) -> None:
+    """Raise an error if the table has not all columns."""
+    for column in columns:
+        if column not in table:
+            raise StereocalError(f"The table has no column {column}.")
+
+
+def _codes(what: str, values: Iterable[Hashable], names: Sequence[str]) -> IntArray:
+    """(n,): indices into the names."""
+    known = {name: at for at, name in enumerate(names)}
+    words = [str(value) for value in values]
+    unknown = next((word for word in words if word not in known), None)
+    if unknown is not None:
+        several = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+        raise StereocalError(f"The {what} {unknown[:40]!r} is none of {several}.")
+    return np.array([known[word] for word in words], dtype=np.int64)
 
 
 def check_camera_names(names: Iterable[str]) -> None:

@@ -4,7 +4,7 @@ A bar with two targets is the smallest one; a wand with three markers and a boar
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -165,6 +165,18 @@ class RigidObject:
         """The inner corners of a board."""
         return cls(tuple(map(str, range(len(board.points)))), board.points, sigma_m, board)
 
+    @classmethod
+    def of(cls, what: "Held") -> "RigidObject":
+        """Of a length A-B in metres, of points by name, or of a board."""
+        if isinstance(what, RigidObject):
+            return what
+        if isinstance(what, BoardPattern):
+            return cls.of_board(what)
+        if isinstance(what, Mapping):
+            points = np.array([*what.values()], dtype=np.float64)
+            return cls(tuple(map(str, what)), points.reshape(len(what), -1))
+        return cls.bar(float(what))
+
     @property
     def word(self) -> str:
         """What it is called in messages."""
@@ -278,3 +290,7 @@ def placed(frame: IntArray, points: FloatArray, rays: FloatArray) -> FloatArray:
             turn, at = cv2.solvePnPRefineLM(own, seen, np.eye(3), None, turn, at)
             found[rows] = own @ cv2.Rodrigues(turn)[0].T + at.T
     return found
+
+
+Held = float | Mapping[str, Iterable[float]] | BoardPattern | RigidObject
+"""What a script says is held: a length A-B in metres, points by name in metres, or a board."""

@@ -12,6 +12,22 @@ P = ParamSpec("P")
 Value = TypeVar("Value")
 
 
+class _Lock:
+    """A lock that a copy of its owner does not share."""
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+
+    def __enter__(self) -> None:
+        self._lock.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+
+    def __reduce__(self) -> tuple[type["_Lock"], tuple[()]]:
+        return _Lock, ()
+
+
 class step(Generic[Value]):  # noqa: N801 - as `property`
     """A property that is computed when it is first asked for, by one thread, and kept.
 
@@ -33,7 +49,7 @@ class step(Generic[Value]):  # noqa: N801 - as `property`
         if instance is None:
             return self
         kept = vars(instance)
-        with kept.setdefault(f"_lock_{self._name}", threading.RLock()):
+        with kept.setdefault(f"_lock_{self._name}", _Lock()):
             if self._name not in kept:
                 kept[self._name] = self._make(instance)
             return cast(Value, kept[self._name])

@@ -9,7 +9,7 @@ from stereocal.calibration.methods import Method
 from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.report import report_html
-from stereocal.figures.tables import validation_answer, validation_table
+from stereocal.figures.tables import validation_table
 from stereocal.figures.validation import plot_validation
 from stereocal.figures.validation_panels import describe_validation
 from stereocal.formats.evaluation_files import Evaluation, summary_json
@@ -29,6 +29,7 @@ from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
+from stereocal.verdict.validation_in_words import validation_answer
 
 BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
 COLUMNS = {

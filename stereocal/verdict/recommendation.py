@@ -19,6 +19,7 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import far_off
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import word_of
+from stereocal.system.answers import Answer
 from stereocal.verdict.forecast import Forecast, Verdict, sure
 from stereocal.verdict.forecast_draws import ForecastFigures
 from stereocal.verdict.further_recording import sentence_on_runs
@@ -79,8 +80,8 @@ class FileFigures:
         return "" if self.threshold_px is None else f" below {digits(self.threshold_px, 2)} px"
 
 
-@dataclass(frozen=True)
-class Recommendation:
+@dataclass(frozen=True, repr=False)
+class Recommendation(Answer):
     """Which files to use for what, how good they are, and how sure that is."""
 
     match: FileFigures
@@ -103,10 +104,14 @@ class Recommendation:
         return self.verdict is not None and self.verdict.holds
 
     @property
+    def answer(self) -> list[str]:
+        warning = [f"Do not rely on this result: {self.caution}"] if self.caution else []
+        return [*warning, *self.sentences[:1], " ".join(self.sentences[1:])]
+
+    @property
     def text(self) -> str:
         """All sentences."""
-        warning = [f"Do not rely on this result: {self.caution}"] if self.caution else []
-        return " ".join([*warning, *self.sentences])
+        return " ".join(filter(None, self.answer))
 
     def to_json(self) -> dict[str, Any]:
         """The entry of a parameter file."""

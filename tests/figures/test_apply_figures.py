@@ -8,9 +8,8 @@ import pytest
 from stereocal.figures.matches import describe_matches, plot_matches
 from stereocal.figures.measured import describe_points, plot_points
 from stereocal.figures.space import HALF_VIEW, NARROW, VIEWS
+from stereocal.library.tables import match, reconstruct
 from stereocal.matching.matching import nearest_errors
-from stereocal.matching.measure_tables import reconstruct
-from stereocal.matching.pairs import match
 from stereocal.matching.point_table import pixels_of
 from stereocal.matching.threshold import Shares, ThresholdChoice
 from stereocal.matching.trajectories import tracks_by

@@ -15,13 +15,13 @@ from stereocal.evaluation.summary import summarise
 from stereocal.figures.comparison import describe_comparison
 from stereocal.figures.report import report_html
 from stereocal.figures.story import ROWS, Story, plot_story_lengths, plot_story_lines, read_story
-from stereocal.figures.tables import validation_answer
 from stereocal.figures.two_sets import describe_two_sets, frame_views, telling_frame
 from stereocal.figures.validation_panels import describe_validation
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.rig.dataset import Dataset
 from stereocal.system.settings import descriptions
 from stereocal.verdict.recommendation import recommend
+from stereocal.verdict.validation_in_words import validation_answer
 from stereocal.workflow import calibrate
 from tests.figures.test_validation_figure import SAMPLE, SETTINGS, Summaries, runs_twice
 from tools.story import STORY, tell_story

@@ -15,11 +15,12 @@ from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts, evaluat
 from stereocal.evaluation.summary import Estimate, MethodSummary, Pdf, summarise
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES
-from stereocal.figures.tables import validation_answer, validation_table
+from stereocal.figures.tables import validation_table
 from stereocal.figures.validation import plot_validation
 from stereocal.figures.validation_panels import describe_validation
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.verdict.in_words import percent
+from stereocal.verdict.validation_in_words import validation_answer
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
 SETTINGS = EvaluationSettings(CalibrationSettings(essential="linear"), runs=6)

@@ -7,12 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from stereocal.library.tables import match
 from stereocal.matching.application import unlabelled
 from stereocal.matching.in_step import SHIFT
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
-from stereocal.matching.pairs import PIXELS, Stated, match
+from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
+from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import MeasuredOffset
 from tests import known_rig as rig

@@ -11,10 +11,11 @@ from stereocal.cli import main
 from stereocal.matching import point_table
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
-from stereocal.matching.pairs import PAIR_COLUMNS, PIXELS
+from stereocal.matching.pairs import PAIR_COLUMNS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.matching.trajectories import OUTSIDE_VOLUME
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.volume import Volume
 from stereocal.system.tasks import StoppedError
 from tests.known_rig import images

@@ -7,8 +7,9 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
+from stereocal.library.tables import match
 from stereocal.matching.match_tables import match_tables
-from stereocal.matching.pairs import Stated, match
+from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.report import Report
 from stereocal.rig.camera import CAMERAS

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from stereocal.matching.measure_tables import noise_of_pairs, reconstruct
-from stereocal.matching.pairs import match
+from stereocal.library.tables import match, reconstruct
+from stereocal.matching.measure_tables import noise_of_pairs
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.matching.threshold import FramePixels, choose_threshold
 from stereocal.rig.parameters import RigParameters

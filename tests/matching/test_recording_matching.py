@@ -10,8 +10,7 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.matching.measure_tables import reconstruct
-from stereocal.matching.pairs import match
+from stereocal.library.tables import match, reconstruct
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.workflow import calibrate

@@ -11,7 +11,6 @@ from streamlit.testing.v1 import AppTest
 from stereocal.field.checking.repair import REPAIRED
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.matching.pairs import PIXELS
 from stereocal.projects.application import (
     IMAGES,
     PARAMETERS,
@@ -20,6 +19,7 @@ from stereocal.projects.application import (
     ProjectCheck,
 )
 from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars

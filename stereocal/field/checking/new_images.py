@@ -7,12 +7,11 @@ import numpy as np
 from stereocal.calibration.methods import errors_of
 from stereocal.errors import StereocalError
 from stereocal.matching.measure_tables import points_outside_images
-from stereocal.matching.pairs import PIXELS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.clusters import follow_each_other
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.correspondences import PIXELS, Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.field_of_view import beyond_either, beyond_in_words
 from stereocal.rig.parameters import RigParameters

@@ -19,7 +19,6 @@ from stereocal.formats.archives.archive import (
     points_taken,
     with_background,
 )
-from stereocal.formats.correspondences_csv import PIXELS
 from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import (
     LOWER_LEFT,
@@ -34,6 +33,7 @@ from stereocal.formats.matlab_file import Fields, numbers_in_field, read_structs
 from stereocal.formats.point_files import BarPoints
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.correspondences import PIXELS
 from stereocal.system.limits import Limits
 
 STRUCT = "easyWandData"

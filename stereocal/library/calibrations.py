@@ -1,0 +1,354 @@
+"""Calibrate two cameras or more: results that say what to use, and how good it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from contextlib import nullcontext
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Self, cast, get_args
+
+import numpy as np
+import pandas as pd
+
+from stereocal import workflow
+from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.errors import StereocalError
+from stereocal.evaluation.evaluate import EvaluationSettings, Splits
+from stereocal.evaluation.evaluate import evaluate as evaluate_runs
+from stereocal.evaluation.summary import MethodSummary, summarise_all
+from stereocal.formats.dataset_files import parse_dataset, read_texts
+from stereocal.formats.evaluation_files import Evaluation, unique_names
+from stereocal.formats.exchange.exchange import export
+from stereocal.formats.recording_files import find_description, parse_recording
+from stereocal.library.drawing import draw, of_figures
+from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.fit import RigSettings
+from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.refined.results import Calibration
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.camera import LensModel
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.recording import Recording
+from stereocal.system.answers import TableAnswer
+from stereocal.system.atomic_files import write_all
+from stereocal.system.executors import engine
+from stereocal.system.numbers import count
+from stereocal.verdict.recommendation import Recommendation
+from stereocal.verdict.validation_in_words import validation_answer
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+Look = Literal["rig", "errors", "validation", "disagreement", "accuracy", "residuals"]
+
+
+def read(
+    path: str | Path, pair: str | None = None, lens_model: LensModel | None = None
+) -> Dataset | Recording:
+    """Read a data set from a folder or a zip: two cameras, or more.
+
+    Args:
+        pair: such as `left-right`: two of more cameras.
+        lens_model: meaning of four distortion coefficients if a camera file does not state it.
+
+    Raises:
+        StereocalError: what is wrong, in which file and row.
+    """
+    files, photographs = read_texts(Path(path))
+    found = find_description(files, str(path))
+    if found.is_recording and pair is None and len(found.entries.get("cameras") or ()) > 2:
+        return parse_recording(files, str(path), photographs, lens_model)
+    return parse_dataset(files, str(path), photographs, lens_model, pair)
+
+
+def pair_of(recording: Dataset | Recording) -> Dataset:
+    """The data set of two cameras; a baseline that was not measured is found.
+
+    Raises:
+        StereocalError: the recording has more than two cameras.
+    """
+    if isinstance(recording, Dataset):
+        return recording
+    if len(recording.cameras) > 2:
+        raise StereocalError(
+            f"{recording.name}: it has {len(recording.cameras)} cameras. Calibrate them as one "
+            "with `stereocal.rig(recording)`, or choose two with `recording.pair(first, second)`."
+        )
+    return with_baseline_found(recording.pair(*recording.cameras))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CalibrationRun(TableAnswer, Calibration):
+    """The sets of all methods, which of them to use for what, and how good they are."""
+
+    @classmethod
+    def of(cls, found: Calibration) -> Self:
+        """With all that the calibration has."""
+        return cls(*(getattr(found, field.name) for field in fields(Calibration)))
+
+    @cached_property
+    def run(self) -> workflow.Run:
+        """All that is computed from the recording, made when it is asked for."""
+        return workflow.Run.of(self)
+
+    @property
+    def recommendation(self) -> Recommendation:
+        """Which set to use for what, and how good it is."""
+        return self.run.recommendation
+
+    @property
+    def sets(self) -> dict[Method, RigParameters]:
+        """The parameter sets: 2d, 3d and, if available, refined."""
+        return self.run.sets
+
+    @property
+    def answer(self) -> list[str]:
+        return [*self.recommendation.answer, *(f"Note: {note}" for note in self.warnings)]
+
+    def evaluate(
+        self,
+        runs: int = 100,
+        calibration_frames: int | None = None,
+        splits: Splits = "runs",
+        executor: Executor | None = None,
+    ) -> Validation:
+        """Validate on random splits of the frames that are not left out; the recommendation and the
+        sets have its figures from then on.
+
+        Args:
+            calibration_frames: of each run; None: 4 of 5 frames.
+            executor: None: threads.
+        """
+        frames = len(self.screening.dataset.correspondences.frames)
+        settings = EvaluationSettings(
+            replace(self.settings, calibration_frames=None),
+            runs,
+            calibration_frames or workflow.usual_frames(frames),
+            splits,
+            self.run.refined,
+        )
+        with engine() if executor is None else nullcontext(executor) as workers:
+            validated = self.run.validate(settings, workers)
+        vars(self)["run"] = validated
+        return Validation(cast(Evaluation, validated.evaluation))
+
+    def save(self, folder: str | Path) -> None:
+        """Write the parameter files of all sets, all or none."""
+        write_all(
+            {
+                Path(folder) / f"parameters_{method}.json": own.dumps().encode()
+                for method, own in self.sets.items()
+            }
+        )
+
+    def export(self, to: str, path: str | Path, method: Method | None = None) -> None:
+        """Write a set for another program, as `stereocal.export`.
+
+        Args:
+            method: None: the set that is recommended to measure with.
+        """
+        export(self.sets[method or self.recommendation.measure.method], to, path)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Errors on all frames not left out, and poses; a row a method, lengths as fractions."""
+        poses = {name: found.pose for name, found in self.methods.items()}
+        if self.refined is not None:
+            poses["refined"] = self.refined.pose
+        rows = {
+            name: {
+                "mean_reprojection_px": own.mean_reprojection_px,
+                "mean_length_error": own.mean_length,
+                "p95_length_error": own.p95_length,
+                "baseline_m": poses[name].baseline,
+                **{
+                    f"{angle}_deg": float(np.degrees(value))
+                    for angle, value in poses[name].angles._asdict().items()
+                },
+            }
+            for name, own in self.errors.items()
+        }
+        return pd.DataFrame(rows).T.rename_axis("method")
+
+    def plot(self, look: Look | None = None, method: Method | None = None) -> go.Figure:
+        """A figure of the page.
+
+        Args:
+            look: "rig", "errors" by frame, "validation" (the paper's 3x3), "disagreement" of the
+                inputs, "accuracy" by place, "residuals" over the images; None: the validation, if
+                there is one, else the rig.
+            method: of the rig; None: the one to measure with.
+
+        Raises:
+            StereocalError: there is no such look, no validation yet, or no refined set.
+        """
+        evaluation = self.run.evaluation
+        look = look or ("rig" if evaluation is None else "validation")
+        if look == "rig":
+            return draw("rig.plot_rig", self, method or self.recommendation.measure.method)
+        if look == "errors":
+            return draw("frame_errors.plot_frame_errors", self)
+        if look == "validation":
+            if evaluation is None:
+                raise StereocalError("There is no validation yet: call `evaluate()` first.")
+            return Validation(evaluation).plot()
+        if look == "disagreement":
+            return draw("one_set.plot_disagreement", self.inputs)
+        if look == "accuracy":
+            return draw("accuracy.plot_accuracy", self.run.maps, self.run.refined_set)
+        if look == "residuals":
+            return draw("lens.plot_misfit", self.run.misfit)
+        raise StereocalError(f'There is no look "{look}": choose of {", ".join(get_args(Look))}.')
+
+
+def calibrate(
+    dataset: Dataset | Recording,
+    settings: CalibrationSettings | None = None,
+    trace: bool = False,
+    progress: Callable[[str], None] | None = None,
+    refined: RefineSettings | None = workflow.DEFAULT_REFINED,
+) -> CalibrationRun:
+    """Calibrate two cameras with the paper's three methods and the refined method.
+
+    Frames that contradict the others are left out first, unless `settings.all_frames` is set. The
+    2D and the 3D search use independent random streams derived from `settings.search.seed`.
+
+    Args:
+        trace: record every move of the searches.
+        progress: called with the name of each method when it starts.
+        refined: settings of the refined method, except whether a time offset is solved for, which
+            `settings` and the screening say; None: without this method. If it fails, the result has
+            the other methods and a warning with the reason.
+
+    Raises:
+        StereocalError: the data contradict each other or do not suffice; it says which, and what to
+            do.
+    """
+    found = workflow.calibrate(pair_of(dataset), settings, trace, progress, refined)
+    return CalibrationRun.of(found)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Validation(TableAnswer):
+    """How often a wrong pair is accepted and how far off lengths are, on held-out frames."""
+
+    evaluation: Evaluation
+
+    @cached_property
+    def by_dataset(self) -> dict[str, dict[Method, MethodSummary]]:
+        """The figures of each data set, by its name."""
+        of_each = summarise_all(list(self.evaluation.names), self.evaluation.runs)[1]
+        return {name: dict(own) for name, own in of_each.items()}
+
+    @property
+    def summaries(self) -> dict[Method, MethodSummary]:
+        """The figures by method, all data sets pooled."""
+        return self.evaluation.summaries
+
+    @property
+    def answer(self) -> list[str]:
+        runs, sets = sum(map(len, self.evaluation.runs)), len(self.evaluation.names)
+        told = f"{count(runs, 'run')} of {count(sets, 'data set')}."
+        return [told, validation_answer(self.summaries)]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row a method, all data sets pooled, then a row a data set and method."""
+        every = {"all": self.summaries, **(self.by_dataset if len(self.by_dataset) > 1 else {})}
+        rows = {
+            (name, method): _flat(found.to_json())
+            for name, own in every.items()
+            for method, found in own.items()
+        }
+        return pd.DataFrame(rows).T.rename_axis(["data set", "method"])
+
+    def plot(self, look: Literal["methods", "data sets"] = "methods") -> go.Figure:
+        """The paper's figure: residual, reprojection and 3D error of each method; or the figures
+        of each data set."""
+        if look == "data sets":
+            return draw("comparison.plot_comparison", self.by_dataset)
+        return draw("validation.plot_validation", self.summaries)
+
+
+def _flat(figures: dict[str, Any]) -> dict[str, Any]:
+    """Figures with their intervals in columns of their own."""
+    found: dict[str, Any] = {}
+    for name, value in figures.items():
+        name = name.removesuffix("_interval")
+        parts = value.items() if isinstance(value, dict) else [("value", value)]
+        found |= {name if part == "value" else f"{name}_{part}": own for part, own in parts}
+    return found
+
+
+def evaluate(
+    recordings: Sequence[Dataset | Recording],
+    runs: int = 100,
+    calibration_frames: int = 20,
+    splits: Splits = "frames",
+    settings: CalibrationSettings | None = None,
+    refined: RefineSettings | None = None,
+    executor: Executor | None = None,
+) -> Validation:
+    """Validate on random splits of one data set or several, as the paper does (Section 6).
+
+    Frames that contradict the others are left out first.
+
+    Args:
+        runs: of each data set.
+        calibration_frames: of each run.
+        refined: settings of the refined method; None: the paper's three.
+        executor: None: threads.
+    """
+    pairs = [pair_of(recording) for recording in recordings]
+    asked = EvaluationSettings(
+        settings or CalibrationSettings(), runs, calibration_frames, splits, refined
+    )
+    kept = [workflow.Run(pair, asked.calibration).screening.dataset for pair in pairs]
+    with engine() if executor is None else nullcontext(executor) as workers:
+        found = evaluate_runs(kept, asked, workers)
+    return Validation(
+        Evaluation(found, asked, unique_names(pairs), [pair.sha256 for pair in pairs])
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CalibratedRig(TableAnswer, RigFile):
+    """One rig of three cameras and more: what `rig.json` holds."""
+
+    @property
+    def answer(self) -> list[str]:
+        sentences = (rig_sentence(self), loops_sentence(self))
+        return [*filter(None, sentences), *(f"Note: {note}" for note in rig_notes(self))]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The cameras with their standard errors."""
+        return pd.DataFrame(of_figures("rig_report.camera_table", self))
+
+    def plot(self, look: Literal["pairs", "cameras"] = "pairs") -> go.Figure:
+        """Which cameras share how many bars; or the cameras in space."""
+        return (
+            draw("rig_report.plot_cameras", self)
+            if look == "cameras"
+            else draw("rig_report.plot_rig_graph", self)
+        )
+
+
+def rig(
+    recording: Recording, time_offsets: bool | None = None, baseline_sigma_m: float | None = None
+) -> CalibratedRig:
+    """Calibrate all cameras of a recording as one rig.
+
+    Args:
+        time_offsets: whether to bring the cameras into step; None: where it is significant.
+        baseline_sigma_m: standard error of the measured baselines.
+
+    Raises:
+        StereocalError: a camera, its file or its points contradict the others; it says which.
+    """
+    settings = RigSettings(baseline_sigma_m=baseline_sigma_m, time_offsets=time_offsets)
+    found = rig_file(calibrate_rig(recording, settings))
+    return CalibratedRig(*(getattr(found, field.name) for field in fields(RigFile)))

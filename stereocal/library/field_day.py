@@ -1,0 +1,327 @@
+"""Before and after the field day: plan it, find targets, calibrate lenses, check the cameras."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import pandas as pd
+
+from stereocal.detection.target import parse_board, parse_target
+from stereocal.errors import StereocalError
+from stereocal.field.checking import check_words
+from stereocal.field.checking.findings import Recheck
+from stereocal.field.checking.fits import Smallest
+from stereocal.field.checking.new_images import images_of_bars, images_of_pairs
+from stereocal.field.checking.prior import prior_of
+from stereocal.field.checking.recheck import recheck
+from stereocal.field.checking.repair import repaired_parameters, residuals_of
+from stereocal.field.checking.rig_check import RigCheck, check_rig
+from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer
+from stereocal.formats.dataset_files import parse_survey, read_cameras, read_texts
+from stereocal.formats.plan_file import read_plan
+from stereocal.formats.recording_files import DESCRIPTION, find_description
+from stereocal.frames.frame import Frame, correspondences_of, describe_frames, report_line
+from stereocal.frames.proposal import Choice, Way, propose
+from stereocal.frames.search import detect_frames
+from stereocal.intrinsics.boards import find_boards
+from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
+from stereocal.intrinsics.lens_fit import LensSettings
+from stereocal.intrinsics.quality import LENS_COLUMNS, advice, lens_answer, lens_rows
+from stereocal.intrinsics.stereo_boards import find_stereo_boards, lenses_of_boards, recording_of
+from stereocal.library.calibrations import pair_of
+from stereocal.library.drawing import draw, of_figures
+from stereocal.matching.point_table import PointTable
+from stereocal.network.rig_file import RigFile
+from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.rig.camera import CAMERAS, LensModel
+from stereocal.rig.correspondences import PIXELS, Correspondences
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.recording import CameraPair, Recording
+from stereocal.rig.rigid_object import BoardPattern
+from stereocal.simulation.nineteen import simulate_nineteen
+from stereocal.system.answers import Answer, TableAnswer
+from stereocal.system.executors import engine
+from stereocal.system.photograph_files import of_the_bar, photographs_in
+from stereocal.system.resources import ROOT
+from stereocal.system.taken import read_taken
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+
+def sample(name: str) -> Path:
+    """The folder of sample data, to read and to copy; `stereocal sample --help` lists them."""
+    folder = ROOT / "sample_data" / name
+    if not folder.is_dir():
+        known = sorted(each.name for each in (ROOT / "sample_data").iterdir() if each.is_dir())
+        raise StereocalError(f'There is no sample "{name}": there are {", ".join(known)}.')
+    return folder
+
+
+def simulate(datasets: int = 19, frames: int = 25, seed: int = 0) -> list[Dataset]:
+    """Simulated data sets as the paper's nineteen, each with another bar and baseline."""
+    return [dataset for _, dataset in simulate_nineteen(seed, datasets, frames)]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(TableAnswer, PlanForecast):
+    """What a planned field day will measure, and how well."""
+
+    @property
+    def answer(self) -> list[str]:
+        return [plan_answer(self), *self.advice.sentences]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The figures of each set."""
+        return pd.DataFrame(of_figures("tables.plan_table", self))
+
+    def plot(self, look: Literal["depths", "map"] = "depths") -> go.Figure:
+        """The length error by depth; or the errors by place, from above and from the side."""
+        return (
+            draw("plan_report.plot_plan_depths", [self])
+            if look == "depths"
+            else draw("plan_report.plot_plan_map", self)
+        )
+
+
+def plan(
+    path: str | Path, rigs: int | None = None, seed: int = 0, lens_model: LensModel | None = None
+) -> Plan:
+    """The forecast of a `plan.json`.
+
+    Args:
+        rigs: drawn from the plan and its uncertainties; None: 128, fewer for many frames.
+    """
+    with engine() as workers:
+        found = forecast(read_plan(path, lens_model), workers, seed, rigs)
+    return Plan(*(getattr(found, field.name) for field in fields(PlanForecast)))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FoundTargets(TableAnswer):
+    """The targets, or the boards, in the photographs of two cameras."""
+
+    recording: Dataset | Recording
+    """To calibrate from."""
+    sentences: list[str]
+    frames: list[Frame] = field(default_factory=list)
+    """Of a bar: what was found, doubtful ones too, which are not used."""
+
+    @property
+    def answer(self) -> list[str]:
+        doubts = [report_line(frame) for frame in self.frames if frame.state != "found"]
+        return [*self.sentences, *doubts]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The table of points."""
+        return self.recording.to_dataframe()
+
+
+def detect(
+    path: str | Path,
+    target: str = "bar2x2",
+    pair_by: Way | None = None,
+    lens_model: LensModel | None = None,
+) -> FoundTargets:
+    """Find the targets in the photographs of a data set.
+
+    Args:
+        path: a folder or zip with dataset.json and photographs; of a board it may be without
+            dataset.json: then the same photographs give the lenses, and the board the scale.
+        target: what is held, as of the command: "bar2x2", "balls:red,yellow", "tags:4X4_50:3,7",
+            "board:9x6:0.03" and so on.
+        pair_by: how photographs belong together; None: by name, by the time taken, or in order.
+
+    Raises:
+        StereocalError: no targets are found, or no way to pair the photographs is sure.
+    """
+    path, board = Path(path), parse_board(target)
+    described = path.is_file() or (path / DESCRIPTION).is_file()
+    survey = _survey(path, lens_model) if described or board is None else None
+    with tempfile.TemporaryDirectory(prefix="stereocal-") as store, engine() as workers:
+        photographs = of_the_bar(photographs_in(path, Path(store)))
+        taken = {
+            name: read_taken(file, name, file.stat().st_mtime) for name, file in photographs.items()
+        }
+        pairing = propose(taken, Choice(pair_by)).pairing
+        if not pairing.pairs or (pairing.ambiguous and pair_by is None):
+            raise StereocalError(f"{path}: {pairing.sentence}")
+        if board is None:
+            assert survey is not None
+            cameras = survey.primary, survey.secondary
+            about = pairing.pairs, photographs, cameras, workers, _silent, _silent
+            frames = detect_frames(*about, target=parse_target(target))
+            rows = correspondences_of(frames)
+            told = [pairing.sentence, describe_frames(frames)]
+            return FoundTargets(with_baseline_found(survey.with_points(rows)), told, frames)
+        if not board.size:
+            raise StereocalError("State the inner corners of the board too, as board:9x6:0.03.")
+        boards = find_stereo_boards(photographs, board.pattern(), workers, pairing=pairing)
+        if survey is None:
+            first, second = lenses_of_boards(boards, None, workers)
+            found = recording_of(boards, (first.camera, second.camera), path.name)
+        else:
+            found = recording_of(boards, (survey.primary, survey.secondary), survey.name)
+            if not survey.baseline_is_free:
+                measured: dict[CameraPair, float] = {CAMERAS: survey.baseline_m}
+                found = replace(
+                    found, baselines_m=measured, baseline_sigma_m=survey.baseline_sigma_m
+                )
+        return FoundTargets(found, [pairing.sentence, boards.sentence])
+
+
+def _silent(*_: object) -> None:
+    """Progress that nobody looks at."""
+
+
+def _survey(path: Path, lens_model: LensModel | None) -> Dataset:
+    """The cameras and lengths of a data set of two, without points."""
+    files, _ = read_texts(path)
+    if not find_description(files, str(path)).is_recording:
+        return parse_survey(files, str(path), lens_model)
+    known = read_cameras(path, lens_model)
+    if len(known.cameras) > 2:
+        raise StereocalError(f"{path}: targets are found in the photographs of two cameras.")
+    measured, none = known.baseline_m(*known.cameras), np.empty((0, 2))
+    first, second = known.cameras.values()
+    return Dataset(
+        known.name,
+        first,
+        second,
+        Correspondences.from_arrays(none[:, 0], "", none, none),
+        1.0 if measured is None else measured,
+        known.object.longest_m,
+        np.inf if measured is None else known.baseline_sigma_m,
+        known.object.sigma_m,
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Lens(TableAnswer, LensCalibration):
+    """A lens from photographs of a board; `camera` is for the file."""
+
+    @property
+    def answer(self) -> list[str]:
+        return [lens_answer(self), *advice(self)]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The values with their standard errors."""
+        return pd.DataFrame(lens_rows(self), columns=LENS_COLUMNS).set_index(LENS_COLUMNS[0])
+
+    def plot(self, look: Literal["residuals", "photographs", "draws"] = "residuals") -> go.Figure:
+        """Residuals over the image; errors by photograph; or the scatter of the draws."""
+        drawn = {"photographs": "plot_view_errors", "draws": "plot_draws"}
+        return draw(f"lens.{drawn.get(look, 'plot_residual_field')}", self)
+
+
+def intrinsics(
+    photographs: str | Path | Iterable[str | Path],
+    board: str | BoardPattern,
+    square_m: float | None = None,
+    settings: LensSettings | None = None,
+) -> Lens:
+    """Calibrate a lens from photographs of a chessboard or ChArUco board.
+
+    Args:
+        photographs: a folder, a zip, or files.
+        board: its inner corners, such as "18x12", with `square_m`; or a pattern.
+
+    Raises:
+        StereocalError: too few boards are found, or they determine no lens.
+    """
+    if isinstance(board, str):
+        board = BoardPattern.parse(board, square_m or 0.0)
+    several = [photographs] if isinstance(photographs, str | Path) else list(photographs)
+    with tempfile.TemporaryDirectory(prefix="stereocal-") as store, engine() as workers:
+        files: dict[str, Path] = {}
+        for source in map(Path, several):
+            if source.is_file() and source.suffix.lower() != ".zip":
+                files[source.name] = source
+            else:
+                files |= photographs_in(source, Path(store))
+        found = calibrate_lens(
+            find_boards(files, board, workers), settings or LensSettings(), workers
+        )
+    return Lens(*(getattr(found, field.name) for field in fields(LensCalibration)))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Check(Answer):
+    """Whether a camera has moved since the parameters were found."""
+
+    found: Recheck | RigCheck
+
+    @property
+    def verdict(self) -> str:
+        """`moved`, `same` or `cannot tell`."""
+        return self.found.verdict
+
+    @property
+    def answer(self) -> list[str]:
+        of = self.found
+        told, notes = (
+            (of.sentence, of.notes)
+            if isinstance(of, RigCheck)
+            else (check_words.sentence(of), check_words.notes(of))
+        )
+        return [told, *(f"Note: {note}" for note in notes)]
+
+    @cached_property
+    def repaired(self) -> RigParameters | None:
+        """The parameters after the movement; None if there is nothing to repair, or of a rig."""
+        of = self.found
+        can = isinstance(of, Recheck) and of.offers_repair
+        return repaired_parameters(of, None) if can and isinstance(of, Recheck) else None
+
+    def plot(self) -> go.Figure:
+        """The residuals by frame, before and after.
+
+        Raises:
+            StereocalError: of a rig: check its pairs.
+        """
+        if isinstance(self.found, RigCheck):
+            raise StereocalError("A rig has no such figure: check the parameters of a pair.")
+        return draw("check_residuals.plot_check", residuals_of(self.found), self.found.since)
+
+
+def check(
+    parameters: RigParameters | RigFile,
+    new: Dataset | Recording | pd.DataFrame,
+    turn_deg: float | None = None,
+    baseline_change: float | None = None,
+    sigma_px: float | None = None,
+) -> Check:
+    """Check with a few new bars, or with matched points alone, whether a camera has moved.
+
+    Args:
+        parameters: with their covariance, as of the refined or the 2D set; or a rig.
+        new: a data set; or a table of pairs as `match` returns it.
+        turn_deg, baseline_change: the smallest that matter: "same" is said only if they would be
+            seen; None: those of the command.
+        sigma_px: noise of matched points, if they are less exact than the targets.
+
+    Raises:
+        StereocalError: the file has no covariance, or nothing fits the points.
+    """
+    usual = Smallest()
+    smallest = Smallest(
+        usual.turn_rad if turn_deg is None else float(np.radians(turn_deg)),
+        baseline_change or usual.baseline,
+    )
+    if isinstance(parameters, RigFile):
+        if not isinstance(new, Recording):
+            raise StereocalError("A rig is checked with a recording of its cameras.")
+        return Check(check_rig(parameters, new, smallest))
+    if isinstance(new, pd.DataFrame):
+        table = PointTable(pd.DataFrame(new), PIXELS, "the table of pairs")
+        images = images_of_pairs(table, parameters).stating(sigma_px)
+    else:
+        images = images_of_bars(pair_of(new), parameters)
+    return Check(recheck(prior_of(parameters, "the parameters"), images, smallest))

@@ -1,0 +1,180 @@
+"""Match and measure tables in memory: results are tables that say what was found."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import numpy as np
+import pandas as pd
+
+from stereocal.errors import StereocalError
+from stereocal.library.drawing import draw
+from stereocal.matching.match_tables import match_tables
+from stereocal.matching.matching import ANY_DEPTH
+from stereocal.matching.measure_tables import measure_tables
+from stereocal.matching.names import AUTO
+from stereocal.matching.pairs import PAIR_COLUMNS, Stated, further_names
+from stereocal.matching.point_table import POINT, PointTable
+from stereocal.matching.report import Report
+from stereocal.matching.tables_by_camera import pixel_columns
+from stereocal.matching.trajectories import POINT_COLUMNS
+from stereocal.network.rig_file import RigFile
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.geometry import Pose
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import PlacedCameras
+from stereocal.system.answers import TableAnswer
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+NOTHING = Report(0, ["Nothing to match: the tables have no frame in common."])
+
+
+class _Table(TableAnswer, pd.DataFrame):
+    """A table with the report of how it was made; what is cut out of it is a plain table."""
+
+    _metadata = ["report"]  # noqa: RUF012 - pandas asks for it
+    report: Report
+
+    @classmethod
+    def of(cls, table: pd.DataFrame, report: Report) -> Self:
+        """The table with its report."""
+        found = cls(table)
+        found.report = report
+        return found
+
+    @property
+    def _constructor(self) -> type[pd.DataFrame]:
+        return pd.DataFrame
+
+    @property
+    def answer(self) -> list[str]:
+        return [*self.report.sentences, *(f"Note: {note}" for note in self.report.notes)]
+
+    def __deepcopy__(self, memo: Any = None) -> Self:
+        found = type(self)(pd.DataFrame(self).copy())
+        for name in self._metadata:
+            setattr(found, name, copy.deepcopy(getattr(self, name), memo))
+        return found
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The plain table."""
+        return pd.DataFrame(self)
+
+
+class Pairs(_Table):
+    """Pairs of points, of a rig tracks; the columns are those of `pairs.csv` and `tracks.csv`."""
+
+
+class Points(_Table):
+    """3D points in metres; the columns are those of `points.csv`."""
+
+    _metadata = ["report", "rig", "world"]  # noqa: RUF012 - pandas asks for it
+    rig: PlacedCameras
+    world: Pose | None
+
+    def plot(self, colour: Literal["frame", "error"] = "error") -> go.Figure:  # type: ignore[override]
+        """The points in space with the cameras."""
+        return draw("measured.plot_points", self.to_dataframe(), colour, self.rig, world=self.world)
+
+
+def match(
+    rig: RigParameters | RigFile,
+    primary: pd.DataFrame | Mapping[str, pd.DataFrame],
+    secondary: pd.DataFrame | None = None,
+    threshold_px: float | Literal["auto"] | None = "auto",
+    depths_m: tuple[float, float] = ANY_DEPTH,
+    sigma_px: float | None = None,
+    names: str = AUTO,
+) -> Pairs:
+    """Match the points of two cameras, or of those of a rig.
+
+    Args:
+        rig: the set to match with; or a rig.
+        primary, secondary: tables with the columns `frame`, `u`, `v` (raw pixels) and any further
+            ones, which are carried along; of a rig one mapping of tables by camera.
+        threshold_px: "auto" or None: by the noise of the points.
+        depths_m: nearest and farthest in front of the primary camera.
+        sigma_px: the noise of the points, if it is known; None: that of the column `sigma_px`,
+            else estimated.
+        names: "auto": where all tables name their points (`names.name_columns`), only points of
+            one name belong together; "none": names are not used; else the columns that name them.
+
+    Returns:
+        The pairs, with the columns of `pairs.csv`, ordered by frame; of a rig its tracks.
+
+    Raises:
+        StereocalError: a column is missing, a number not finite, or a point outside its image.
+    """
+    tables: dict[str, pd.DataFrame] = (
+        dict(primary) if isinstance(primary, Mapping) else {CAMERAS[0]: primary}
+    )
+    if secondary is not None:
+        tables[CAMERAS[1]] = secondary
+    for which, table in tables.items():
+        _refuse_missing(f"The {which} table", table, ("frame", *POINT))
+        if not np.isfinite(table[["frame", *POINT]].to_numpy(dtype=np.float64)).all():
+            raise StereocalError(f"The {which} table has a number that is not finite.")
+    two = isinstance(rig, RigParameters) and len(tables) == 2
+    first, last = (tables[name]["frame"] for name in (min(tables), max(tables)))
+    if two and not len(np.intersect1d(first, last)):
+        further = further_names(*map(tuple, tables.values()))
+        columns = [*PAIR_COLUMNS, *(name for own in further for name in own.values())]
+        return Pairs.of(pd.DataFrame(columns=columns), NOTHING)
+    given = {
+        which: PointTable(table, label=f"the {which} table") for which, table in tables.items()
+    }
+    limit = None if threshold_px == "auto" else threshold_px
+    rows: list[pd.DataFrame] = []
+    stated = Stated(limit, depths_m, sigma_px, names)
+    report = match_tables(rig, given, None, stated, passed_on=rows)
+    return Pairs.of(pd.concat(rows, ignore_index=True), report)
+
+
+def reconstruct(
+    rig: RigParameters | RigFile,
+    pairs: pd.DataFrame,
+    world: Pose | None = None,
+    sigma_px: float | None = None,
+) -> Points:
+    """3D points of what `match` returns.
+
+    Args:
+        rig: the set to measure with; or a rig.
+        world: `world_from_primary`; None: points in the primary's frame, in metres.
+        sigma_px: standard deviation of a pixel coordinate, for `sigma_x`, `sigma_y`, `sigma_z`.
+            None: by the columns `sigma_primary_px` and `sigma_secondary_px`, else estimated from
+            the pairs, else that of the calibration's targets.
+
+    Returns:
+        `frame,x,y,z,error_px`, then any standard errors, then `outside_volume` if the parameters
+        know the volume of the bars, then `coordinates` with the name of the world frame, if there
+        is one, then the further columns, then `track` if trajectories are known (`with_track`).
+        NaN, and outside, for pairs that do not meet in front of both cameras.
+
+    Raises:
+        StereocalError: a column is missing, or a point outside its image.
+    """
+    columns = pixel_columns(rig)
+    _refuse_missing("The table of pairs", pairs, ("frame", *columns))
+    if not len(pairs):
+        found, report = pd.DataFrame(columns=[*POINT_COLUMNS]), Report(0, ["No points."])
+    else:
+        rows: list[pd.DataFrame] = []
+        table = PointTable(
+            pd.DataFrame(pairs), columns, "the table of pairs", isinstance(rig, RigFile)
+        )
+        report = measure_tables(rig, table, None, world, sigma_px, passed_on=rows)
+        found = pd.concat(rows, ignore_index=True)
+    points = Points.of(found, report)
+    points.rig, points.world = rig, world
+    return points
+
+
+def _refuse_missing(what: str, table: pd.DataFrame, columns: Sequence[str]) -> None:
+    missing = [name for name in columns if name not in table]
+    if missing:
+        raise StereocalError(f"{what} has no column {missing[0]}.")
