@@ -25,6 +25,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 from scipy.spatial.transform import Rotation
 
+from benchmarks.still import differences
 from stereocal.formats.dataset_files import read_recording
 from stereocal.matching.view_groups import ViewFitter
 from stereocal.network.about_rig import AboutRig
@@ -41,6 +42,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
+from tests.rigs.moving_wand import stated_over_true
 
 LENS = LensPrior(*LENS_ERRORS)
 OF_POSE, OF_LENS = 6, 3
@@ -236,7 +238,7 @@ def cut_in_time(folder: str) -> None:
         part = (np.arange(len(frames)) * runs // len(frames))[
             np.searchsorted(frames, recording.frame)
         ]
-        rigs = []
+        rigs, told = list[RigCalibration](), list[float]()
         for fitted in (0, 1):
             rig = calibrate_rig(recording.where(part % 2 == fitted))
             rest = recording.where(part % 2 != fitted)
@@ -252,26 +254,20 @@ def cut_in_time(folder: str) -> None:
                 )
             )
             rigs.append(rig)
-        z = [
-            _between(*(rig.poses[camera] for rig in rigs))
-            / np.sqrt(sum(_variances(rig, camera) for rig in rigs))
-            for camera in rigs[0].names[1:]
-        ]
+            told += stated_over_true(rig, rest)
+        z, of_lenses = differences(*rigs)
         effects = ", ".join(f"{rig.design_effect:.1f}" for rig in rigs)
         print(
             f"  poses of the two parts differ by {np.sqrt(np.mean(np.square(z))):.2f} stated errors"
-            f" (rms of 12, at most {np.abs(z).max():.1f}); design effects {effects}"
+            f" (rms of {len(z)}, at most {np.abs(np.array(z)).max():.1f}), lenses by "
+            f"{np.sqrt(np.mean(np.square(of_lenses))):.2f}; design effects {effects}; images, "
+            f"stated over true: {np.round(told, 2).tolist()}"
         )
 
 
 def _between(one: Pose, other: Pose) -> FloatArray:
     """(6,): small rotation about the camera's axes, and translation."""
     return np.concatenate([Rotation.from_matrix(one.R @ other.R.T).as_rotvec(), one.T - other.T])
-
-
-def _variances(rig: RigCalibration, camera: str) -> FloatArray:
-    at = EACH * rig.names.index(camera)
-    return np.diag(rig.covariance)[at : at + OF_POSE]
 
 
 def _tested(

@@ -6,7 +6,8 @@
   three, as they are, with the secondary turned by 0.2 degrees, and turned from the middle on;
 - rigs: wands waved before 3 to 5 such cameras: how many rigs say that a camera moved, as they are,
   and with one turned by 0.2 degrees;
-- halves: differences of both halves in time of such rigs over their stated errors.
+- halves: differences of both halves in time of such rigs over their stated errors, and what each
+  states of its images over what the other half shows.
 """
 
 import argparse
@@ -28,9 +29,10 @@ from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import LensPrior
 from stereocal.refined.views import EACH
+from stereocal.rig.compiled import BoolArray
 from stereocal.rig.recording import Recording
 from tests.network.test_wrong_rigs import bumped
-from tests.rigs.moving_wand import wave_wand
+from tests.rigs.moving_wand import stated_over_true, wave_wand
 from tests.rigs.refined_rigs import (
     Misjudged,
     random_rig,
@@ -87,28 +89,40 @@ def rigs_still(rigs: int, seed: int) -> None:
 
 
 def halves(rigs: int, seed: int) -> None:
-    """Print the rms of the differences of halves over their stated errors."""
-    poses, lenses = Z(), Z()
+    """Print the rms of the differences of halves over their stated errors, and stated over true
+    errors in images."""
+    poses, lenses, images = Z(), Z(), Z()
     for number in range(seed, seed + rigs):
         rng = np.random.default_rng([number, 4])
         late, misfit = np.zeros(int(rng.choice([3, 4, 5]))), float(rng.choice([0.1, 0.2, 0.4]))
-        both = [_half(wave_wand(number, late, 300, misfit)[1], half) for half in (0, 1)]
+        recording = wave_wand(number, late, 300, misfit)[1]
+        parts = [recording.where(half) for half in _halves(recording)]
+        both = [_calibrated(part) for part in parts]
+        images += stated_over_true(both[0], parts[1]) + stated_over_true(both[1], parts[0])
         if both[0].names == both[1].names:
-            found = _differences(*both)
+            found = differences(*both)
             poses += found[0]
             lenses += found[1]
     values = (np.sqrt(np.mean(np.square(each))) for each in (poses, lenses))
     print("halves: rms of poses {:.2f}, of lenses {:.2f} stated errors".format(*values))
+    of_images = *np.quantile(images, [0.05, 0.5, 0.95]), len(images)
+    print(
+        "images, stated over true: {1:.2f} ({0:.2f} to {2:.2f}) of {3} cameras".format(*of_images)
+    )
 
 
-def _half(recording: Recording, half: int) -> RigCalibration:
-    frames = np.array_split(np.unique(recording.frame), 2)[half]
+def _halves(recording: Recording) -> list[BoolArray]:
+    frames = np.array_split(np.unique(recording.frame), 2)
+    return [np.isin(recording.frame, half) for half in frames]
+
+
+def _calibrated(recording: Recording) -> RigCalibration:
     lenses = dict.fromkeys(recording.cameras, FREE)
     settings = RigSettings(lenses, baseline_sigma_m=np.inf, time_offsets=False)
-    return calibrate_rig(recording.where(np.isin(recording.frame, frames)), settings)
+    return calibrate_rig(recording, settings)
 
 
-def _differences(one: RigCalibration, other: RigCalibration) -> tuple[Z, Z]:
+def differences(one: RigCalibration, other: RigCalibration) -> tuple[Z, Z]:
     """Of the poses and of the lenses, over the stated errors."""
     variances, q = np.diag(one.covariance + other.covariance), one.fit.q - other.fit.q
     poses, lenses = Z(), Z()

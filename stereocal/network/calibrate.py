@@ -9,7 +9,9 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.network.diagnosis import camera_warnings, refuse_poor_fit
 from stereocal.network.fit import RigFit, RigSettings
+from stereocal.network.free_distortion import better_held_out, lenses_with_distortion
 from stereocal.network.fuse import Fused, PairFit, fuse
+from stereocal.network.joint_fit import NO_RIG, Start, joint_fit
 from stereocal.network.pairs import (
     FEWEST_BARS,
     FURTHER_STEPS,
@@ -31,24 +33,16 @@ from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened
 from stereocal.refined.unknowns import LensPrior
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.lengths_in_words import question_about_units
 from stereocal.rig.recording import Recording
-from stereocal.rig.tracks import interpolate
 from stereocal.system.numbers import count
 from stereocal.system.tasks import Progress
 
 WIDE_LENS = LensPrior(0.05, 50.0)
-MOST_ROUNDS = 8
-IN_STEP = 0.05
-"""A remaining time offset below this fraction of its standard error is left to the fit."""
 MOST_MISFIT = 400.0
 """Growth of a pair's chi-square by being fused above which it contradicts the others: one of its
 lengths or lenses is another than theirs. Sound pairs of a real recording: 2 to 5."""
-NO_RIG = (
-    "No rig of these cameras fits the points: check that points and camera files are not exchanged."
-)
 
 
 def calibrate_rig(
@@ -122,24 +116,26 @@ def _of_pairs(
     report = progress or (lambda *_: None)
     steps = len(pairs.fits) + len(pairs.failed) + FURTHER_STEPS
     report(steps - 2, steps)
-    screening, _ = _fit(kept, fused, wide, noise)
+    start = Start(fused.poses, fused.unknowns.named(fused.p), noise)
+    screening, _ = joint_fit(kept, start, wide)
     wrong = wrong_images(screening)
     out = screening.frames[screening.outlying]
     out = out[~np.isin(out, [image.frame for image in wrong])]
     good = ~rows_of(kept, wrong) & ~np.isin(kept.frame, out)
     report(steps - 1, steps)
-    fit, offsets = _fit(kept.where(good), fused, settings, screening.sigma_px)
+
+    def fitted(start: Start, settings: RigSettings) -> RigCalibration:
+        fit, offsets = joint_fit(kept.where(good), start, settings)
+        left_out = tuple(sorted({*out.tolist(), *fit.frames[fit.outlying].tolist()}))
+        warnings = tuple(camera_warnings(fit))
+        return RigCalibration(fit, pairs, tuple(wrong), left_out, unreached, offsets, warnings)
+
+    rig = fitted(replace(start, noise_px=screening.sigma_px), settings)
+    if lenses := lenses_with_distortion(rig):
+        freed = replace(settings, lenses={**settings.lenses, **lenses})
+        rig = better_held_out(rig, fitted(Start.of(rig.fit, rig.time_offsets), freed))
     report(steps, steps)
-    left_out = {*out.tolist(), *fit.frames[fit.outlying].tolist()}
-    return RigCalibration(
-        fit,
-        pairs,
-        tuple(wrong),
-        tuple(sorted(left_out)),
-        unreached,
-        offsets,
-        tuple(camera_warnings(fit)),
-    )
+    return rig
 
 
 def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration | None:
@@ -175,50 +171,6 @@ def _consistent(recording: Recording, pairs: Pairs, settings: RigSettings) -> tu
             return replace(pairs, fits=fits, failed=failed), fused
         del fits[spare[0]]
         failed[spare[0]] = "it contradicts the other pairs"
-
-
-def _fit(
-    recording: Recording, start: Fused, settings: RigSettings, noise_px: float
-) -> tuple[RigFit, FloatArray]:
-    """The joint fit, and by how many frames each camera is late."""
-    p = start.unknowns.named(start.p)
-    keys = [f"{name} time offset" for name in recording.cameras]
-    offsets = np.array([p.pop(name, 0.0) for name in keys])
-    poses: list[Pose] = start.poses
-    for _ in range(MOST_ROUNDS):
-        shifted, velocities = recording, None
-        if settings.time_offsets:
-            shifted, velocities = _shifted(recording, offsets)
-        fit = RigFit(shifted, poses, settings, velocities)
-        fit.start_at(p, noise_px)
-        if not fit.run():
-            raise StereocalError(NO_RIG)
-        if not settings.time_offsets:
-            break
-        values = fit.unknowns.named(fit.p)
-        remaining = np.array([values.pop(name, 0.0) for name in keys])
-        sigma = np.sqrt(np.diag(fit.unknowns.covariance(fit.information)))
-        places = [fit.unknowns.names.index(name) for name in keys if name in fit.unknowns.names]
-        offsets, poses, p, noise_px = offsets + remaining, fit.poses, values, fit.sigma_px
-        if (np.abs(remaining[1:]) < IN_STEP * sigma[places]).all():
-            break
-    return fit, offsets
-
-
-def _shifted(recording: Recording, offsets: FloatArray) -> tuple[Recording, FloatArray]:
-    """The points at the instants of the reference's frames, without those of late cameras that have
-    no neighbours there; and their velocities (n, 2), in pixels per frame."""
-    offset = offsets[recording.camera]
-    track = recording.camera * len(recording.object.names) + recording.target
-    tracks = interpolate(track, recording.frame, recording.points, offset)
-    moved, known = offset != 0.0, tracks.known.copy()
-    for number, camera in enumerate(recording.cameras.values()):
-        of_camera = recording.camera == number
-        known[of_camera] &= tracks.inside(camera.image_size)[of_camera]
-    points = np.where((moved & known)[:, None], tracks.positions, recording.points)
-    usable = ~moved | known
-    shifted = replace(recording, points=points).where(usable)
-    return shifted, np.nan_to_num(tracks.velocities[usable])
 
 
 def _why_unreached(name: str, pairs: Pairs) -> str:

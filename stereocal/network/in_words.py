@@ -23,7 +23,9 @@ def rig_sentence(rig: RigFile) -> str:
         )
     weakest = figures.weakest_camera
     error = rig.about.image_errors_px.get(weakest)
-    known = "" if error is None else f": its images are predicted to {rounded(error)} px"
+    known = ""
+    if error is not None:
+        known = f": half of its images lie within {rounded(error)} px of where others see the point"
     partner, bars = _best_partner(rig.about.pairs, weakest)
     return (
         f"One rig of {count} cameras: {_accuracy(figures)}. "

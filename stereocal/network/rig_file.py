@@ -239,7 +239,7 @@ def rig_file(rig: RigCalibration) -> RigFile:
             design_effect=rig.design_effect,
             length_scatter_m=rig.fit.scatter,
             weakest_camera=rig.weakest,
-            held_out=rig.held_out,
+            held_out={name: found.errors for name, found in rig.held_out.items()},
         ),
         image_errors_px={
             name: px if np.isfinite(px) else None for name, px in rig.image_px.items()

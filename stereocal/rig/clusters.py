@@ -81,9 +81,12 @@ def in_runs(clusters: Clusters) -> Clusters:
     """The clusters, in `FEWEST` runs where there are none; for frames that follow each other though
     too few show that their errors are alike."""
     n = len(clusters.of_frames)
-    if clusters.has_runs or n < FEWEST:
-        return clusters
-    return Clusters(np.arange(n) * FEWEST // n, n // FEWEST)
+    return clusters if clusters.has_runs or n < FEWEST else evenly_divided(n, FEWEST)
+
+
+def evenly_divided(frames: int, runs: int) -> Clusters:
+    """Some frames in runs that are equally long."""
+    return Clusters(np.arange(frames) * runs // frames, frames // runs)
 
 
 def follow_each_other(places: FloatArray) -> bool:
