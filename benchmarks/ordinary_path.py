@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.studies import run_studies
 from stereocal.calibration.readings import changed
 from stereocal.errors import StereocalError
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.stated_inputs import undetectable_errors
@@ -23,7 +24,6 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import lens_off_by
 from stereocal.verdict.in_words import why_not_trusted
-from stereocal.workflow import calibrate
 from tests.rigs.accuracy import turned
 from tests.rigs.culprits import KINDS, MISTAKES, accusations_of, sound, waved
 from tests.rigs.mistakes import flipped, rig, scaled, with_frames_exchanged, with_points_off

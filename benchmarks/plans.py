@@ -27,6 +27,7 @@ from stereocal.evaluation.evaluate import count_set
 from stereocal.field.planning.forecast import PlanForecast, forecast
 from stereocal.field.planning.plan import AimedPose, Plan, SensorLens, Uncertainty
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import DEFAULT_CENTRE_PX, DEFAULT_FOCAL, RefineSettings
@@ -35,7 +36,6 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulation.simulate import field_rig
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.fresh_frames import draw_noise
-from stereocal.workflow import calibrate
 from tests import known_rig
 from tests.rigs.plans import observed
 

@@ -22,6 +22,7 @@ from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
@@ -32,7 +33,6 @@ from stereocal.rig.correspondences import TARGETS, Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.verdict.forecast import forecast_files
-from stereocal.workflow import calibrate
 from tests.rigs.population import figures_on
 
 QUARTERS = 4

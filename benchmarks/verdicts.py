@@ -11,11 +11,11 @@ import numpy as np
 from benchmarks.studies import numbers_asked
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.simulation.simulate import place_bars
 from stereocal.verdict.forecast import TOLERANCE, Verdict, forecast_files
-from stereocal.workflow import calibrate
 from tests.rigs.population import population
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 

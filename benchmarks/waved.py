@@ -10,10 +10,10 @@ import numpy as np
 
 from benchmarks.quarters import FIGURES, METHODS
 from benchmarks.studies import numbers_asked
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulation.simulate import Nominal, observe
 from stereocal.verdict.forecast import forecast_files
-from stereocal.workflow import calibrate
 from tests.rigs.population import figures_on
 from tests.rigs.refined_rigs import (
     Misjudged,

@@ -20,12 +20,12 @@ from benchmarks.boards import boards_in, camera_of, uncertainties
 from benchmarks.quarters import FIGURES, METHODS
 from benchmarks.studies import run_studies
 from stereocal.intrinsics.stereo_boards import recording_of
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.verdict.forecast import forecast_files
-from stereocal.workflow import calibrate
 from tests.rigs.board_pairs import drawn_rig, seen_by, waved_placings
 from tests.rigs.population import figures_on
 from tests.rigs.refined_rigs import smooth_fields, with_waves

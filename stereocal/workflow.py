@@ -272,31 +272,6 @@ class Run:
         return "" if forecast is None else conclusions_of_seeds(self.calibration, forecast)
 
 
-def calibrate(
-    dataset: Dataset,
-    settings: CalibrationSettings | None = None,
-    trace: bool = False,
-    progress: Callable[[str], None] | None = None,
-    refined: RefineSettings | None = DEFAULT_REFINED,
-) -> Calibration:
-    """Calibrate with the paper's three methods and the refined method.
-
-    Frames that contradict the others are left out first, unless `settings.all_frames` is set. The
-    2D and the 3D search use independent random streams derived from `settings.search.seed`.
-
-    Args:
-        trace: record every move of the searches.
-        progress: called with the name of each method when it starts.
-        refined: settings of the refined method, except whether a time offset is solved for, which
-            `settings` and the screening say; None: without this method. If it fails, the result has
-            the other methods and a warning with the reason.
-    """
-    run = Run(dataset, settings or CalibrationSettings(), refined, trace=trace)
-    if progress is not None:
-        run.progress = progress
-    return run.calibration
-
-
 def _essential(
     dataset: Dataset, settings: CalibrationSettings, reconstruction: Problem, screening: Screening
 ) -> MethodResult:

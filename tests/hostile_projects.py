@@ -24,6 +24,7 @@ from stereocal.frames.review import place_target
 from stereocal.intrinsics.boards import BoardSearch
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings
+from stereocal.library.calibrations import calibrate
 from stereocal.matching.application import Application, Points
 from stereocal.matching.pairs import Stated
 from stereocal.projects.application import USES, ProjectApplication
@@ -38,7 +39,6 @@ from stereocal.rig.correspondences import SOURCES
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip, unzip
-from stereocal.workflow import calibrate
 from tests.files import encoded
 from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
 from tests.lens import PATTERN, AtOnce, views

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.rig.compiled import FloatArray
-from stereocal.workflow import calibrate
 
 ROOT = Path(__file__).parents[1]
 FIELD = ROOT / "sample_data" / "field"

@@ -10,13 +10,13 @@ import numpy as np
 from stereocal.calibration.methods import Method, errors_of
 from stereocal.figures.story import HeldOutSet, Story, best_mean
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import TARGETS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.system.atomic_files import write_atomically
-from stereocal.workflow import calibrate
 
 ROOT = Path(__file__).parents[1]
 RECORDING, STORY = ROOT / "sample_data" / "recording", ROOT / "assets" / "story.json"

@@ -22,6 +22,7 @@ from stereocal.calibration.montecarlo import SearchSettings, reconstruction_prob
 from stereocal.commands.console import ProgressBar
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_runs
 from stereocal.frames.search import compile_detection
+from stereocal.library.calibrations import calibrate
 from stereocal.matching.matching import match_points
 from stereocal.matching.view_groups import ViewFitter, match_views
 from stereocal.network.calibrate import calibrate_rig
@@ -37,7 +38,6 @@ from stereocal.simulation.simulate import Scene, observe, simulate_field
 from stereocal.system.tasks import Progress
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.tradeoff import trade_off
-from stereocal.workflow import calibrate
 
 FUNCTIONS = 122
 """About as many are compiled with an empty cache; test_warming.py counts them."""

@@ -229,8 +229,10 @@ def calibrate(
         StereocalError: the data contradict each other or do not suffice; it says which, and what to
             do.
     """
-    found = workflow.calibrate(pair_of(dataset), settings, trace, progress, refined)
-    return CalibrationRun.of(found)
+    run = workflow.Run(pair_of(dataset), settings or CalibrationSettings(), refined, trace=trace)
+    if progress is not None:
+        run.progress = progress
+    return CalibrationRun.of(run.calibration)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

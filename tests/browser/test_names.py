@@ -8,11 +8,11 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.projects.home import duplicate, remove
 from stereocal.projects.project import Project
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.menu import TITLES
-from stereocal.workflow import calibrate
 from tests.browser.conftest import LONGEST_MS, ROOT
 from tests.browser.work import FILES, a_project
 

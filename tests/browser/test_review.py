@@ -12,9 +12,9 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.frames.frame import Centre
+from stereocal.library.calibrations import calibrate
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.workflow import calibrate
 from tests.browser.conftest import download
 
 pytestmark = pytest.mark.browser

@@ -10,11 +10,11 @@ from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import detect_frames
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings
+from stereocal.library.calibrations import calibrate
 from stereocal.projects.inputs import Slot
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.workflow import calibrate
 from tests.bar_photographs import BAR_M, bar_set
 from tests.files import encoded
 from tests.lens import facing, photographed, search

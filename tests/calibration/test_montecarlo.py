@@ -20,10 +20,10 @@ from stereocal.calibration.montecarlo import (
     reprojection_problem,
 )
 from stereocal.errors import StereocalError
+from stereocal.library.calibrations import calibrate
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.workflow import calibrate
 from tests.known_rig import ANGLES, BASELINE_M, RIG, SECONDARY, bar_ends, dataset, images, rays_of
 from tests.rigs.objects import BOARD, WAND, recorded
 

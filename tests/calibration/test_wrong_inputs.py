@@ -13,11 +13,11 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.best_reading import check_inputs, find_wrong_input
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.nineteen import simulate_nineteen
-from stereocal.workflow import calibrate
 from tests.fisheye_rig import recording
 from tests.rigs.culprits import KINDS, MISTAKES, accusations_of, sound
 from tests.rigs.mistakes import flipped, scaled

@@ -18,7 +18,7 @@ data = Path(sys.argv[1])
 compile_all()
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.workflow import calibrate
+from stereocal.library.calibrations import calibrate
 from stereocal.detection.detect import corner_near, detect_targets
 from stereocal.evaluation.evaluate import EvaluationSettings, count_set, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset

@@ -12,6 +12,7 @@ import pytest
 from stereocal.calibration.methods import CalibrationSettings, errors_of
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
@@ -20,7 +21,6 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
-from stereocal.workflow import calibrate
 
 RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
 KEPT = 0.98

@@ -22,6 +22,7 @@ from stereocal.figures.two_sets import frame_views, telling_frame
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings
+from stereocal.library.calibrations import calibrate
 from stereocal.matching.lengths import check_lengths
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.misfit import misfit_of
@@ -30,7 +31,6 @@ from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.rig import Rig
 from stereocal.verdict.tradeoff import TradeOff, costs_of, trade_off
-from stereocal.workflow import calibrate
 from tests.field.plans import plan
 from tests.figures.test_apply_figures import (
     CHOICE,

@@ -18,11 +18,11 @@ from stereocal.figures.story import ROWS, Story, plot_story_lengths, plot_story_
 from stereocal.figures.two_sets import describe_two_sets, frame_views, telling_frame
 from stereocal.figures.validation_panels import describe_validation
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.rig.dataset import Dataset
 from stereocal.system.settings import descriptions
 from stereocal.verdict.recommendation import recommend
 from stereocal.verdict.validation_in_words import validation_answer
-from stereocal.workflow import calibrate
 from tests.figures.test_validation_figure import SAMPLE, SETTINGS, Summaries, runs_twice
 from tools.story import STORY, tell_story
 

@@ -10,10 +10,10 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
+from stereocal.library.calibrations import calibrate
 from stereocal.library.tables import match, reconstruct
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
-from stereocal.workflow import calibrate
 from tests.evaluation.test_recording import RECORDING, recordings
 
 __all__ = ["recordings"]

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
+from stereocal.library.calibrations import calibrate
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigFit, RigSettings, camera_at
 from stereocal.network.result import RigCalibration, third_cameras
@@ -27,7 +28,6 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
-from stereocal.workflow import calibrate
 
 STATED = LensPrior(*LENS_ERRORS)
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "rig"

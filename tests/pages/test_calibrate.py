@@ -13,12 +13,12 @@ from stereocal import workflow
 from stereocal.cli import main
 from stereocal.evaluation.evaluate import evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project
 from stereocal.projects.project import Project
 from stereocal.ui import validation
 from stereocal.verdict.in_words import digits
-from stereocal.workflow import calibrate
 from tests.pages.stored_projects import SLOW, ended, go, messages, project_of, told
 from tests.pages.test_pages import FIELD, give_zip, open_sample
 

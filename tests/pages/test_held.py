@@ -10,6 +10,7 @@ from stereocal.detection.target import BAR, Balls, Tags
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.projects.home import title_of
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -17,7 +18,6 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.system.photograph import read_photograph
 from stereocal.ui.holding import held_target
-from stereocal.workflow import calibrate
 from tests.ball_bars import CAMERA, COLOURS, ball_bars
 from tests.bar_photographs import bar_set
 from tests.files import encoded

@@ -9,12 +9,13 @@ import pytest
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.formats.point_answers import first_answers, layout_of
+from stereocal.library.calibrations import calibrate
 from stereocal.projects import application
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import KEPT, Project
 from stereocal.projects.server_settings import default_home
-from stereocal.workflow import Run, calibrate
+from stereocal.workflow import Run
 
 XYPTS = b"pt1_cam1_X,pt1_cam1_Y,pt1_cam2_X,pt1_cam2_Y\n1.5,2,3,4\n5,6,NaN,NaN\n7,8,9,10\n"
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stereocal.library.calibrations import calibrate
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.refined.misfit import misfit_of
 from stereocal.refined.parameter_file import refined_parameters
@@ -13,7 +14,6 @@ from stereocal.refined.two_views import shared_unknowns
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
-from stereocal.workflow import calibrate
 from tests.fisheye_rig import recording
 
 KNOWN = RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS)

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.misplaced_target import misplaced_target
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.workflow import calibrate
 from tests import known_rig
 from tests.rigs.objects import BOARD, WAND, recorded
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.outliers import (
     length_outliers,
     outlying,
@@ -13,7 +14,6 @@ from stereocal.refined.outliers import (
     reprojection_outliers,
 )
 from stereocal.refined.results import Calibration
-from stereocal.workflow import calibrate
 from tests import known_rig as rig
 
 MIXED_UP = 11

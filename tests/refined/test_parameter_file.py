@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.parameter_file import COVARIANCE_OF, refined_parameters
 from stereocal.refined.refine import RefinedResult, refine
@@ -10,7 +11,6 @@ from stereocal.refined.two_views import TIME
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
-from stereocal.workflow import calibrate
 from tests import known_rig as rig
 from tests.rigs.refined_rigs import Misjudged, random_scene, spoiled, stated
 

@@ -8,12 +8,12 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.noise import ASSUMED, ESTIMATED, GIVEN, scatter_of
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.simulation.simulate import Nominal, lens_off_by, observe
-from stereocal.workflow import calibrate
 from tests import known_rig as rig
 from tests.rigs.accuracy import against_the_paper, turned, with_gross_errors
 from tests.rigs.refined_rigs import fixed_lenses, random_scene

@@ -9,6 +9,7 @@ import pytest
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.wrong_inputs import LENGTH_TOLERANCE, essential_fit
 from stereocal.errors import StereocalError
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.diagnosis import explain_failure
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
@@ -16,7 +17,6 @@ from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import observe, place_bars
 from stereocal.verdict.in_words import left_out_line, why_not_trusted
-from stereocal.workflow import calibrate
 from tests import known_rig as rig
 from tests.rigs.accuracy import turned
 from tests.rigs.mistakes import rig as random_rig

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
-from stereocal.workflow import Run, calibrate
+from stereocal.workflow import Run
 from tests import known_rig as rig
 from tests.rigs.moving_bar import move_bar, record
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.diagnosis import refuse_two_recordings
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.free_baseline import with_baseline_found
@@ -16,7 +17,6 @@ from stereocal.refined.stretched_board import stretched_board
 from stereocal.refined.two_recordings import other_size
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rigid_object import BoardPattern
-from stereocal.workflow import calibrate
 from tests import known_rig as rig
 from tests.rigs.board_mistakes import board_of, moved
 from tests.rigs.board_pairs import BoardPair, draw_placings, drawn_rig, seen_by, sound, waved

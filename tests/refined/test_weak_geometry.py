@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from stereocal.cli import main
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.diagnosis import geometry_warning
 from stereocal.refined.screening import screen
 from stereocal.refined.two_views import (
@@ -27,7 +28,6 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Scene, observe, place_bars
 from stereocal.verdict.forecast import forecast_files
-from stereocal.workflow import calibrate
 from tests import known_rig as rig
 from tests.rigs.mistakes import rig as random_rig
 from tests.rigs.population import population

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.calibration.methods import errors_of
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import length_sigmas, length_variances
@@ -19,7 +20,6 @@ from stereocal.simulation.simulate import (
     observe,
     place_bars,
 )
-from stereocal.workflow import calibrate
 from tests.rigs.refined_rigs import Misjudged, held_out, random_scene, spoiled, stated
 
 NAMES = ("yaw", "pitch", "roll", "delta", "epsilon", "baseline", "held-out distance")

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray
@@ -17,7 +18,6 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import Scene, lens_off_by, observe, place_bars
-from stereocal.workflow import calibrate
 from tests.rigs.moving_bar import move_bar, record
 from tests.rigs.refined_rigs import Misjudged, misjudged, random_rig
 

@@ -5,11 +5,11 @@ import numpy as np
 from stereocal.calibration.methods import FILE_METHODS, CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.field.planning.plan import Plan
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, lens_off_by, observe, place_bars
-from stereocal.workflow import calibrate
 from tests.rigs.population import population
 
 TEST_BARS = 1000

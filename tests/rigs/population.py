@@ -9,6 +9,7 @@ from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Meth
 from stereocal.evaluation.compiled_run import CORRECT, REPROJECTION, RESIDUAL, UNDERFLOW
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import merge_bins, overlap
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.two_views import shared_unknowns
 from stereocal.refined.unknowns import RefineSettings
@@ -21,7 +22,6 @@ from stereocal.verdict.forecast_draws import ForecastFigures, bin_edge, partners
 from stereocal.verdict.fresh_frames import GROUP
 from stereocal.verdict.intervals import MERGE
 from stereocal.verdict.judging import judge
-from stereocal.workflow import calibrate
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 
 

@@ -12,6 +12,7 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.formats.evaluation_files import Evaluation
+from stereocal.library.calibrations import calibrate
 from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
@@ -21,7 +22,6 @@ from stereocal.ui.page_states import page_states
 from stereocal.ui.refined import refine_settings
 from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.ui.validation import MINE, PAPER, chosen_data
-from stereocal.workflow import calibrate
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 

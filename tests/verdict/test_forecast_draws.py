@@ -11,6 +11,7 @@ from scipy.stats import binom
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
+from stereocal.library.calibrations import calibrate
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
@@ -28,7 +29,6 @@ from stereocal.verdict.forecast_draws import draw_forecast
 from stereocal.verdict.fresh_frames import _facing, _stand_by_rays, fresh_bars, noise_given
 from stereocal.verdict.intervals import mean_of, share_interval
 from stereocal.verdict.judging import add_noise
-from stereocal.workflow import calibrate
 from tests import known_rig as rig
 from tests.fisheye_rig import recording
 from tests.rigs.population import CASES, one_rig, population

@@ -10,12 +10,12 @@ import pytest
 from stereocal.evaluation.evaluate import EvaluationSettings, Splits, evaluate_runs
 from stereocal.evaluation.summary import Estimate, summarise
 from stereocal.formats.dataset_files import read_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.further_recording import half_width, note_on_splits, widened
-from stereocal.workflow import calibrate
 from tests.rigs.board_pairs import sound
 from tests.rigs.population import figures_on
 from tests.rigs.refined_rigs import (

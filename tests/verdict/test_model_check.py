@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import binom
 
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import bar_innovations
 from stereocal.refined.unknowns import RefineSettings
@@ -13,7 +14,6 @@ from stereocal.simulation.simulate import Nominal, observe
 from stereocal.verdict.forecast import advice_on_improvements, forecast_files, improvements
 from stereocal.verdict.forecast_draws import draw_forecast
 from stereocal.verdict.model_check import ALONG, BENDS, ModelCheck, cause_of_scatter
-from stereocal.workflow import calibrate
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 SETTINGS = Misjudged().settings()

@@ -9,6 +9,7 @@ import pytest
 
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.compiled_run import BINS, CORRECT, WRONG
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
@@ -18,7 +19,7 @@ from stereocal.verdict.forecast_draws import ForecastDraws
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.model_check import HeldOutRatio, ModelCheck
 from stereocal.verdict.recommendation import NO_FORECAST, NO_REFINED, Recommendation, recommend
-from stereocal.workflow import Run, calibrate
+from stereocal.workflow import Run
 from tests import known_rig as rig
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from stereocal.library.calibrations import calibrate
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import refine
 from stereocal.refined.two_views import undistort_rays
@@ -11,7 +12,6 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.verdict.paper_costs import fill_errors, fill_jacobian
 from stereocal.verdict.tradeoff import TradeOff, costs_of, trade_off
-from stereocal.workflow import calibrate
 from tests import known_rig as rig
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
