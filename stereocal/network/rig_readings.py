@@ -22,7 +22,7 @@ from stereocal.calibration.readings import (
     same_lens,
     scaled,
 )
-from stereocal.calibration.wrong_inputs import scaled_readings
+from stereocal.calibration.wrong_inputs import essential_fit, scaled_readings
 from stereocal.errors import StereocalError
 from stereocal.network.pairs import shared_bars
 from stereocal.refined.best_reading import centred_readings, is_near
@@ -35,6 +35,8 @@ MOST_SHIFT = 3
 """Frames by which the numbers of a camera may be off."""
 SHIFT_GAIN = 4.0
 """A camera that is late by a part of a frame fits somewhat better a whole frame off."""
+FEWEST_OF_PART, CUTS = 10, 8
+"""Frames before a camera moved and after it, and cuts that are tried at first."""
 ESTIMATED_HANDICAP = 1.3
 """Of readings that estimate a value."""
 
@@ -50,6 +52,8 @@ class RigReading(Claim):
     """How many times less noise it must leave than others to be the better one."""
     least_gain: float = 0.0
     """How many times less noise it must leave than what was given."""
+    is_movement: bool = False
+    """Whether no input is wrong, but a camera moved."""
 
     @property
     def is_estimated(self) -> bool:
@@ -88,6 +92,53 @@ def readings_of_frames(recording: Recording, about: Sequence[str]) -> Iterator[R
                 (name,),
                 partial(_reordered, recording, name, frames, np.array(order)),
             )
+
+
+def readings_of_movement(recording: Recording, about: Sequence[str]) -> Iterator[RigReading]:
+    """A camera that moved: from a frame on it is another one, with the same lens."""
+    for name in about:
+        if (pair := best_pair(recording, name)) is None:
+            continue
+        dataset = recording.pair(*pair)
+        if (when := _best_cut(dataset)) is not None:
+            after = f"{name} from frame {when} on"
+            yield RigReading(
+                f"The camera {name} seems to have moved at about frame {when}",
+                "Calibrate with the frames before it, or after it, alone.",
+                (name, after),
+                partial(_as_two_cameras, recording, name, after, when),
+                is_movement=True,
+            )
+
+
+def _best_cut(dataset: Dataset) -> int | None:
+    """The frame at which the pairs of two cameras are best divided, so that each part fits by
+    itself; None for few frames."""
+    frames = dataset.correspondences.frames
+    if len(frames) < 2 * FEWEST_OF_PART:
+        return None
+
+    def px(cut: int) -> float:
+        parts = frames[:cut], frames[cut:]
+        return sum(len(part) * essential_fit(dataset.of_frames(part)).px for part in parts)
+
+    first, last = FEWEST_OF_PART, len(frames) - FEWEST_OF_PART
+    step = max((last - first) // CUTS, 1)
+    best = min(range(first, last + 1, step), key=px)
+    while step > 1:
+        step //= 2
+        best = min(
+            (cut for cut in (best - step, best, best + step) if first <= cut <= last), key=px
+        )
+    return int(frames[best])
+
+
+def _as_two_cameras(recording: Recording, name: str, after: str, when: int) -> Recording:
+    """The recording with a camera as two, before a frame and from it on."""
+    cameras = {**recording.cameras, after: recording.cameras[name]}
+    moved = (recording.camera == [*recording.cameras].index(name)) & (recording.frame >= when)
+    camera = np.where(moved, len(recording.cameras), recording.camera)
+    return replace(recording, cameras=cameras, camera=camera)
 
 
 def _reordered(recording: Recording, name: str, frames: IntArray, of_frames: IntArray) -> Recording:

@@ -33,6 +33,7 @@ from stereocal.network.rig_readings import (
     carried_over,
     exchanged_files,
     readings_of_frames,
+    readings_of_movement,
     readings_of_rig,
     with_lenses,
 )
@@ -66,6 +67,8 @@ MOST_CAMERAS = 4
 CONTRADICTED, FAR_FROM_FILE, BETTER = 30.0, 100.0, 0.3
 """Chi-squares of the lenses about the stated ones, from which on a reading may explain them that
 fits the images no better, or one that estimates a value; and what it leaves of them, at most."""
+PARTS = 4
+"""In time, each of which must fit: where a camera moved, many a reading fits half of the frames."""
 ALIKE = 1.05
 """Noise that counts as equal."""
 CLEAN, CLEAN_PX = 3.0, 0.5
@@ -133,7 +136,11 @@ def check_inputs(recording: Recording, noise_px: float) -> list[str]:
             if not _named(nominal, suspected, POSSIBLE_GAIN):
                 continue
         judged = _judged(part, nominal, every_reading(recording, part, about))
-        if named := _named(nominal, judged, CERTAIN_GAIN):
+        named = _named(nominal, judged, CERTAIN_GAIN)
+        best = named[0].reading if named else None
+        if isinstance(best, RigReading) and best.is_movement:
+            continue  # which the rig says itself: by how much, too
+        if named:
             certain.append((named[0].rank, _message(nominal, named)))
         possible += possible_in_words(nominal.px, _named(nominal, judged, POSSIBLE_GAIN))
     if certain:
@@ -214,6 +221,7 @@ def every_reading(whole: Recording, part: Recording, about: Sequence[str]) -> It
     yield from _one_file(part)
     yield from exchanged_files(part, about, whole.cameras)
     yield from readings_of_rig(part, about)
+    yield from readings_of_movement(whole.of_cameras([*part.cameras]), about)
     for reading in readings_of_frames(whole, about):
         yield replace(reading, corrected=partial(_of_these, reading.corrected, [*part.cameras]))
 
@@ -262,7 +270,9 @@ def _judged(
     for reading in every:
         px.append(np.inf)
         with suppress(StereocalError):
-            px[-1] = _quick_px(_fewer_points(reading.corrected()), reading.cameras, bars)
+            data = _fewer_points(reading.corrected())
+            of_data = bars if {*data.cameras} <= {*recording.cameras} else shared_bars(data)
+            px[-1] = _quick_px(data, reading.cameras, of_data)
     best = min([_quick_px(recording, [*recording.cameras], bars), *px])
     for reading, quick_px in zip(every, px, strict=True):
         if quick_px <= WORTH_A_FIT * best < np.inf:
@@ -352,6 +362,7 @@ def noise_of_rig(
                 fit.unknowns,
                 fit.p,
                 _one_on_its_head(fit.poses),
+                PARTS if len(fit.frames) >= PARTS * FEWEST_BARS else 1,
             )
             of_lenses = float(fit.p @ fit.unknowns.precision @ fit.p)
             return RigNoise(px, of_lenses, least, cameras, tuple(pairs))

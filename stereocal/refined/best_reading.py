@@ -191,6 +191,7 @@ def typical_noise(
     unknowns: Unknowns,
     p: FloatArray,
     on_its_head: bool,
+    parts: int = 1,
 ) -> float:
     """The noise in pixels with which half of the frames fit; values far from their priors, and a
     camera that would stand on its head, count as noise.
@@ -198,8 +199,10 @@ def typical_noise(
     Args:
         chi_squares, degrees: (f,): of the frames, with this sigma.
         p: (k,): the free parameters.
+        parts: in time; the noise is that of the worst.
     """
-    half = float(np.median(chi_squares / chdtri(np.maximum(degrees, 1), 0.5)))
+    over = chi_squares / chdtri(np.maximum(degrees, 1), 0.5)
+    half = max(float(np.median(part)) for part in np.array_split(over, parts))
     of_prior = float(p @ unknowns.precision @ p) / (2.0 * degrees.sum())
     stretched = np.exp(min(of_prior, LARGEST_EXPONENT))
     return float(sigma_px * np.sqrt(half) * stretched * (ALIKE if on_its_head else 1.0))
