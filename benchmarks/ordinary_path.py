@@ -1,10 +1,10 @@
 """What the ordinary mistakes of a first hour do: exchanged frames, wrong points, wrong inputs.
 
-    python -m benchmarks.ordinary_path [frames|points|inputs|culprits|sound] [--rigs 40]
+    python -m benchmarks.ordinary_path [frames|points|inputs] [--rigs 40]
 
 Rigs are drawn with unlike cameras (`refined_rigs`), 25 frames, 0.2 px of noise, lenses off by 0.3 %
-and 5 px, the baseline by 5 mm, the bar by 0.5 mm; uncertainties are stated as they are. Culprits
-and sound sets are of rigs of several kinds (`tests.rigs.culprits`), with nothing stated.
+and 5 px, the baseline by 5 mm, the bar by 0.5 mm; uncertainties are stated as they are. More kinds
+of rigs and of mistakes: `benchmarks.promises`.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,6 @@ from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import lens_off_by
 from stereocal.verdict.in_words import why_not_trusted
 from tests.rigs.accuracy import turned
-from tests.rigs.culprits import KINDS, MISTAKES, accusations_of, sound, waved
 from tests.rigs.mistakes import flipped, rig, scaled, with_frames_exchanged, with_points_off
 from tests.rigs.refined_rigs import Misjudged
 
@@ -144,29 +143,7 @@ def inputs(rigs: int) -> None:
     print(f"  nothing stated: asked for in {asked} of {rigs}")
 
 
-def culprits(rigs: int) -> None:
-    """One thing wrong: how often that is named, and how often something else is."""
-    for name, mistake in MISTAKES.items():
-        found = [mistake.named(number) for number in range(rigs)]
-        print(f"  {name}: named {sum(found)} of {rigs}")
-
-
-def sound_sets(rigs: int) -> None:
-    """Nothing wrong: how often anything is accused."""
-    for kind in KINDS:
-        accused = [number for number in range(rigs) if accusations_of(sound(kind, number)[1])]
-        print(f"  {kind}: accused {len(accused)} of {rigs} {accused or ''}")
-    accused = [number for number in range(rigs) if accusations_of(waved(number, 0.0))]
-    print(f"  a waved bar, cameras in step: accused {len(accused)} of {rigs} {accused or ''}")
-
-
-STUDIES = {
-    "frames": (frames, 40),
-    "points": (points, 40),
-    "inputs": (inputs, 40),
-    "culprits": (culprits, 20),
-    "sound": (sound_sets, 20),
-}
+STUDIES = {"frames": (frames, 40), "points": (points, 40), "inputs": (inputs, 40)}
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from typing import Any, get_args
 import numpy as np
 
 from stereocal.calibration import checks
-from stereocal.calibration.board_numbering import check_numbering, note_on_ways_round
+from stereocal.calibration.board_numbering import note_on_ways_round
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.methods import (
     FILE_METHODS,
@@ -37,7 +37,6 @@ from stereocal.refined.diagnosis import (
     explain_failure,
     frames_to_judge,
     offer_time_offset,
-    refuse_two_recordings,
     warnings_about_fit,
 )
 from stereocal.refined.free_baseline import note_on_free_baseline
@@ -53,7 +52,6 @@ from stereocal.refined.unknowns import RefineSettings, check_stated
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import ForecastEntries, RigParameters
-from stereocal.rig.recording import Recording
 from stereocal.system.latest import is_made, step
 from stereocal.system.tasks import Progress
 from stereocal.verdict.forecast import Forecast, advice_on_improvements, forecast_files
@@ -126,10 +124,7 @@ class Run:
     def screening(self) -> Screening:
         """The frames that contradict the others, and the recording without them."""
         self.progress("screening")
-        check_numbering(Recording.of_pair(self.dataset))
-        found = screened(self.dataset, self.settings)
-        refuse_two_recordings(found)
-        return found
+        return screened(self.dataset, self.settings)
 
     @step
     def calibration(self) -> Calibration:

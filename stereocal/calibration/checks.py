@@ -8,6 +8,7 @@ from stereocal.rig.compiled import BoolArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.rig.recording import Recording
 from stereocal.system.numbers import count
 
 SMALLEST_SPREAD = 0.01
@@ -19,6 +20,8 @@ LARGEST_SCALE_ERROR = 1.5
 FEW_PAIRS = 8
 MOST_COPIES = 3
 """Warnings about single copied images of a camera."""
+SAME_POINTS = 0.2
+"""Share of the points of two cameras that are exactly the same where one file was given twice."""
 FEW_BARS = 5
 """Five angles need at least five lengths."""
 
@@ -108,3 +111,20 @@ def warnings_about_copies(dataset: Dataset) -> list[str]:
             for frame, first in [*same.items()][:MOST_COPIES]
         ]
     return found
+
+
+def refuse_same_points(recording: Recording) -> None:
+    """Raise an error if two cameras have the same points."""
+    frames, images = recording.images()
+    names = list(recording.cameras)
+    for a in range(len(names)):
+        for b in range(a + 1, len(names)):
+            one, other = images[:, :, a], images[:, :, b]
+            both = np.isfinite(one[..., 0]) & np.isfinite(other[..., 0])
+            same = both & (one == other).all(axis=2)
+            if same.sum() > max(SAME_POINTS * both.sum(), FEW_PAIRS):
+                raise StereocalError(
+                    f"The cameras {names[a]} and {names[b]} have exactly the same points, as in "
+                    f"frame {frames[same.any(axis=1)][0]}: the points of one camera were given for "
+                    "both. Give each camera its own."
+                )

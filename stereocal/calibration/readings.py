@@ -156,6 +156,13 @@ def readings_of_points(dataset: Dataset) -> Iterator[Reading]:
     ):
         for which in CAMERAS:
             yield Reading(claim, remedy, partial(_mirrored, dataset, (which,), axis))
+    for cameras in ONE_OR_BOTH:
+        where = "both cameras" if len(cameras) > 1 else "one camera"
+        yield Reading(
+            f"u and v of {where} seem to be exchanged",
+            "Exchange its two columns, as where rows stand before columns.",
+            partial(_transposed, dataset, cameras),
+        )
     if (board := dataset.board) is not None:
         grid = np.arange(len(board.points)).reshape(board.rows, board.columns)
         by_columns = np.arange(len(board.points)).reshape(board.columns, board.rows).T
@@ -217,6 +224,12 @@ def _mirrored(dataset: Dataset, cameras: Sequence[CameraName], axis: int) -> Dat
         changes[which] = points = getattr(dataset.correspondences, which).copy()
         points[:, axis] = getattr(dataset, which).image_size[axis] - 1 - points[:, axis]
     return replace(dataset, correspondences=replace(dataset.correspondences, **changes))
+
+
+def _transposed(dataset: Dataset, cameras: Sequence[CameraName]) -> Dataset:
+    rows = dataset.correspondences
+    changes: dict[str, Any] = {which: getattr(rows, which)[:, ::-1] for which in cameras}
+    return replace(dataset, correspondences=replace(rows, **changes))
 
 
 def fewer_corners(dataset: Dataset) -> Dataset:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.calibration.board_numbering import check_numbering
+from stereocal.calibration.checks import refuse_same_points
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.network.diagnosis import camera_warnings, refuse_poor_fit
@@ -23,12 +24,7 @@ from stereocal.network.pairs import (
 )
 from stereocal.network.result import RigCalibration
 from stereocal.network.screening import rows_of, wrong_images
-from stereocal.network.wrong_inputs import (
-    check_inputs,
-    contradicting_lengths,
-    find_wrong_input,
-    refuse_same_points,
-)
+from stereocal.network.wrong_inputs import check_inputs, contradicting_lengths, find_wrong_input
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened

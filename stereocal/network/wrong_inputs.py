@@ -79,8 +79,6 @@ QUICK_PAIRS = 2
 """Of a camera."""
 WORTH_A_FIT = 2.0
 """Times the best reprojection error of all readings' essential matrices."""
-SAME_POINTS = 0.2
-"""Share of the points of two cameras that are exactly the same where one file was given twice."""
 
 
 @dataclass(frozen=True)
@@ -99,23 +97,6 @@ class RigNoise:
 
 
 NO_FIT = RigNoise(np.inf, np.inf, np.inf, {})
-
-
-def refuse_same_points(recording: Recording) -> None:
-    """Raise an error if two cameras have the same points."""
-    frames, images = recording.images()
-    names = list(recording.cameras)
-    for a in range(len(names)):
-        for b in range(a + 1, len(names)):
-            one, other = images[:, :, a], images[:, :, b]
-            both = np.isfinite(one[..., 0]) & np.isfinite(other[..., 0])
-            same = both & (one == other).all(axis=2)
-            if same.sum() > max(SAME_POINTS * both.sum(), FEWEST_BARS):
-                raise StereocalError(
-                    f"The cameras {names[a]} and {names[b]} have exactly the same points, as in "
-                    f"frame {frames[same.any(axis=1)][0]}: the points of one camera were given for "
-                    "both. Give each camera its own."
-                )
 
 
 def check_inputs(recording: Recording, noise_px: float) -> list[str]:

@@ -19,7 +19,6 @@ from stereocal.refined.screening import (
     screen,
     wide_settings,
 )
-from stereocal.refined.two_recordings import other_size, two_recordings
 from stereocal.refined.two_views import largest_turn_sigma
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
@@ -93,19 +92,6 @@ def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool, offer
         if not cause and nominal.only_scale_is_wrong:
             cause = inconsistency_message(dataset, nominal)
     return [message for message in (failure, screening.together, cause) if message]
-
-
-def refuse_two_recordings(screening: Screening) -> None:
-    """Reject frames of which some are of another pose of the cameras, or show another board.
-
-    Raises:
-        StereocalError: says since when, or in which frames.
-    """
-    if (fit := screening.fit) is None:
-        return
-    many = screening.share > MAXIMUM_LEFT_OUT
-    if message := (many and other_size(fit, fit.outlying)) or two_recordings(fit):
-        raise StereocalError(message)
 
 
 def frames_to_judge(dataset: Dataset, screening: Screening) -> Dataset:

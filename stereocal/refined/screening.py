@@ -13,6 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from stereocal.calibration.board_numbering import check_numbering
+from stereocal.calibration.checks import refuse_same_points
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
@@ -23,11 +25,12 @@ from stereocal.refined.time_offset import (
     frames_without_neighbours,
     usable_after,
 )
-from stereocal.refined.two_recordings import other_size
+from stereocal.refined.two_recordings import other_size, two_recordings
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import residuals
+from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import MeasuredOffset
 
 WIDE = RefineSettings(primary=LensPrior(0.05, 50.0), secondary=LensPrior(0.05, 50.0))
@@ -234,7 +237,16 @@ def _fitting(fit: RefinedResult, dataset: Dataset) -> IntArray:
 
 
 def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
-    """Screen a data set, unless the settings trust all frames."""
+    """Screen a data set, unless the settings trust all frames.
+
+    Raises:
+        StereocalError: corners of a board have other numbers; both cameras have the same points;
+            some frames are of another pose of
+            the cameras, or show another bar or board: says since when, or in which frames.
+    """
+    recording = Recording.of_pair(dataset)
+    check_numbering(recording)
+    refuse_same_points(recording)
     leave_out, frames = settings.frames_left_out, dataset.correspondences.frames
     by_user = tuple(frames[np.isin(frames, leave_out)].tolist())
     if len(by_user) == len(frames):
@@ -242,7 +254,11 @@ def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
     if settings.all_frames and not settings.time_offset:
         return unscreened(dataset, by_user=by_user)
     put_back = frames.tolist() if settings.all_frames else settings.frames_put_back
-    return screen(dataset, put_back, by_user, settings.time_offset, settings.time_drift)
+    found = screen(dataset, put_back, by_user, settings.time_offset, settings.time_drift)
+    fit = found.fit
+    if fit and (message := other_size(fit, MAXIMUM_LEFT_OUT) or two_recordings(fit)):
+        raise StereocalError(message)
+    return found
 
 
 def common_cause(fit: RefinedResult, out: BoolArray) -> str:
@@ -250,7 +266,7 @@ def common_cause(fit: RefinedResult, out: BoolArray) -> str:
 
     Consecutive frames count as one case: a target that is hidden stays hidden for a while.
     """
-    if size := other_size(fit, out):
+    if out.any() and (size := other_size(fit)):
         return size
     first = out & ~np.append(False, out[:-1])
     if np.count_nonzero(first) < MINIMUM_CASES:

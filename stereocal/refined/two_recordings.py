@@ -1,12 +1,15 @@
-"""Whether a recording of boards is two: since some frame a camera stands elsewhere, or in some
-frames a board of another size is held.
+"""Whether a recording is two: since some frame a camera stands elsewhere, or in some frames a bar
+or a board of another size is held.
 
 Each camera places a board by itself, so that a single frame has a pose of the cameras. A step in
-these poses is judged against their differences from frame to frame. Errors of the lenses that
-follow the places of the board make steps too: so both parts must also fit better, each by itself,
-than the whole recording does.
+these poses is judged against their differences from frame to frame. Of bars it is the frame from
+which on another pose would explain the residuals, or most frames contradict the others. Errors of
+the lenses that follow the places of the object make steps too: so both parts must also fit better,
+each by itself, than the whole recording does; and bars of each must be predicted far worse by the
+other than the halves of each predict each other.
 """
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +18,11 @@ from scipy.spatial.transform import Rotation
 from stereocal.calibration.readings import fewer_corners
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.robust import RobustFit
+from stereocal.refined.two_views import BASELINE
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.lengths_in_words import word_of
 from stereocal.rig.rigid_object import placed
 from stereocal.system.numbers import count, rounded
 from stereocal.system.sampling import evenly_spread
@@ -37,10 +43,24 @@ BETTER = 1.3
 """How many times the chi-square of both parts is that of the whole recording. Of 12 pairs that
 stood still 1.03 at most, turned by 0.3 degrees 1.4 to 12, by 1 degree 3.8 to 12."""
 MOST_FRAMES = 200
+FEWEST_BARS, BLOCKS = 16, 16
+"""Frames of bars that tell of a movement, and into how many parts they are divided to find it."""
+LEFT_OUT, EXPLAINED = 3.0, 30.0
+"""Standard errors by which more frames are left out after a step of bars than before it, or the
+other way round; or the chi-square, of 6 values, that another pose explains. Bars that stood still
+before exact lenses: 20 at most, of 54 recordings; turned by 0.2 degrees half-way: 36 and more."""
+BETTER_BARS, APART = 2.5, 2.5
+"""Of bars, as `BETTER`, and how many times worse the parts predict each other than their halves do.
+Parts of real recordings that stood still: (1.6, 1.9) and (2.2, 1.2) at most; simulated ones with
+lenses off by up to 1 px: (1.6, 0.3) and (1.2, 4.2); turned by 0.2 degrees, with 60 frames and more:
+2.6 and 2.8 at least."""
 OTHER_SIZE = 0.02
-"""Least difference of the size of a board, in logarithms, and the share of it by which frames of
-one board differ."""
-ALIKE = 0.2
+"""Least difference of the size of a board, in logarithms."""
+ALIKE, MOST_ALIKE = 0.2, 0.8
+"""Share of it by which frames of one board differ, and share of its frames that do not differ more.
+"""
+WORSE = 4.0
+"""Times the residuals of the others, up to which frames may be of another board."""
 MOST_NAMED = 10
 
 
@@ -61,22 +81,27 @@ def two_recordings(fit: RefinedResult) -> str:
     Args:
         fit: a fit with wide priors, such as that of the screening.
     """
-    dataset = fit.dataset
-    if dataset.board is None:
-        return ""
-    frames = dataset.correspondences.frames
+    if fit.dataset.board is None:
+        return _moved_before_bars(fit)
+    frames = fit.dataset.correspondences.frames
     at = evenly_spread(len(frames), MOST_FRAMES)
-    poses = _poses(fewer_corners(dataset.of_frames(frames[at])))
-    start = _step(poses)
-    if not start or not _parts_fit_better(fit, poses.frames[start]):
+    poses = _poses(fewer_corners(fit.dataset.of_frames(frames[at])))
+    if not (start := _step(poses)):
+        return ""
+    first = int(poses.frames[start])
+    if not _fits_better(fit, _parts(fit, first), BETTER):
         return ""
     before, after = slice(start), slice(start, None)
     turn, place = (
         np.median(own[after], axis=0) - np.median(own[before], axis=0)
         for own in (poses.turns, poses.places)
     )
+    return _moved(int(poses.frames[start - 1]), first, turn, place)
+
+
+def _moved(last: int, first: int, turn: FloatArray, place: FloatArray) -> str:
     return (
-        f"A camera moved between frames {poses.frames[start - 1]} and {poses.frames[start]}: from "
+        f"A camera moved between frames {last} and {first}: from "
         f"then on the pose of the cameras is another, by "
         f"{rounded(float(np.degrees(np.linalg.norm(turn))))} degrees and "
         f"{rounded(1000.0 * float(np.linalg.norm(place)))} mm. Two cameras cannot tell which of "
@@ -84,42 +109,145 @@ def two_recordings(fit: RefinedResult) -> str:
     )
 
 
-def other_size(fit: RefinedResult, out: BoolArray) -> str:
-    """A message if frames that were left out show a bar or a board of one other size; else empty.
+def _moved_before_bars(fit: RefinedResult) -> str:
+    """The message of `two_recordings` on bars and single targets."""
+    frames = fit.frames
+    if len(frames) < FEWEST_BARS:
+        return ""
+    for first in _steps_of_bars(fit):
+        parts = _parts(fit, first)
+        if _fits_better(fit, parts, BETTER_BARS) and _predict_each_other(fit, parts) > APART:
+            one, other = (part.pose for part in parts)
+            turn = Rotation.from_matrix(other.R @ one.R.T).as_rotvec()
+            first = _first_after(fit, parts)
+            last = int(frames[frames < first][-1])
+            return _moved(last, first, turn, other.T - one.T)
+    return ""
+
+
+def _steps_of_bars(fit: RefinedResult) -> Iterator[int]:
+    """The frames from which on a camera may stand elsewhere: where the share of the frames left out
+    changes most, and where another pose explains most of the residuals."""
+    starts = np.arange(FEWEST, len(fit.frames) - FEWEST + 1)
+    out, total = np.cumsum(fit.outlying), len(fit.frames)
+    share = out[-1] / total
+    if share:
+        apart = np.abs(out[starts - 1] - starts * share)
+        apart *= np.sqrt(
+            total / (starts * (total - starts) * share * max(1.0 - share, 1.0 / total))
+        )
+        if apart.max() > LEFT_OUT:
+            yield int(fit.frames[starts[apart.argmax()]])
+    blocks = np.array_split(fit.used, min(BLOCKS, len(fit.used) // 2))
+    if len(blocks) > 2:
+        of_pose, M = slice(BASELINE + 1), fit.unknowns.M
+        H, g, _ = fit.fit.equations(fit.q, blocks)
+        H, g = (each[::-1].cumsum(axis=0)[::-1][:, of_pose] for each in (H, g))
+        C = fit.unknowns.covariance(fit.information)
+        informed = H[:, :, of_pose] - H @ (M @ C @ M.T) @ H.transpose(0, 2, 1)
+        explained = np.einsum("si,sij,sj->s", g, np.linalg.pinv(informed, hermitian=True), g)
+        start = 2 + int(explained[2:-1].argmax()) if len(blocks) > 3 else 0
+        if explained[start] > EXPLAINED and start:
+            yield int(fit.frames[blocks[start][0]])
+
+
+def _first_after(fit: RefinedResult, parts: Sequence[RefinedResult]) -> int:
+    """The frame from which on the second of two fits explains the frames best."""
+    before, after = (_costs_of(part.fit_of(fit.dataset)) for part in parts)
+    gain = np.cumsum((before - after)[::-1])[::-1]
+    return int(fit.frames[1 + gain[1:].argmax()])
+
+
+def _costs_of(fit: RobustFit) -> FloatArray:
+    """(f,): the chi-squares of the frames, up to the limit of those that are left out."""
+    fit.explained()
+    return np.asarray(np.minimum(fit.chi_squares, fit.limit))
+
+
+def _predict_each_other(fit: RefinedResult, parts: Sequence[RefinedResult]) -> float:
+    """How many times worse two parts predict each other than the halves of each do."""
+    within = [1.0]
+    for part in parts:
+        halves = np.array_split(part.frames, 2)
+        if len(part.frames) < FEWEST_BARS:
+            continue  # so few fit too well to predict others
+        try:
+            within.append(
+                _ratio([refine(fit.dataset.of_frames(own), fit.settings) for own in halves])
+            )
+        except StereocalError:
+            continue
+    return _ratio(parts) / max(within)
+
+
+def _ratio(fits: Sequence[RefinedResult]) -> float:
+    """How many times worse frames are predicted by the other fit than by their own, the smaller
+    factor of the two (medians of distances from epipolar lines)."""
+    ratios = []
+    for own, other in zip(fits, fits[::-1], strict=True):
+        rows = own.dataset.correspondences
+        itself, predicted = (
+            float(np.nanmedian(np.abs(rig.epipolar_errors(rows.primary, rows.secondary))))
+            for rig in (own.rig, other.rig)
+        )
+        ratios.append(predicted / max(itself, 1e-12))
+    return min(ratios)
+
+
+def other_size(fit: RefinedResult, least: float = 0.0) -> str:
+    """A message if some frames show a bar or a board of one other size; else empty.
 
     Args:
-        out: (f,): which frames of the fit contradict the others.
+        least: share of the frames that must show it.
     """
     rows = fit.dataset.correspondences
     lengths = fit.apply(fit.dataset).reconstructed_lengths_m(fit.pose)
     logs = np.log(lengths / fit.dataset.bar_distances_m)
     at = np.searchsorted(fit.frames, rows.frame[rows.bars[:, 0]])
     known = np.isfinite(logs)
-    with np.errstate(invalid="ignore"):
-        sizes = np.bincount(at[known], logs[known], len(out)) / np.bincount(
-            at[known], None, len(out)
-        )
-    others = out & (np.abs(sizes) > OTHER_SIZE)
-    if np.count_nonzero(others) < max(FEWEST, 0.5 * np.count_nonzero(out)):
-        return ""
-    middle = float(np.median(sizes[others]))
-    alike = others & (np.abs(sizes - middle) < ALIKE * abs(middle))
-    if np.count_nonzero(alike) < 0.8 * np.count_nonzero(others) or out.all():
+    seen = np.bincount(at[known], None, len(fit.frames))
+    has, sums = seen > 0, np.bincount(at[known], logs[known], len(fit.frames))
+    frames, sizes = fit.frames[has], np.asarray(sums[has] / seen[has])
+    others = _apart(sizes)
+    if np.count_nonzero(others) < max(FEWEST, least * len(fit.frames)):
         return ""
     residuals = np.abs(fit.standardised_residuals)
     of_these, of_kept = (
-        float(np.median(residuals[np.isin(rows.frame, fit.frames[own])])) for own in (alike, ~out)
+        float(np.median(residuals[np.isin(rows.frame, frames[own])])) for own in (others, ~others)
     )
-    if of_these > 2.0 * of_kept:
+    if of_these > WORSE * of_kept:
         return ""
-    frames = fit.frames[alike].tolist()
-    named = ", ".join(map(str, frames[:MOST_NAMED])) + (", ..." if frames[MOST_NAMED:] else "")
-    held = "board" if fit.dataset.board else "bar"
+    factor = float(np.exp(np.median(sizes[others]) - np.median(sizes[~others])))
+    named = ", ".join(map(str, frames[others][:MOST_NAMED]))
+    named += ", ..." if np.count_nonzero(others) > MOST_NAMED else ""
+    held = word_of(fit.dataset)
     return (
-        f"In {count(len(frames), 'frame')} ({named}) the {held} is "
-        f"{rounded(float(np.exp(middle)), 3)} times as large as in the others: is it another "
+        f"In {count(int(np.count_nonzero(others)), 'frame')} ({named}) the {held} is "
+        f"{rounded(factor, 3)} times as large as in the others: is it another "
         f"{held}? Give the frames of each as a recording of its own."
     )
+
+
+def _apart(sizes: FloatArray) -> BoolArray:
+    """(f,): which of sizes (f,), in logarithms, are of the smaller one of two groups, each of which
+    scatters far less than they differ; none if there are no two."""
+    order, none = np.argsort(sizes), np.zeros(len(sizes), dtype=np.bool_)
+    if len(sizes) < 2 * FEWEST:
+        return none
+    sums, lower = np.cumsum(sizes[order]), np.arange(1, len(sizes))
+    means = sums[:-1] / lower, (sums[-1] - sums[:-1]) / (len(sizes) - lower)
+    between = lower * (len(sizes) - lower) * np.square(means[1] - means[0])
+    low = none.copy()
+    low[order[: lower[between.argmax()]]] = True
+    # As many frames: those that the fit does not follow, whose sizes are farther from the stated.
+    middles = [float(np.median(sizes[own])) for own in (low, ~low)]
+    ranks = [(-np.count_nonzero(own), abs(m)) for own, m in zip((low, ~low), middles, strict=True)]
+    away = abs(middles[1] - middles[0])
+    for own, middle in zip((low, ~low), middles, strict=True):
+        alike = np.abs(sizes[own] - middle) < ALIKE * away
+        if np.mean(alike) < MOST_ALIKE:
+            return none
+    return (low if ranks[0] > ranks[1] else ~low) if away > OTHER_SIZE else none
 
 
 def _poses(dataset: Dataset) -> _Poses:
@@ -166,15 +294,20 @@ def _step(poses: _Poses) -> int:
     return found
 
 
-def _parts_fit_better(fit: RefinedResult, first: int) -> bool:
-    """Whether the frames before `first` and those from it on fit better each by themselves."""
+def _parts(fit: RefinedResult, first: int) -> list[RefinedResult]:
+    """Fits of the frames before `first` and of those from it on; empty where one fails."""
     frames = fit.dataset.correspondences.frames
-    parts = []
-    for own in (frames[frames < first], frames[frames >= first]):
-        try:
-            parts.append(refine(fit.dataset.of_frames(own), fit.settings))
-        except StereocalError:
-            return False
+    try:
+        return [
+            refine(fit.dataset.of_frames(own), fit.settings)
+            for own in (frames[frames < first], frames[frames >= first])
+        ]
+    except StereocalError:
+        return []
+
+
+def _fits_better(fit: RefinedResult, parts: Sequence[RefinedResult], factor: float) -> bool:
+    """Whether the parts of a recording fit so many times better each by themselves."""
     noise = min(float(part.sigma_px.value) for part in (fit, *parts))
 
     def cost(part: RefinedResult) -> float:
@@ -183,4 +316,4 @@ def _parts_fit_better(fit: RefinedResult, first: int) -> bool:
             np.minimum(part.chi_squares * (part.sigma_px.value / noise) ** 2, limits).sum()
         )
 
-    return cost(fit) > BETTER * sum(map(cost, parts))
+    return bool(parts) and cost(fit) > factor * sum(map(cost, parts))

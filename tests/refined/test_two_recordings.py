@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.diagnosis import refuse_two_recordings
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
-from stereocal.refined.screening import screen
+from stereocal.refined.screening import screened
 from stereocal.refined.stated_inputs import far_off
 from stereocal.refined.stretched_board import stretched_board
 from stereocal.refined.two_recordings import other_size
@@ -31,18 +31,17 @@ def data(pair: BoardPair) -> Dataset:
 def test_moved_camera_is_told_with_its_frame() -> None:
     spoiled = moved(PAIR, np.random.default_rng(2), 1.0)
     with pytest.raises(StereocalError, match=r"A camera moved between frames [789] "):
-        refuse_two_recordings(screen(data(spoiled)))
+        screened(data(spoiled), CalibrationSettings())
 
 
 def test_another_board_is_told() -> None:
     spoiled = board_of(PAIR, np.array([1.15, 1.15]), second_half=True)
     with pytest.raises(StereocalError, match=r"the board is 1\.1\d times as large"):
-        refuse_two_recordings(screen(data(spoiled)))
+        screened(data(spoiled), CalibrationSettings())
 
 
 def test_sound_recording_is_one() -> None:
-    found = screen(data(PAIR))
-    refuse_two_recordings(found)
+    found = screened(data(PAIR), CalibrationSettings())
     assert not found.together
 
 
@@ -70,9 +69,7 @@ def test_bars_that_are_longer_and_shorter_are_no_other_bar() -> None:
     lengths = fit.dataset.bar_distances_m * np.exp(logs)
     rows = fit.dataset.correspondences
     stated = replace(rows, distance_m=np.repeat(lengths, 2))
-    assert not other_size(
-        replace(fit, dataset=replace(fit.dataset, correspondences=stated)), logs != 0
-    )
+    assert not other_size(replace(fit, dataset=replace(fit.dataset, correspondences=stated)))
 
 
 def test_camera_that_sees_all_corners_at_one_place_ends_in_no_traceback() -> None:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from tests.rigs.board_pairs import BoardPair
-from tests.rigs.culprits import lexical
+from tests.rigs.pair_mistakes import lexical
 
 Spoil = Callable[[BoardPair, np.random.Generator], BoardPair]
 

@@ -1,9 +1,7 @@
-"""Recordings with one thing wrong, on rigs of several kinds, and sound ones of each."""
+"""Sound recordings of rigs of several kinds, and what is said of a recording."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,28 +9,31 @@ from scipy.spatial.transform import Rotation
 from stereocal.errors import StereocalError
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.disagreement import compare_inputs
-from stereocal.rig.camera import CAMERAS, Camera, CameraName
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import Scene, lens_off_by, observe, place_bars
+from tests.fisheye_rig import fisheye
 from tests.rigs.moving_bar import move_bar, record
 from tests.rigs.refined_rigs import Misjudged, misjudged, random_rig
 
 OFF = Misjudged()
 SEED = 38
-Change = Callable[[Dataset, np.random.Generator], Dataset]
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of rig, with the bar and its depths, in metres."""
+    """A kind of rig, with the bar and its depths, in metres, and what is seen of it."""
 
     cameras: Callable[[np.random.Generator], Rig]
     bar_m: float
     depths_m: tuple[float, float]
+    frames: int = 25
+    noise_px: float = OFF.noise_px
+    light_px: float = 0.0
+    """By how much light from the side moves the centres of balls, in the root mean square."""
 
 
 def camera(focal: float, k1: float, shift: float = 0.0, width: int = 1920) -> Camera:
@@ -81,171 +82,88 @@ KINDS: Mapping[str, Kind] = {
         (1.5, 5.0),
     ),
     "facing each other": Kind(facing, 0.5, (2.0, 4.0)),
+    "balls": Kind(random_rig, 0.6, (2.5, 7.0), 40, 0.03, 0.14),
+    "tags": Kind(random_rig, 0.5, (2.0, 5.0), 30, 0.03),
+    "fisheyes": Kind(
+        lambda rng: toed_in(rng, drawn_fisheye(rng), drawn_fisheye(rng), 1.0, 3.0),
+        0.4,
+        (0.7, 4.0),
+        40,
+        0.3,
+    ),
 }
+"""Of balls and tags with the noise and about the frames that photographs of them give
+(docs/photographs.md); fisheyes of 120 to 175 degrees."""
+PAIRS = tuple(KINDS)[:6]
+
+
+def drawn_fisheye(rng: np.random.Generator) -> Camera:
+    """A fisheye of 120 to 175 degrees, its centre about 20 px off that of the image."""
+    lens = fisheye(float(rng.uniform(120.0, 175.0)), float(rng.uniform(0.6, 1.1)))
+    return lens_off_by(lens, 0.0, tuple(20.0 * rng.standard_normal(2)))
 
 
 def sound(
-    kind: str, number: int, frames: int = 25, noise_px: float = OFF.noise_px
+    kind: str, number: int, frames: int | None = None, noise_px: float | None = None
 ) -> tuple[Scene, Dataset, np.random.Generator]:
     """The truth of a rig, what is given of it, and more randomness."""
     it, rng = KINDS[kind], np.random.default_rng([number, SEED, [*KINDS].index(kind)])
-    scene = place_bars(it.cameras(rng), rng, frames, it.bar_m, it.depths_m)
+    scene = bars_of(it, it.cameras(rng), rng, frames or it.frames)
     nominal = misjudged(scene.rig, it.bar_m, rng, replace(OFF, baseline_m=1e-3))
-    return scene, observe(scene, rng, noise_px, f"{kind} {number}", nominal), rng
+    noise = it.noise_px if noise_px is None else noise_px
+    data = observe(scene, rng, noise, f"{kind} {number}", nominal)
+    return scene, lit(data, it.light_px, rng), rng
 
 
-def _which(rng: np.random.Generator) -> CameraName:
-    return CAMERAS[int(rng.integers(2))]
+def bars_of(it: Kind, rig: Rig, rng: np.random.Generator, frames: int) -> Scene:
+    """Bars at random places, of a fisheye within 74 degrees of its axis."""
+    if not rig.primary.is_fisheye:
+        return place_bars(rig, rng, frames, it.bar_m, it.depths_m)
+    scene = place_bars(rig, rng, 3 * frames, it.bar_m, it.depths_m)
+    within = np.ones(3 * frames, dtype=bool)
+    for points in scene.points_m:
+        away = np.hypot(points[:, 0], points[:, 1]) / points[:, 2]
+        within &= (away < np.tan(np.radians(74.0))).reshape(-1, 2).all(axis=1)
+    return replace(scene, ends_m=scene.ends_m[within][:frames])
 
 
-def _points(data: Dataset, **changed: FloatArray) -> Dataset:
-    points: dict[str, Any] = {**changed}
-    return replace(data, correspondences=replace(data.correspondences, **points))
+def lit(data: Dataset, light_px: float, rng: np.random.Generator) -> Dataset:
+    """The centres of balls moved towards the light, alike in all photographs but for a half."""
+    if not light_px:
+        return data
+    rows, turn = data.correspondences, rng.uniform(0.0, 2 * np.pi)
+    sizes = light_px * (0.7 * rng.standard_normal() + 0.7 * rng.standard_normal((2, len(rows), 1)))
+    moves = sizes * np.array([np.cos(turn), np.sin(turn)])
+    moved = replace(rows, primary=rows.primary + moves[0], secondary=rows.secondary + moves[1])
+    return replace(data, correspondences=moved)
 
 
-def mirrored(data: Dataset, rng: np.random.Generator, axis: int = 0) -> Dataset:
-    """The columns (0) or rows (1) of one camera counted from the other side."""
-    which = _which(rng)
-    points = getattr(data.correspondences, which).copy()
-    points[:, axis] = getattr(data, which).image_size[axis] - 1 - points[:, axis]
-    return _points(data, **{which: points})
-
-
-def cropped(data: Dataset, rng: np.random.Generator) -> Dataset:
-    """The outer columns of one camera cut off, an eighth on each side, of which its file tells
-    nothing: only bars that are left."""
-    which = _which(rng)
-    width = getattr(data, which).image_size[0]
-    points = getattr(data.correspondences, which) - [width / 8, 0.0]
-    kept = (points[:, 0] >= 0) & (points[:, 0] <= 0.75 * width - 1)
-    frames = data.correspondences.frames
-    kept = np.array([kept[data.correspondences.frame == frame].all() for frame in frames])
-    return _points(data, **{which: np.maximum(points, -0.5)}).of_frames(frames[kept])
-
-
-def camera_by_camera(data: Dataset, _: np.random.Generator) -> Dataset:
-    """The columns of a wand table, A and B of each camera, read as both cameras of A and of B."""
-    rows = data.correspondences
-    a, b = rows.bars.T
-    primary, secondary = rows.primary.copy(), rows.secondary.copy()
-    secondary[a], primary[b] = rows.primary[b], rows.secondary[a]
-    return _points(data, primary=primary, secondary=secondary)
-
-
-def reordered(order: Callable[[int], list[int]]) -> Change:
-    """The frames of one camera in another order, given by their places."""
-
-    def change(data: Dataset, rng: np.random.Generator) -> Dataset:
-        rows, which = data.correspondences, _which(rng)
-        places = np.array(order(len(rows.frames)))
-        points = getattr(rows, which).reshape(-1, 2, 2)
-        changed = _points(data, **{which: points[places % len(points)].reshape(-1, 2)})
-        return changed.of_frames(rows.frames[(places >= 0) & (places < len(points))])
-
-    return change
-
-
-def lexical(count: int) -> list[int]:
-    """1, 10, 11, ... 2, 20: the places of frames sorted as words."""
-    return sorted(range(count), key=lambda place: str(place + 1))
-
-
-def slipped(count: int) -> list[int]:
-    """One frame less at the start of a camera."""
-    return [place + 1 for place in range(count)]
-
-
-def copied(data: Dataset, rng: np.random.Generator, share: float = 0.2) -> Dataset:
-    """A share of the frames of one camera are others of its frames, saved once more."""
-    which, rows = _which(rng), data.correspondences
-    points = getattr(rows, which).reshape(-1, 2, 2).copy()
-    count = round(share * len(points))
-    order = rng.permutation(len(points))
-    points[order[:count]] = points[rng.choice(order[count:], count)]
-    return _points(data, **{which: points.reshape(-1, 2)})
-
-
-def files_exchanged(data: Dataset, _: np.random.Generator) -> Dataset:
-    """The camera files exchanged, with the image sizes where they belong."""
-    one, two = data.primary, data.secondary
-    return replace(
-        data,
-        primary=replace(two, image_size=one.image_size),
-        secondary=replace(one, image_size=two.image_size),
-    )
-
-
-def zoomed(data: Dataset, rng: np.random.Generator) -> Dataset:
-    """The file of one camera is of a focal length half as long again."""
-    which = _which(rng)
-    lens: dict[str, Any] = {which: lens_off_by(getattr(data, which), 0.5, (0.0, 0.0))}
-    return replace(data, **lens)
-
-
-def unrelated(data: Dataset, rng: np.random.Generator) -> Dataset:
-    """The frames of one camera in no order: nothing given otherwise would fit."""
-    return reordered(lambda count: rng.permutation(count).tolist())(data, rng)
-
-
-def waved(number: int, offset: float, every: int = 1) -> Dataset:
+def waved(
+    number: int,
+    offset: float,
+    every: int = 1,
+    kind: str | None = None,
+    frames: int = 80,
+    noise_px: float | None = None,
+) -> Dataset:
     """A waved bar, seen by a secondary camera that is late by a part of a frame.
 
     Args:
         every: of so many frames one was kept, and numbered by itself.
+        kind: None for the first four in turn.
     """
-    kind = [*KINDS][number % 4]
-    it, rng = KINDS[kind], np.random.default_rng([number, SEED, 1])
+    name = kind or [*KINDS][number % 4]
+    it, rng = KINDS[name], np.random.default_rng([number, SEED, 1])
     between = int(rng.choice([12, 20, 30]))
-    bar = move_bar(it.cameras(rng), rng, 80 * every, it.bar_m, it.depths_m, between)
+    bar = move_bar(it.cameras(rng), rng, frames * every, it.bar_m, it.depths_m, between)
     nominal = misjudged(bar.rig, it.bar_m, rng, replace(OFF, baseline_m=1e-3))
-    data = record(bar, rng, OFF.noise_px, f"late {number}", TimeOffset(offset), nominal)
+    noise = it.noise_px if noise_px is None else noise_px
+    data = record(bar, rng, noise, f"late {number}", TimeOffset(offset), nominal)
+    data = lit(data, it.light_px, rng)
     rows = data.correspondences
     kept = rows.where(rows.time_frame % every == 0)
     frame = np.searchsorted(kept.frames, kept.frame) + 1
     return replace(data, correspondences=replace(kept, frame=frame, time_frame=frame))
-
-
-@dataclass(frozen=True)
-class Mistake:
-    """What is wrong, and the words that name it; one of them must stand in what is said."""
-
-    change: Change | None
-    names: tuple[str, ...]
-    frames: int = 25
-    kinds: tuple[str, ...] = ("unlike cameras", "like cameras", "wide, 90 degrees")
-    every: int = 1
-    """Without a change: of a waved bar, 0.3 frames late."""
-
-    def data(self, number: int) -> Dataset:
-        """A recording with the mistake."""
-        if self.change is None:
-            return waved(number, 0.3, self.every)
-        _, data, rng = sound(self.kinds[number % len(self.kinds)], number, self.frames)
-        return self.change(data, rng)
-
-    def named(self, number: int) -> bool:
-        """Whether what is said of a recording with the mistake names it."""
-        said = " | ".join(accusations_of(self.data(number)))
-        return any(name in said for name in self.names)
-
-
-LIKE = "like cameras", "wide, 90 degrees"
-"""Images of one size: points of one camera are in those of the other."""
-MISTAKES: Mapping[str, Mistake] = {
-    "one camera mirrored": Mistake(mirrored, ("mirrored",)),
-    "one camera counted from below": Mistake(partial(mirrored, axis=1), ("from below",)),
-    "a crop of an eighth on each side": Mistake(cropped, ("image centre",), 70),
-    "a wand table camera by camera": Mistake(camera_by_camera, ("camera by camera",), kinds=LIKE),
-    "frames in the order of words": Mistake(reordered(lexical), ("order of words",)),
-    "one frame less": Mistake(reordered(slipped), ("counted 1 apart",)),
-    "a fifth of the frames copied": Mistake(copied, ("copied",)),
-    "half of the frames copied": Mistake(partial(copied, share=0.5), ("copied",)),
-    "camera files exchanged": Mistake(files_exchanged, ("exchanged",), kinds=("unlike cameras",)),
-    "file of another zoom": Mistake(zoomed, ("focal length",)),
-    "0.3 frames late": Mistake(None, ("out of step", "same moment")),
-    "0.3 frames late, every tenth frame kept": Mistake(None, ("out of step",), every=10),
-    "frames in no order": Mistake(unrelated, ("cannot tell",)),
-}
 
 
 def accusations_of(data: Dataset) -> tuple[str, ...]:

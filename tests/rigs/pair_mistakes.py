@@ -1,0 +1,316 @@
+"""What goes wrong with a recording of two cameras and a bar, balls or tags, one thing at a time."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from stereocal.errors import StereocalError
+from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensUncertainty
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
+from stereocal.simulation.simulate import lens_off_by
+from tests.rigs.culprits import OFF, accusations_of, sound, waved
+from tests.rigs.mistakes import flipped, scaled
+
+Change = Callable[[Dataset, np.random.Generator], Dataset]
+
+
+def _which(rng: np.random.Generator) -> CameraName:
+    return CAMERAS[int(rng.integers(2))]
+
+
+def _points(data: Dataset, **changed: FloatArray) -> Dataset:
+    points: dict[str, Any] = {**changed}
+    return data.with_points(replace(data.correspondences, **points))
+
+
+def mirrored(data: Dataset, rng: np.random.Generator, axis: int = 0) -> Dataset:
+    """The columns (0) or rows (1) of one camera counted from the other side."""
+    which = _which(rng)
+    points = getattr(data.correspondences, which).copy()
+    points[:, axis] = getattr(data, which).image_size[axis] - 1 - points[:, axis]
+    return _points(data, **{which: points})
+
+
+def cropped(data: Dataset, rng: np.random.Generator) -> Dataset:
+    """The outer columns of one camera cut off, an eighth on each side, of which its file tells
+    nothing: only bars that are left."""
+    which = _which(rng)
+    width = getattr(data, which).image_size[0]
+    points = getattr(data.correspondences, which) - [width / 8, 0.0]
+    kept = (points[:, 0] >= 0) & (points[:, 0] <= 0.75 * width - 1)
+    frames = data.correspondences.frames
+    kept = np.array([kept[data.correspondences.frame == frame].all() for frame in frames])
+    return _points(data, **{which: np.maximum(points, -0.5)}).of_frames(frames[kept])
+
+
+def camera_by_camera(data: Dataset, _: np.random.Generator) -> Dataset:
+    """The columns of a wand table, A and B of each camera, read as both cameras of A and of B."""
+    rows = data.correspondences
+    a, b = rows.bars.T
+    primary, secondary = rows.primary.copy(), rows.secondary.copy()
+    secondary[a], primary[b] = rows.primary[b], rows.secondary[a]
+    return _points(data, primary=primary, secondary=secondary)
+
+
+def reordered(order: Callable[[int], list[int]]) -> Change:
+    """The frames of one camera in another order, given by their places."""
+
+    def change(data: Dataset, rng: np.random.Generator) -> Dataset:
+        rows, which = data.correspondences, _which(rng)
+        places = np.array(order(len(rows.frames)))
+        points = getattr(rows, which).reshape(-1, 2, 2)
+        changed = _points(data, **{which: points[places % len(points)].reshape(-1, 2)})
+        return changed.of_frames(rows.frames[(places >= 0) & (places < len(points))])
+
+    return change
+
+
+def lexical(count: int) -> list[int]:
+    """1, 10, 11, ... 2, 20: the places of frames sorted as words."""
+    return sorted(range(count), key=lambda place: str(place + 1))
+
+
+def slipped(count: int) -> list[int]:
+    """One frame less at the start of a camera."""
+    return [place + 1 for place in range(count)]
+
+
+def copied(data: Dataset, rng: np.random.Generator, share: float = 0.2) -> Dataset:
+    """A share of the frames of one camera are others of its frames, saved once more."""
+    which, rows = _which(rng), data.correspondences
+    points = getattr(rows, which).reshape(-1, 2, 2).copy()
+    count = round(share * len(points))
+    order = rng.permutation(len(points))
+    points[order[:count]] = points[rng.choice(order[count:], count)]
+    return _points(data, **{which: points.reshape(-1, 2)})
+
+
+def files_exchanged(data: Dataset, _: np.random.Generator) -> Dataset:
+    """The camera files exchanged, with the image sizes where they belong."""
+    one, two = data.primary, data.secondary
+    return replace(
+        data,
+        primary=replace(two, image_size=one.image_size),
+        secondary=replace(one, image_size=two.image_size),
+    )
+
+
+def zoomed(data: Dataset, rng: np.random.Generator) -> Dataset:
+    """The file of one camera is of a focal length half as long again."""
+    which = _which(rng)
+    lens: dict[str, Any] = {which: lens_off_by(getattr(data, which), 0.5, (0.0, 0.0))}
+    return replace(data, **lens)
+
+
+def unrelated(data: Dataset, rng: np.random.Generator) -> Dataset:
+    """The frames of one camera in no order: nothing given otherwise would fit."""
+    return reordered(lambda count: rng.permutation(count).tolist())(data, rng)
+
+
+def of_lenses(change: Callable[[Camera], Camera], both: bool = False) -> Change:
+    """The files of one camera, or of both, changed."""
+
+    def changed(data: Dataset, rng: np.random.Generator) -> Dataset:
+        cameras = CAMERAS if both else (_which(rng),)
+        lenses: dict[str, Any] = {which: change(getattr(data, which)) for which in cameras}
+        return replace(data, **lenses)
+
+    return changed
+
+
+def of_points(change: Callable[[FloatArray, Camera], FloatArray], both: bool = False) -> Change:
+    """The points of one camera, or of both, changed; frames that leave the image are lost."""
+
+    def changed(data: Dataset, rng: np.random.Generator) -> Dataset:
+        rows, points = data.correspondences, dict[str, FloatArray]()
+        lost = np.zeros(len(rows), dtype=bool)
+        for which in CAMERAS if both else (_which(rng),):
+            camera = getattr(data, which)
+            own = change(getattr(rows, which), camera)
+            lost |= ~((own >= 0) & (own <= np.array(camera.image_size) - 1)).all(axis=1)
+            points[which] = np.where(lost[:, None], 0.0, own)
+        kept = np.setdiff1d(rows.frames, rows.frame[lost])
+        return _points(data, **points).of_frames(kept)
+
+    return changed
+
+
+def upside_down(points: FloatArray, camera: Camera) -> FloatArray:
+    """Images of a camera that stood on its head, turned by the program that recorded them."""
+    return np.array(camera.image_size) - 1.0 - points
+
+
+def from_the_right(points: FloatArray, camera: Camera) -> FloatArray:
+    """u counted from the right."""
+    return np.column_stack([camera.image_size[0] - 1 - points[:, 0], points[:, 1]])
+
+
+def lengths(baseline: float = 1.0, bar: float = 1.0) -> Change:
+    """Lengths stated so many times too large."""
+    return lambda data, _: replace(
+        data, baseline_m=baseline * data.baseline_m, target_distance_m=bar * data.target_distance_m
+    )
+
+
+def _known(data: Dataset) -> Dataset:
+    """The data set with the uncertainties of its lenses."""
+    lenses: dict[str, Any] = {}
+    for which in CAMERAS:
+        camera = getattr(data, which)
+        focal, k = OFF.focal * camera.K[0, 0], np.zeros(len(camera.distortion))
+        sigma = LensUncertainty(focal, focal, OFF.centre_px, OFF.centre_px, k)
+        lenses[which] = replace(camera, uncertainty=sigma)
+    return replace(data, **lenses)
+
+
+def sure(change: Change) -> Change:
+    """What is stated with its uncertainties, of which the change takes no account."""
+
+    def changed(data: Dataset, rng: np.random.Generator) -> Dataset:
+        sigmas: dict[str, Any] = {"baseline_sigma_m": 1e-3, "target_distance_sigma_m": OFF.bar_m}
+        return replace(change(_known(data), rng), **sigmas)
+
+    return changed
+
+
+def file_twice(data: Dataset, _: np.random.Generator) -> Dataset:
+    """The primary's file for both cameras."""
+    return replace(data, secondary=replace(data.primary, image_size=data.secondary.image_size))
+
+
+def points_twice(data: Dataset, _: np.random.Generator) -> Dataset:
+    """The primary's points for both cameras."""
+    return _points(data, secondary=data.correspondences.primary.copy())
+
+
+def targets_exchanged(data: Dataset, _: np.random.Generator) -> Dataset:
+    """A and B exchanged in one camera."""
+    return data.with_targets_exchanged(data.correspondences.frames)
+
+
+def moved(data: Dataset, rng: np.random.Generator, degrees: float = 2.0) -> Dataset:
+    """One camera turned from the middle on."""
+    rows, which = data.correspondences, _which(rng)
+    axis = rng.standard_normal(3)
+    turn = Rotation.from_rotvec(np.radians(degrees) * axis / np.linalg.norm(axis))
+    later = rows.frame > np.median(rows.frames)
+
+    def turned(points: FloatArray, camera: Camera) -> FloatArray:
+        rays = np.column_stack([camera.undistort(points), np.ones(len(points))])
+        return np.where(later[:, None], camera.project(turn.apply(rays)), points)
+
+    only = of_points(turned)
+    return only(data, np.random.default_rng(0 if which == "primary" else 3))
+
+
+def another_bar(data: Dataset, _: np.random.Generator) -> Dataset:
+    """In the second half the stated length is that of another bar, 1.2 times as long."""
+    rows = data.correspondences
+    later = rows.frame > np.median(rows.frames)
+    lengths_m = data.target_distance_m * np.where(later, 1.2, 1.0)
+    return replace(data, correspondences=replace(rows, distance_m=lengths_m))
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """What is wrong, and the words that name it; one of them must stand in what is said."""
+
+    change: Change | None
+    names: tuple[str, ...]
+    frames: int | None = None
+    kinds: tuple[str, ...] = ("unlike cameras", "like cameras", "wide, 90 degrees")
+    every: int = 1
+    """Without a change: of a waved bar, 0.3 frames late."""
+    harmless: bool = False
+    """Whether lengths stay right, measured in images that are spoiled in the same way."""
+
+    def data(self, number: int, kind: str | None = None) -> Dataset:
+        """A recording with the mistake.
+
+        Raises:
+            StereocalError: the data set is impossible.
+        """
+        if self.change is None:
+            return waved(number, 0.3, self.every, kind)
+        of_kind = kind or self.kinds[number % len(self.kinds)]
+        _, data, rng = sound(of_kind, number, self.frames)
+        return self.change(data, rng)
+
+    def said(self, number: int, kind: str | None = None) -> tuple[str, ...]:
+        """What is said of a recording with the mistake."""
+        try:
+            return accusations_of(self.data(number, kind))
+        except StereocalError as error:
+            return (str(error),)
+
+    def named(self, number: int) -> bool:
+        """Whether what is said of a recording with the mistake names it."""
+        said = " | ".join(self.said(number))
+        return any(name in said for name in self.names)
+
+
+LIKE = "like cameras", "wide, 90 degrees"
+"""Images of one size: points of one camera are in those of the other."""
+OF_FISHEYES = ("more than 75 degrees",)
+"""Of most points: the message names the camera, and asks to check its file."""
+UNLIKE = ("unlike cameras",)
+FOCAL = "focal length", "primary focal", "secondary focal", "focal lengths"
+MISTAKES: Mapping[str, Mistake] = {
+    "one camera mirrored": Mistake(mirrored, ("mirrored",)),
+    "one camera counted from below": Mistake(partial(mirrored, axis=1), ("from below",)),
+    "a crop of an eighth on each side": Mistake(cropped, ("image centre",), 70),
+    "a wand table camera by camera": Mistake(camera_by_camera, ("camera by camera",), kinds=LIKE),
+    "frames in the order of words": Mistake(reordered(lexical), ("order of words",)),
+    "one frame less": Mistake(reordered(slipped), ("counted 1 apart",)),
+    "a fifth of the frames copied": Mistake(copied, ("copied",)),
+    "half of the frames copied": Mistake(partial(copied, share=0.5), ("copied",)),
+    "camera files exchanged": Mistake(files_exchanged, ("exchanged",), kinds=UNLIKE),
+    "file of another zoom": Mistake(zoomed, ("focal length",)),
+    "0.3 frames late": Mistake(None, ("out of step", "same moment")),
+    "0.3 frames late, every tenth frame kept": Mistake(None, ("out of step",), every=10),
+    "frames in no order": Mistake(unrelated, ("cannot tell",)),
+    "one camera upside down": Mistake(
+        of_points(upside_down), ("mirrored", "from below", "head"), harmless=True
+    ),
+    "both cameras mirrored": Mistake(
+        of_points(from_the_right, True), ("mirrored", "centre"), harmless=True
+    ),
+    "one camera's points of half size": Mistake(
+        of_points(lambda points, _: 0.5 * points), ("images of about", "times as large")
+    ),
+    "all points at 75 %": Mistake(
+        of_points(lambda points, _: 0.75 * points, True), ("images of about", "times as large")
+    ),
+    "u and v exchanged in one camera": Mistake(
+        of_points(lambda points, _: points[:, ::-1]), ("u and v",)
+    ),
+    "K of half the image": Mistake(
+        of_lenses(partial(scaled, factor=0.5)), ("times as large", "matrix K", *OF_FISHEYES, *FOCAL)
+    ),
+    "K of twice the image": Mistake(
+        of_lenses(partial(scaled, factor=2.0)), ("times as large", "matrix K", *FOCAL)
+    ),
+    "distortion of one camera of the other sign": Mistake(
+        of_lenses(flipped), ("distortion", *OF_FISHEYES)
+    ),
+    "distortion of both of the other sign": Mistake(
+        of_lenses(flipped, True), ("distortion", *OF_FISHEYES)
+    ),
+    "focal length 2 % too long": Mistake(
+        sure(of_lenses(lambda camera: lens_off_by(camera, 0.02, (0.0, 0.0)))), FOCAL
+    ),
+    "baseline 3 % too long": Mistake(sure(lengths(1.03)), ("baseline", "distance")),
+    "bar 2 % too long": Mistake(sure(lengths(bar=1.02)), ("baseline", "distance")),
+    "baseline in cm": Mistake(lengths(100.0), ("centimetres", "millimetres")),
+    "bar in mm": Mistake(lengths(bar=1000.0), ("millimetres",)),
+    "one file for both cameras": Mistake(file_twice, ("same lens", *FOCAL), kinds=UNLIKE),
+    "the same points in both cameras": Mistake(points_twice, ("same points",), kinds=LIKE),
+    "targets exchanged in one camera": Mistake(targets_exchanged, ("A and B seem",)),
+    "a camera moved half-way": Mistake(moved, ("moved",)),
+    "another bar from half-way on": Mistake(another_bar, ("times as l", "another")),
+}
