@@ -17,6 +17,7 @@ from concurrent.futures import Executor
 from contextlib import closing, suppress
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from itertools import chain, zip_longest
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -355,7 +356,7 @@ def evaluate(
     """
     for dataset in datasets:
         check_split(dataset, settings.calibration_frames)
-    tasks = _tasks(datasets, settings, chunk)
+    tasks = tasks_of_runs(datasets, settings, chunk)
     total = settings.runs * len(datasets)
     by_dataset: list[list[RunCounts]] = [[] for _ in datasets]
     with closing(run_tasks(tasks, executor, total, progress, earlier)) as finished:
@@ -365,22 +366,32 @@ def evaluate(
     return by_dataset
 
 
-def _tasks(
-    datasets: Sequence[Dataset], settings: EvaluationSettings, chunk: int | None
+def tasks_of_runs(
+    datasets: Sequence[Dataset],
+    settings: EvaluationSettings,
+    chunk: int | None = None,
+    frames_at_once: int = FRAMES_AT_ONCE,
 ) -> Iterator[Task[list[RunCounts]]]:
-    """Their keys are digests of everything that the runs depend on, and the runs' numbers."""
+    """Their keys are digests of everything that the runs depend on, and the runs' numbers.
+
+    The data sets take turns, so that the first runs are of all of them.
+    """
     protocol = {name: value for name, value in settings.to_json().items() if name != "runs"}
-    for number, dataset in enumerate(datasets):
+
+    def tasks(number: int, dataset: Dataset) -> Iterator[Task[list[RunCounts]]]:
         sigmas = [dataset.baseline_sigma_m, dataset.target_distance_sigma_m]
         content = json.dumps([dataset.sha256, sigmas, protocol, number], sort_keys=True)
         digest = hashlib.sha256(content.encode()).hexdigest()[:32]
         whole = WholeFit(dataset, settings.refined)
-        few = max(1, FRAMES_AT_ONCE // len(dataset.correspondences.frames))
+        few = max(1, frames_at_once // len(dataset.correspondences.frames))
         size = chunk or min(MOST_RUNS_AT_ONCE, few)
         for first in range(0, settings.runs, size):
             runs = range(first, min(first + size, settings.runs))
             key = f"{digest} {runs.start}-{runs.stop}"
             yield Task(evaluate_runs, (dataset, settings, number, runs, whole), len(runs), key)
+
+    in_turn = zip_longest(*(tasks(number, dataset) for number, dataset in enumerate(datasets)))
+    return (task for task in chain.from_iterable(in_turn) if task is not None)
 
 
 def evaluate_runs(

@@ -14,7 +14,9 @@ from stereocal.figures.style import CORRECT_COLOUR, WRONG_COLOUR, scatter
 from stereocal.figures.validation_panels import Panel, PanelColumn
 
 PANEL_HEIGHT, SPACING = 190, 0.065
+LEFT_WIDTH = 75
 LEGEND_LINE, LINE_HEIGHT, FOOT_HEIGHT = 24, 17, 80
+QUICK = {"automargin": False, "ticklabeloverflow": "allow"}
 HATCH = {"shape": "/", "fillmode": "replace", "size": 6, "solidity": 0.3, "fgcolor": WRONG_COLOUR}
 
 
@@ -42,7 +44,7 @@ def plot_validation(
         "height": top + inside + FOOT_HEIGHT,
         "hovermode": "x",
         "dragmode": False,
-        "margin": {**style.LAYOUT["margin"], "t": top, "b": FOOT_HEIGHT},
+        "margin": {**style.LAYOUT["margin"], "l": LEFT_WIDTH, "t": top, "b": FOOT_HEIGHT},
         "legend": {**style.LAYOUT["legend"], **of_container},
         "annotations": [_title(panel) for panel in panels],
         "shapes": [_frame(panel) for panel in panels if panel.standing == "best"],
@@ -76,12 +78,19 @@ def _axes(
         range=list(column.span),
         showticklabels=lowest,
         tickangle=0,
+        **QUICK,
         dtick=1 if column.labels_all else 2,
         exponentformat="power" if panel.quantity == "residual" else "none",
         minor={"ticks": "outside", "ticklen": 2, "dtick": "D1"},
     )
     title = f"<b>{METHOD_NAMES[panel.method]}</b><br>Density per decade" if first else None
-    own = {"domain": up, "anchor": f"x{panel.axis}", "range": [0, 1.22 * column.most], "nticks": 5}
+    own = {
+        "domain": up,
+        "anchor": f"x{panel.axis}",
+        "range": [0, 1.22 * column.most],
+        "nticks": 5,
+        **QUICK,
+    }
     return {f"xaxis{panel.axis}": x, f"yaxis{panel.axis}": style.axis_of(title, **own)}
 
 

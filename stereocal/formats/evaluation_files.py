@@ -132,7 +132,11 @@ class Evaluation:
     @cached_property
     def digest(self) -> str:
         """SHA-256 of the content: equal for an evaluation that was read again."""
-        return hashlib.sha256(pack_evaluation(self)).hexdigest()
+        found = hashlib.sha256()  # uncompressed, which takes a tenth of the time
+        for name, array in _content(self).items():
+            found.update(f"{name} {array.shape} {array.dtype}".encode())
+            found.update(np.ascontiguousarray(array).data)
+        return found.hexdigest()
 
     def is_of(self, datasets: Sequence[Dataset]) -> bool:
         """Whether it is of these data sets, in this order."""
@@ -146,18 +150,21 @@ class Evaluation:
 
 def pack_evaluation(evaluation: Evaluation) -> bytes:
     """An evaluation as one compressed file of plain arrays."""
-    runs = evaluation.runs
+    packed = io.BytesIO()
+    np.savez_compressed(packed, **_content(evaluation))
+    return packed.getvalue()
+
+
+def _content(evaluation: Evaluation) -> dict[str, Any]:
     about = {
         "settings": evaluation.settings.to_json(),
         "names": list(evaluation.names),
         "sha256": list(evaluation.sha256),
     }
     arrays: dict[str, Any] = {"about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)}
-    for at, of_one in enumerate(runs):
+    for at, of_one in enumerate(evaluation.runs):
         arrays |= _arrays(of_one, at)
-    packed = io.BytesIO()
-    np.savez_compressed(packed, **arrays)
-    return packed.getvalue()
+    return arrays
 
 
 def _arrays(runs: Sequence[RunCounts], number: int) -> dict[str, Any]:

@@ -66,6 +66,10 @@ class PageWork:
     in the project. False if there is none."""
     digest: str = ""
     """`job_digest` what the result depends on, for pages that compare it."""
+    so_far: Any = None
+    """What it has found, for its page: `run` adds to it."""
+    follows: bool = False
+    """Whether its page starts it unasked (`follow`): then no project stores that it runs."""
 
 
 def job_digest(about: Mapping[str, Any]) -> str:
@@ -167,7 +171,32 @@ def start(work: PageWork) -> None:
             job.sentence, job.state = str(error), "failed"
         JOBS[work.project.database, work.kind] = job
     if job.state == "running":
-        threading.Thread(target=_drive, args=(job,), daemon=True, name=work.kind).start()
+        _begin(job)
+
+
+def follow(work: PageWork) -> Job:
+    """The job of this digest, begun unless it runs or has failed; one of another digest is
+    cancelled, and leaves its place at once."""
+    key = work.project.database, work.kind
+    with _STARTING:
+        last = JOBS.get(key)
+        if last is not None:
+            if last.work.digest == work.digest and last.state in ("running", "failed"):
+                return last
+            last.cancelled = True
+        job = JOBS[key] = Job(work, pool())
+    _begin(job)
+    return job
+
+
+def forget(job: Job) -> None:
+    """Let `follow` begin the work of a failed job again (for callbacks)."""
+    if job_of(job.work.project, job.work.kind) is job:
+        JOBS.pop((job.work.project.database, job.work.kind), None)
+
+
+def _begin(job: Job) -> None:
+    threading.Thread(target=_drive, args=(job,), daemon=True, name=job.work.kind).start()
 
 
 def start_button(
@@ -206,6 +235,9 @@ def _drive(job: Job) -> None:
 
 def _end(job: Job, state: Literal["done", "cancelled", "failed"], sentence: str = "") -> None:
     job.sentence = sentence
+    if job.work.follows:
+        job.state = state
+        return
     stored_jobs.end(job.work.project.database, job.work.kind, failed=state == "failed")
     job.state = state
 

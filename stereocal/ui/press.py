@@ -24,11 +24,13 @@ from stereocal.ui.menu import button_type
 from stereocal.ui.messages import ErrorsShown, readable, show_stale
 from stereocal.ui.screening import asked_to_calibrate, calibrate_next, is_long
 from stereocal.ui.stale import since_calibration
-from stereocal.ui.validation import is_short, kept_protocol
+from stereocal.ui.validation import kept_protocol
 from stereocal.workflow import STEPS, Run
 
 STAGES = ("steps", "runs")
 FEWEST_TO_VALIDATE = 5
+INSTANT = 120
+"""Runs of 25 frames that take under a second, and so are computed while the page is drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,12 +115,17 @@ class Press:
             self._calibrate()
         if len(self.dataset.correspondences.frames) < FEWEST_TO_VALIDATE:
             self._conclude()
-        elif errors_first or not is_short([self.dataset], self.protocol):
+        elif errors_first or not self._is_short:
             jobs.start(self.work)
         else:
             shown = ErrorsShown(lambda why: note(f"Not validated: {why}"))
             with shown, suppress(StoppedError), st.spinner("Validating."):
                 self._validate(jobs.Job(self.work, jobs.pool()))
+
+    @property
+    def _is_short(self) -> bool:
+        """Whether the validation is computed while the page is drawn."""
+        return self.protocol.runs * len(self.dataset.correspondences.frames) / 25 <= INSTANT
 
     def _calibrate(self, step: Callable[[str], None] = lambda _: None) -> None:
         own = self.protocol.refined

@@ -1,15 +1,14 @@
-"""The Validate page: choice of data and protocol, computation and results."""
+"""The Validate page: choice of data and protocol, and the job that follows them."""
 
+import time
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache, partial
 
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts, evaluate
-from stereocal.evaluation.kept_fits import KeptFits, evaluate_with_kept_fits
+from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.evaluation.growing import GrowingRuns, KeptFits
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.evaluation_files import Evaluation, unique_names
 from stereocal.projects.project import Project
@@ -17,7 +16,6 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
-from stereocal.ui.answer import wait_for_answer
 from stereocal.ui.fields import Field, Number, choose, setting
 from stereocal.ui.forms import ABOUT, ask, changed_settings, field_of, search_form, search_values
 from stereocal.ui.intake import take_one
@@ -34,9 +32,8 @@ RUNS = (10, 500)
 FEWEST_FRAMES = 3
 """Bars of two points whose pose can be solved for: five points."""
 STAGES = ("runs",)
-INSTANT = 120
-"""Runs of 25 frames that take under a second, and so are computed as the controls move."""
-Runs = Sequence[Sequence[RunCounts]]
+LONGEST_WAIT_S = 0.3
+"""How long a page waits for runs."""
 _read = cache(read_dataset)
 _FITS = KeptFits()
 
@@ -70,15 +67,16 @@ def chosen_data(project: Project, own: Dataset) -> list[Dataset]:
 
 def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
     """The form of the protocol: number of runs and of frames."""
-    runs, frames, splits, bounds = _protocol_fields(project, datasets)
-    left, right = st.columns(2)
-    about = ABOUT["runs"]
-    left.slider(about.title, *RUNS, step=10, help=about.help, **runs.widget())
-    about = ABOUT["calibration_frames"]
-    right.slider(about.title, *bounds, help=about.help, **frames.widget())
-    ask(st.container(), ABOUT["splits"], splits)
-    search_form(project)
-    return kept_protocol(project, datasets)
+    with project.database.reading():  # each of the fields reads its value several times
+        runs, frames, splits, bounds = _protocol_fields(project, datasets)
+        left, right = st.columns(2)
+        about = ABOUT["runs"]
+        left.slider(about.title, *RUNS, step=10, help=about.help, **runs.widget())
+        about = ABOUT["calibration_frames"]
+        right.slider(about.title, *bounds, help=about.help, **frames.widget())
+        ask(st.container(), ABOUT["splits"], splits)
+        search_form(project)
+        return _protocol(project, datasets, runs, frames, splits)
 
 
 def _protocol_fields(
@@ -101,33 +99,17 @@ def _protocol_fields(
 
 def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
     """The protocol in the form, also for pages that do not show it."""
-    runs, frames, splits, _ = _protocol_fields(project, datasets)
+    return _protocol(project, datasets, *_protocol_fields(project, datasets)[:3])
+
+
+def _protocol(
+    project: Project, datasets: Sequence[Dataset], runs: Field, frames: Field, splits: Field
+) -> EvaluationSettings:
     own = refine_settings(project, datasets[0])
     if len(datasets) > 1:
         own = RefineSettings(time_offset=own.time_offset, time_drift=own.time_drift)
     search = CalibrationSettings.from_json(search_values(project))
     return EvaluationSettings(search, runs.value(), frames.value(), splits.value(), own)
-
-
-def without_refined(
-    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
-) -> Evaluation | None:
-    """The paper's methods alone, which take a tenth of the time.
-
-    None if the last validation is current, if the work is long, or if it fails: then
-    `update_validation` shows what there is.
-    """
-    last, own = last_validation(project, datasets, settings), replace(settings, refined=None)
-    if is_current(last, datasets, settings) or not is_short(datasets, settings):
-        return None
-    if not is_current(last, datasets, own):
-        try:
-            kept = [each.dataset for each in screenings_of(datasets, settings.calibration)]
-            # Kept at once: the next move of a slider may end this run before the refined sets come.
-            _keep(project, datasets, own, evaluate(kept, own, jobs.pool()))
-        except StereocalError:
-            return None
-    return _last(project)
 
 
 def last_validation(
@@ -141,25 +123,49 @@ def last_validation(
     return of_calibration if is_current(of_calibration, datasets, settings) else _last(project)
 
 
-def update_validation(
-    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
-) -> None:
-    """Compute short work at once; for long work show a button and progress."""
-    last = last_validation(project, datasets, settings)
-    current, short = is_current(last, datasets, settings), is_short(datasets, settings)
-    if not (current or short) and wait_for_answer(project):
-        return  # the press on Calibrate ends in a validation
-    run = partial(_validate, project, datasets, settings)
-    work = jobs.PageWork(project, "evaluation", STAGES, run)
-    label = f"Validate ({settings.runs * len(datasets)} runs)"
-    cancelled, stale = "Cancelled. What is shown is the last finished validation.", ""
-    if last is not None and not current:
-        stale = _since(last, datasets, settings)
-    about_it = current, short, "Validating.", label, "validate", cancelled, stale
-    jobs.bring_up_to_date(work, *about_it)
+def follow_validation(
+    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, refined: bool
+) -> jobs.Job:
+    """The job that validates with these settings, begun unless it runs.
+
+    Returns once the first runs are there, or all if they come at once; what takes longer comes
+    while one looks.
+
+    Args:
+        refined: whether the refined method is shown, and so waited for.
+    """
+    growing = GrowingRuns(len(datasets), settings)
+    run = partial(_validate, project, datasets, settings, growing)
+    about = {"settings": settings.to_json(), "data": [each.sha256 for each in datasets]}
+    digest = jobs.job_digest(about)
+    work = jobs.PageWork(project, "evaluation", STAGES, run, digest, growing, follows=True)
+    job, begun = jobs.follow(work), time.monotonic()
+    while job.state == "running" and (waited := time.monotonic() - begun) < LONGEST_WAIT_S:
+        all_in_time = job.done * LONGEST_WAIT_S >= waited * job.total
+        if not all_in_time and any(job.work.so_far.so_far(refined)):
+            break
+        time.sleep(0.01)
+    return job
 
 
-def _since(
+def validation_so_far(
+    job: jobs.Job, datasets: Sequence[Dataset], refined: bool
+) -> tuple[Evaluation, int] | None:
+    """What a job has found, and of how many runs it is a part; None before the first run.
+
+    Args:
+        refined: whether the refined method is shown.
+    """
+    growing: GrowingRuns = job.work.so_far
+    found = zip(datasets, unique_names(datasets), growing.so_far(refined), strict=True)
+    begun = [(runs, name, dataset.sha256) for dataset, name, runs in found if runs]
+    if not begun:
+        return None
+    runs, names, digests = zip(*begun, strict=True)
+    return Evaluation(runs, growing.settings, names, digests), growing.total
+
+
+def changed_since(
     evaluation: Evaluation, datasets: Sequence[Dataset], settings: EvaluationSettings
 ) -> str:
     """What has changed since a validation."""
@@ -169,37 +175,18 @@ def _since(
     return ", ".join(found)
 
 
-def is_short(datasets: Sequence[Dataset], settings: EvaluationSettings) -> bool:
-    """Whether a validation is computed as the controls move."""
-    frames = sum(len(dataset.correspondences.frames) for dataset in datasets)
-    return settings.runs * frames / 25 <= INSTANT
-
-
 def _validate(
-    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, job: jobs.Job
+    project: Project,
+    datasets: Sequence[Dataset],
+    settings: EvaluationSettings,
+    growing: GrowingRuns,
+    job: jobs.Job,
 ) -> None:
-    """Evaluate and store the result."""
-
-    def yield_to_clicks(_done: int, _total: int) -> None:
-        """Let a moved slider end this run: Streamlit looks for clicks where the session is read."""
-        st.session_state.get("clicked")
-
+    """Evaluate, and store the result when it is whole."""
     calibration = readable(lambda: project.calibration, told=False)
     kept = [each.dataset for each in screenings_of(datasets, settings.calibration, calibration)]
-    runs: Runs
-    if is_short(datasets, settings):  # while the page is drawn
-        last, own = _last(project), replace(settings, refined=None)
-        paper = last.runs if last is not None and is_current(last, datasets, own) else None
-        runs = evaluate_with_kept_fits(kept, settings, job.executor, _FITS, yield_to_clicks, paper)
-    else:
-        runs = evaluate(kept, settings, job.executor, job.progress)
-    _keep(project, datasets, settings, runs)
-
-
-def _keep(
-    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, runs: Runs
-) -> None:
-    """Store a validation."""
+    runs = growing.compute(kept, job.executor, _FITS, job.progress)
+    job.progress(job.total, job.total)  # ends here if the settings have changed meanwhile
     digests = [dataset.sha256 for dataset in datasets]
     project.keep_evaluation(Evaluation(runs, settings, unique_names(datasets), digests))
 

@@ -1,11 +1,14 @@
 """Results of the Validate page: answer, figure, downloads, table."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import streamlit as st
 
 from stereocal.calibration.methods import Method
+from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.report import report_html
@@ -24,9 +27,16 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
 from stereocal.ui.figure import WIDE_OR_NARROW, show_figure
 from stereocal.ui.forms import describe_settings
-from stereocal.ui.messages import readable
+from stereocal.ui.messages import fragment, readable, show_stale
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import escape_markdown
+from stereocal.ui.validation import (
+    changed_since,
+    follow_validation,
+    is_current,
+    last_validation,
+    validation_so_far,
+)
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
 from stereocal.verdict.validation_in_words import validation_answer
@@ -38,6 +48,8 @@ COLUMNS = {
     "reconstruction": "3D error",
 }
 FORMATS = ("SVG", "PNG")
+EVERY_S = 0.5
+"""Between two looks at a job."""
 Summaries = dict[Method, MethodSummary]
 _KEPT: Latest[Any] = Latest(64)
 """What was made of the last validations, by their digests."""
@@ -49,10 +61,89 @@ def with_refined(project: Project) -> Field:
     return setting(project, "with_refined", usual, yes_or_no, tabs_own=True)
 
 
+def show_validation(
+    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
+) -> None:
+    """The validation of these settings: the first runs at once, the others as they come."""
+    last, job = last_validation(project, datasets, settings), None
+    if not is_current(last, datasets, settings):
+        job = follow_validation(project, datasets, settings, with_refined(project).value())
+        if job.state == "done":
+            last, job = last_validation(project, datasets, settings), None
+    # Only while runs come: a permanent timer would interrupt every longer run of the page.
+    every = EVERY_S if job is not None and job.state == "running" else None
+    fragment(_show, run_every=every)(project, datasets, settings, last, job, every is not None)
+
+
+def _show(
+    project: Project,
+    datasets: Sequence[Dataset],
+    settings: EvaluationSettings,
+    last: Evaluation | None,
+    job: jobs.Job | None,
+    running: bool,
+) -> None:
+    """What there is: the whole validation, runs of a job, or the last validation."""
+    if job is None:
+        if last is not None:
+            _show_evaluation(project, Shown(last, last.digest, ""), datasets)
+        return
+    if running and job.state != "running":
+        st.rerun()
+    if job.state == "failed":
+        st.error(escape_markdown(job.sentence))
+        st.button("Try again", key="validate", on_click=jobs.forget, args=(job,))
+    elif (found := _so_far(job, datasets, with_refined(project).value())) is not None:
+        _show_evaluation(project, found, datasets)
+        return
+    else:
+        st.info("The first runs are on their way.")
+    if last is not None:
+        show_stale(changed_since(last, datasets, settings))
+        _show_evaluation(project, Shown(last, last.digest, ""), datasets)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A validation as it is shown."""
+
+    evaluation: Evaluation
+    key: str
+    """Of what is made of it, in memory."""
+    so_far: str
+    """How many of its runs there are, while they come; empty if all."""
+
+    @property
+    def runs(self) -> int:
+        """Their number."""
+        return sum(map(len, self.evaluation.runs))
+
+
+def _so_far(job: jobs.Job, datasets: Sequence[Dataset], refined: bool) -> Shown | None:
+    """The runs of a job; None before the first.
+
+    As shown before until there are half as many more: the figure takes as long as some runs.
+    """
+    kept = f"{job.work.digest} {refined} shown"
+    before: Shown | None = _KEPT.get(kept)
+    found = validation_so_far(job, datasets, refined)
+    if found is None:
+        return before
+    evaluation, total = found
+    count = sum(map(len, evaluation.runs))
+    if before is not None and before.runs <= count < min(1.5 * before.runs, total):
+        return before
+    words = f"{count} of {total} runs" if count < total else f"{total} runs, not yet all refined"
+    shown = Shown(evaluation, f"{job.work.digest} {refined} {count}", words)
+    _KEPT.keep(kept, shown)
+    return shown
+
+
 def _summaries(
-    evaluation: Evaluation, bin_width: float, refined: bool
+    shown: Shown, bin_width: float, refined: bool
 ) -> tuple[Summaries, dict[str, Summaries]]:
     """Pooled and by data set."""
+    evaluation = shown.evaluation
 
     def make() -> tuple[Summaries, dict[str, Summaries]]:
         if bin_width == USUAL_WIDTH and len(evaluation.names) == 1:
@@ -60,11 +151,11 @@ def _summaries(
             return pooled, {evaluation.names[0]: pooled}
         return summarise_all(evaluation.names, evaluation.runs, bin_width)
 
-    def shown(of: Summaries) -> Summaries:
+    def chosen(of: Summaries) -> Summaries:
         return {method: own for method, own in of.items() if refined or method != "refined"}
 
-    pooled, by_dataset = _KEPT.once(f"{evaluation.digest} {bin_width}", make)
-    return shown(pooled), {name: shown(own) for name, own in by_dataset.items()}
+    pooled, by_dataset = _KEPT.once(f"{shown.key} {bin_width}", make)
+    return chosen(pooled), {name: chosen(own) for name, own in by_dataset.items()}
 
 
 def _note(evaluation: Evaluation, screening: Screening) -> str:
@@ -78,35 +169,41 @@ def _note(evaluation: Evaluation, screening: Screening) -> str:
     return str(found)
 
 
-def show_evaluation(project: Project, evaluation: Evaluation, datasets: Sequence[Dataset]) -> None:
-    """Answer, figure, downloads and table of an evaluation.
+def _show_evaluation(project: Project, shown: Shown, datasets: Sequence[Dataset]) -> None:
+    """Answer and figure; of a whole validation also downloads and table.
 
     Args:
         datasets: what the form says now.
     """
+    evaluation, whole = shown.evaluation, not shown.so_far
     bins = setting(project, "bin_width", USUAL_WIDTH, one_of(BIN_WIDTHS))
     refined = with_refined(project)
-    pooled, by_dataset = _summaries(evaluation, bins.value(), refined.value())
+    pooled, by_dataset = _summaries(shown, bins.value(), refined.value())
     screenings = _screenings(project, evaluation, datasets)
     _show_answer(pooled, screenings)
+    with st.container(key="runs_so_far" if shown.so_far else "runs_all"):
+        st.caption(f"**{shown.so_far or f'{shown.runs} runs'}**")
     of_files = readable(lambda: project.calibration_evaluation)
-    if of_files is not None and of_files.digest != evaluation.digest:
+    if of_files is not None and not (whole and of_files.digest == evaluation.digest):
         told = "The parameter files keep the threshold and the figures of their own validation"
         st.caption(f"{told}: {_describe_protocol(of_files)}")
-    if len(screenings) == 1 and (note := _note(evaluation, screenings[0])):
-        st.info(escape_markdown(note))
     columns, picture = _choose_view(project, refined)
     charts = {"fits": {"validation": columns}}
     if len(columns) > 1:
         st.html(WIDE_OR_NARROW)
         each = {f"validation_{column}": [column] for column in columns}
-        charts = {"narrow": each, "wide": {"validation": columns}}
+        charts = {"wide": {"validation": columns}, "narrow": each}
     for place, of_place in charts.items():
         with st.container(key=place):
-            for name, shown in of_place.items():
-                config = _saved_as(picture, name)
-                words = describe_validation(pooled, shown)
-                show_figure(plot_validation(pooled, shown), words, name, config=config)
+            for name, parts in of_place.items():
+                key = f"{shown.key} {bins.value()} {refined.value()} {parts}"
+                figure = _KEPT.once(key, partial(plot_validation, pooled, parts))
+                words, config = describe_validation(pooled, parts), _saved_as(picture, name)
+                show_figure(figure, words, name, config=config)
+    if not whole:
+        return
+    if len(screenings) == 1 and (note := _note(evaluation, screenings[0])):
+        st.info(escape_markdown(note))
     if screenings:
         _downloads(project, screenings, evaluation, pooled, by_dataset)
     with st.expander("Figures as a table, and the width of the bins"):

@@ -21,10 +21,11 @@ from stereocal.evaluation.evaluate import (
     evaluate_run,
     split,
 )
-from stereocal.evaluation.kept_fits import KeptFits, evaluate_with_kept_fits
+from stereocal.evaluation.growing import GrowingRuns, KeptFits
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.system.tasks import StoppedError
 from tests import known_rig as rig
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
@@ -62,8 +63,8 @@ def assert_equal(
 def test_it_is_the_same_validation(settings: EvaluationSettings) -> None:
     kept = KeptFits()
     with ThreadPoolExecutor(2) as executor:
-        evaluate_with_kept_fits([FIELD], USUAL, executor, kept)
-        found = evaluate_with_kept_fits([FIELD], settings, executor, kept)
+        GrowingRuns(1, USUAL).compute([FIELD], executor, kept)
+        found = GrowingRuns(1, settings).compute([FIELD], executor, kept)
         wanted = evaluate([FIELD], settings, executor)
     assert_equal(found, wanted)
 
@@ -71,10 +72,25 @@ def test_it_is_the_same_validation(settings: EvaluationSettings) -> None:
 def test_other_steps_of_the_search_need_no_new_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = KeptFits()
     with ThreadPoolExecutor(1) as executor:
-        evaluate_with_kept_fits([FIELD], USUAL, executor, kept)
+        GrowingRuns(1, USUAL).compute([FIELD], executor, kept)
         monkeypatch.setattr("stereocal.evaluation.evaluate.refine", None)  # cannot be called
-        found = evaluate_with_kept_fits([FIELD], with_search(delta=5e-3), executor, kept)
+        found = GrowingRuns(1, with_search(delta=5e-3)).compute([FIELD], executor, kept)
     assert found[0][0].angles.shape == (4, 5)
+
+
+def test_the_first_runs_of_every_data_set_can_be_seen_while_others_are_computed() -> None:
+    growing, seen = GrowingRuns(2, USUAL), []
+
+    def look(_done: int, _total: int) -> None:
+        seen.append([[len(own) for own in growing.so_far(refined)] for refined in (False, True)])
+        if min(seen[-1][1]) > 0:
+            raise StoppedError
+
+    with ThreadPoolExecutor(1) as executor, pytest.raises(StoppedError):
+        growing.compute([FIELD, FIELD], executor, KeptFits(), look)
+    assert 0 < min(seen[-1][1]) <= max(seen[-1][1]) < USUAL.runs
+    (first, *_), _ = growing.so_far(refined=True)
+    assert_equal([[first]], [[evaluate_run(FIELD, USUAL, 0, 0)]])
 
 
 def test_runs_are_left_out_whole() -> None:

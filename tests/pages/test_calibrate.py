@@ -17,7 +17,7 @@ from stereocal.library.calibrations import calibrate
 from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project
 from stereocal.projects.project import Project
-from stereocal.ui import validation
+from stereocal.ui import press
 from stereocal.verdict.in_words import digits
 from tests.pages.stored_projects import SLOW, ended, go, messages, project_of, told
 from tests.pages.test_pages import FIELD, give_zip, open_sample
@@ -138,7 +138,7 @@ def test_nothing_is_offered_before_its_threshold_is_final(
         assert may_end.wait(SLOW)
         return evaluate(*given, **named)
 
-    monkeypatch.setattr(validation, "INSTANT", 0)
+    monkeypatch.setattr(press, "INSTANT", 0)
     monkeypatch.setattr(workflow, "evaluate", waiting)
     open_sample(app).switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()

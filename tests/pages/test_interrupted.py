@@ -1,6 +1,7 @@
 """Long work on pages: a job does it, the page follows, and what was interrupted can begin again."""
 
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -9,13 +10,13 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal import workflow
-from stereocal.evaluation.evaluate import evaluate_runs
+from stereocal.evaluation.evaluate import RunCounts, evaluate_runs
 from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import bring_back, remove
 from stereocal.projects.project import KEPT
-from stereocal.ui import jobs, results, screening, validation
+from stereocal.ui import jobs, press, results, screening
 from stereocal.workflow import Run
-from tests.pages.stored_projects import SLOW, ended, messages, project_of
+from tests.pages.stored_projects import SLOW, ended, go, messages, project_of, told, wait_until
 from tests.pages.test_pages import open_sample
 from tests.projects.test_found_before import bits
 from tests.projects.test_jobs import run_elsewhere
@@ -24,82 +25,115 @@ STOPPED = "The server stopped while this ran"
 
 
 @pytest.fixture
-def validating(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> AppTest:
-    """The Validate page, where 40 runs are a job."""
-    monkeypatch.setattr(validation, "INSTANT", 10)
-    open_sample(app).switch_page("pages/validate.py").run()
-    return app.slider(key="validate_runs").set_value(40).run()
+def pressing(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> AppTest:
+    """The Calibrate page, where the validation of a press is a job."""
+    monkeypatch.setattr(press, "INSTANT", 0)
+    return open_sample(app).switch_page("pages/calibrate.py").run()
 
 
 def keys(app: AppTest) -> set[str]:
     return {str(button.key) for button in app.button}
 
 
-def test_what_ended_with_its_server_is_said_and_begun_again(
-    validating: AppTest, home: Path
-) -> None:
-    app, project = validating, project_of(validating, home)
-    assert stored_jobs.begin(project.database, "evaluation")
+def test_what_ended_with_its_server_is_said_and_begun_again(pressing: AppTest, home: Path) -> None:
+    app, project = pressing, project_of(pressing, home)
+    assert stored_jobs.begin(project.database, "calibration")
     run_elsewhere(project.database).close()
     assert STOPPED in messages(app.run())
-    assert "validate" in keys(app)
-    app.button(key="validate").click().run()
-    assert ended(project, "evaluation").state == "done"
+    app.button(key="run").click().run()
+    assert ended(project, "calibration").state == "done"
     app.run()
     assert STOPPED not in messages(app) and not app.error
-    found, dataset = project.evaluation, project.dataset
-    assert found is not None and dataset is not None
-    assert bits(list(found.runs[0])) == bits(evaluate_runs(dataset, found.settings, 0, range(40)))
-    assert stored_jobs.begin(project.database, "evaluation")
+    assert project.calibration_evaluation is not None
+    assert stored_jobs.begin(project.database, "calibration")
     run_elsewhere(project.database).close()
-    app.run().button(key="discard_evaluation").click().run()
+    app.run().button(key="discard_calibration").click().run()
     assert STOPPED not in messages(app)
 
 
-def test_a_job_of_another_server_is_shown(validating: AppTest, home: Path) -> None:
-    app, project = validating, project_of(validating, home)
-    assert stored_jobs.begin(project.database, "evaluation")
+def test_a_job_of_another_server_is_shown(pressing: AppTest, home: Path) -> None:
+    app, project = pressing, project_of(pressing, home)
+    assert stored_jobs.begin(project.database, "calibration")
     with closing(run_elsewhere(project.database)):
         assert "Another server" in messages(app.run())
-        assert "validate" not in keys(app) and STOPPED not in messages(app)
-    stored_jobs.end(project.database, "evaluation")
+        assert "run" not in keys(app) and STOPPED not in messages(app)
+    stored_jobs.end(project.database, "calibration")
     app.run()
-    assert "validate" in keys(app)
+    assert "run" in keys(app)
 
 
-def test_a_removed_project_stops_its_job(validating: AppTest, home: Path) -> None:
-    project, begun = project_of(validating, home), threading.Event()
+def test_a_removed_project_stops_its_job(pressing: AppTest, home: Path) -> None:
+    project, begun = project_of(pressing, home), threading.Event()
 
     def until_cancelled(job: jobs.Job) -> None:
         while True:
             job.progress(0, 1)
             begun.set()
 
-    jobs.start(jobs.PageWork(project, "evaluation", ("runs",), until_cancelled))
+    jobs.start(jobs.PageWork(project, "calibration", ("runs",), until_cancelled))
     assert begun.wait(SLOW)
     remove(home, project.id)
-    assert ended(project, "evaluation").state == "cancelled"
+    assert ended(project, "calibration").state == "cancelled"
     bring_back(home, project.id)
-    assert STOPPED in messages(validating.run()) and "validate" in keys(validating)
+    assert STOPPED in messages(pressing.run()) and "run" in keys(pressing)
 
 
 def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
-    validating: AppTest,
-    home: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def fail(*_: object) -> None:
         raise RuntimeError("the secret reason")
 
-    monkeypatch.setattr("stereocal.evaluation.evaluate.evaluate_runs", fail)
-    app, project = validating, project_of(validating, home)
+    open_sample(app)
+    with monkeypatch.context() as patch:
+        patch.setattr("stereocal.evaluation.evaluate.evaluate_runs", fail)
+        go(app, "validate")
+        ended(project_of(app, home), "evaluation")
+        said = messages(app.run())
+        assert "Unexpected error. Earlier results are unchanged" in said and "secret" not in said
+        assert "the secret reason" in caplog.text
     app.button(key="validate").click().run()
-    ended(project, "evaluation")
-    app.run()
-    said = messages(app)
-    assert "Unexpected error. Earlier results are unchanged" in said and "secret" not in said
-    assert "the secret reason" in caplog.text
+    assert ended(project_of(app, home), "evaluation").state == "done"
+    assert not app.run().error
+
+
+def test_the_figure_follows_the_sliders_and_says_of_how_many_runs(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the others, which wait here, will add is stored only whole, and of the last settings."""
+    others = threading.Event()
+
+    def first_at_once(*given: Any) -> list[RunCounts]:
+        assert 0 in given[3] or others.wait(SLOW)
+        return evaluate_runs(*given)
+
+    monkeypatch.setattr("stereocal.evaluation.evaluate.evaluate_runs", first_at_once)
+    with ThreadPoolExecutor(20) as threads, monkeypatch.context() as patch:
+        patch.setattr(jobs, "pool", lambda: threads)
+        project = project_of(open_sample(app), home)
+        project.keep_settings({"validate_runs": 40})
+        seen, before = [], None
+        try:
+            for acceptance in (0.2, 0.3):
+                project.keep_settings({"acceptance": acceptance})
+                go(app, "validate")
+                job = jobs.job_of(project, "evaluation")
+                assert job is not None and job is not before
+                wait_until(lambda: "10 of 40 runs" in told(app.run(), "caption"))
+                seen.append([figure.proto.spec for figure in app.get("plotly_chart")])
+                assert seen[-1] and not app.get("download_button")
+                before = before or job
+        finally:
+            others.set()
+        assert before is not None and ended(project, "evaluation").state == "done"
+        wait_until(lambda: before.state != "running")
+    found, dataset = project.evaluation, project.dataset
+    assert before.state == "cancelled" and seen[0] != seen[1]
+    assert found is not None and dataset is not None
+    assert found.settings.calibration.search.acceptance == 0.3
+    runs = evaluate_runs(dataset, found.settings, 0, range(40))
+    assert bits(list(found.runs[0])) == bits(runs)
+    assert "of 40 runs" not in told(app.run(), "caption") and app.get("download_button")
 
 
 COMPUTING = (
