@@ -12,6 +12,7 @@ SAMPLES = {
     "photographs": "photographs of a bar and of a chessboard",
     "boards": "OpenCV's photographs of a chessboard by two cameras",
     "balls": "simulated photographs of a bar with a red and a yellow ball",
+    "flight": "simulated videos of something that flies, by the cameras of photographs",
     "rig": "a real recording of three cameras",
     "field": "a simulated data set",
     "archives": "files of easyWand, Argus and Kalibr",

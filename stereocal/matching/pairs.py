@@ -275,5 +275,7 @@ def _threshold(rig: RigParameters, sample: Sample, names: Names, stated: Stated)
         every = [pixels for both in sample for pixels in NO_NAMES.samples(*both)]
         most = choose_threshold(rig, every, stated.depths_m, found.noise.sigma_px).threshold_px
         chosen = min(most, found.threshold_px)
-        return replace(choose_threshold(rig, named, *about[:2], chosen), is_forced=False)
+        why = found.chosen_for if found.shares is None and chosen == found.threshold_px else ""
+        by_name = choose_threshold(rig, named, *about[:2], chosen)
+        return replace(by_name, is_forced=False, chosen_for=why)
     return found

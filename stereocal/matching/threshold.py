@@ -16,7 +16,8 @@ their errors exchange partners: about s times the mean error, of the points with
 hardly depends on the threshold, but is part of the stated share of wrong pairs.
 
 n, s and f are those of `point_noise`, from the pairs of a sample of frames. Where correct pairs do
-not stand out, the threshold is that of the parameter file, which is for points like the targets.
+not stand out, the threshold is that of the parameter file, which is for points like the targets; or
+a larger one that follows from a noise that is stated.
 """
 
 from collections.abc import Sequence
@@ -65,6 +66,10 @@ MINIMUM_UNPARTNERED = 0.01
 """Lower limit of the fraction of points without a partner."""
 LEAST_WRONG = 0.5
 """Number of wrong pairs assumed where none is seen."""
+USUAL = 2.576
+"""Standard deviations below which 99 % of normal errors are."""
+LEAST_RELATIVE = 0.5
+"""Reprojection error over the distance; exact points do not show it. Two like cameras have 0.71."""
 SHAPES = 100
 """Pairs whose errors stand for those of all correct pairs."""
 
@@ -176,6 +181,12 @@ def choose_threshold(
             return ThresholdChoice(chosen, noise, targets, shares, chosen_for=what_for)
     if threshold_px is not None:
         return ThresholdChoice(threshold_px, noise, targets, is_forced=True)
+    of_noise = 0.0
+    if sigma_px is not None and len(sample.errors):
+        of_noise = USUAL * sigma_px * max(float(np.median(sample.errors.relative)), LEAST_RELATIVE)
+    if of_noise > (rig.matching_threshold_px or 0.0):
+        what_for = ", above 99 % of the errors of correct pairs by that noise"
+        return ThresholdChoice(of_noise, noise, targets, chosen_for=what_for)
     if rig.matching_threshold_px is None:
         why = "no pair of points meets in front of both cameras."
         if len(sample.errors):

@@ -88,8 +88,11 @@ def frames_follow(points: pd.DataFrame, tracks: list[IntArray]) -> bool:
 
 
 def usual_tracks(points: pd.DataFrame) -> str | None:
-    """The first of `track_columns` whose frames follow each other; None if there is none."""
+    """The column `TRACK`, else the first of `track_columns` whose frames follow each other; None if
+    there is none."""
     columns = track_columns(points)
+    if TRACK in columns:
+        return TRACK
     return next((each for each in columns if frames_follow(points, tracks_by(points, each))), None)
 
 

@@ -41,6 +41,8 @@ SETS, APPLIED, WORLD = "sets", "applied", "world"
 questions; parameter files, tables of the last result, and the world frame's file."""
 CHECK, PARAMETERS, IMAGES = "check", "parameters", "images"
 """The part of the Check page, and its files."""
+CLICKED_IN = "points clicked in the"
+"""How the labels of points begin that were clicked on the page."""
 EARLIER = "image_sizes"
 """Of the results of earlier versions, which had no cameras."""
 

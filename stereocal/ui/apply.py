@@ -1,6 +1,6 @@
 """The Apply page: choice of points, parameters and threshold, and the computation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -8,11 +8,14 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import METHOD_NAMES
-from stereocal.matching.application import STAGES, Application, points_by_camera, unlabelled
+from stereocal.matching.application import STAGES, Application, Points, points_by_camera, unlabelled
+from stereocal.matching.clicks import CLICK_PX, ClickMeasure
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
 from stereocal.matching.names import AUTO
 from stereocal.matching.pairs import Stated
+from stereocal.matching.trajectories import TRACK
 from stereocal.projects.application import USES, ProjectApplication, slot_of
+from stereocal.projects.clicks import ProjectClicks
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS
@@ -21,12 +24,15 @@ from stereocal.ui import jobs
 from stereocal.ui.answer import set_in_use
 from stereocal.ui.apply_points import FEWEST, PointsForm
 from stereocal.ui.apply_threshold import (
+    OPTIONAL,
     ThresholdForm,
     ask_names,
     ask_noise,
     chosen_depths,
     noise_field,
 )
+from stereocal.ui.clicks import show_clicks
+from stereocal.ui.fields import setting
 from stereocal.ui.messages import ErrorsShown, callback, readable, show_refusal
 from stereocal.ui.parameter_files import APPLY_SETS, PURPOSES, Source, upload_set
 from stereocal.ui.texts import escape_markdown
@@ -61,7 +67,9 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
         ("The bar's own points", "Two point files"),
         {str(name): name for name in CAMERAS},
     )
-    form = PointsForm(store, slots, "apply_points", *titles, own_tables)
+    clicks = ProjectClicks(project).clicks
+    tables = clicks.tables(to_match=True) if clicks.has_pairs else {}
+    form = PointsForm(store, slots, "apply_points", *titles, own_tables, lambda: tables)
     given = store.set_of("matching")
     cameras = {
         which: camera or (getattr(given[1], which) if given else None)
@@ -73,13 +81,15 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
     with points_at:
         points = form.choose("Targets A and B", dataset.name if dataset else "")
         is_complete = len(points) == len(CAMERAS)
-        names = ask_names(store, list(points.values())) if is_complete else AUTO
+        names = _choose_names(form, store, list(points.values()))
     sets = _choose_sets(source, store, (matching_at, measuring_at))
     thresholds = threshold = depths = sigma_px = world = None
     if is_complete and sets is not None:
         with ErrorsShown():
             depths = chosen_depths(project)
-        thresholds = ThresholdForm(store, points, sets[0], depths or ANY_DEPTH, names)
+        usual_px = CLICK_PX if form.is_clicked else None
+        about = points, sets[0], depths or ANY_DEPTH, names, usual_px
+        thresholds = ThresholdForm(store, *about)
         threshold, sigma_px = thresholds.choose(noise_at, threshold_at)
         for warning in filter(None, map(purpose_warning, sets, ("matching", "reconstruction"))):
             st.warning(escape_markdown(warning))
@@ -92,10 +102,12 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
     if sets is not None:
         world = choose_world(project, store, sets[1])
     show_refusal()
-    if form.missing and (not is_complete or len(form.missing) == 1):
-        both = len(form.missing) == len(CAMERAS)
-        which = "both cameras" if both else f"the {form.missing[0]} camera"
-        st.info(f"Still missing: the points of {which}.")
+    if form.is_clicked and sets is not None:
+        known_px = noise_field(project, "apply_sigma_px").value()
+        forced_px = setting(project, "apply_threshold", None, OPTIONAL).value()
+        stated = Stated(forced_px, depths or ANY_DEPTH, known_px, names)
+        show_clicks(project, ClickMeasure(*sets, stated, world))
+    _tell_missing(form.missing, is_complete)
     if sets is None:
         source.tell_missing("a parameter file to match with, and one to measure with")
     if sets is None or thresholds is None:
@@ -105,6 +117,19 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
         forced = threshold.threshold_px if threshold.is_forced else None
         work = Application(points, *sets, Stated(forced, depths, sigma_px, names), world)
     return ApplyInputs(work, partial(thresholds.show, threshold))
+
+
+def _tell_missing(missing: Sequence[str], is_complete: bool) -> None:
+    if missing and (not is_complete or len(missing) == 1):
+        which = "both cameras" if len(missing) == len(CAMERAS) else f"the {missing[0]} camera"
+        st.info(f"Still missing: the points of {which}.")
+
+
+def _choose_names(form: PointsForm, store: ProjectApplication, points: Sequence[Points]) -> str:
+    """Whether names decide; those of clicked points do."""
+    if form.is_clicked:
+        return TRACK
+    return ask_names(store, points) if len(points) == len(CAMERAS) else AUTO
 
 
 def _choose_sets(

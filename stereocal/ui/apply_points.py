@@ -9,7 +9,7 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.matching.application import Points
-from stereocal.projects.application import Asked, ProjectApplication
+from stereocal.projects.application import CLICKED_IN, Asked, ProjectApplication
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.rig import camera_in_words
 from stereocal.system.numbers import count
@@ -19,6 +19,7 @@ from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import ask_about_points
 
+CLICKED = "Click them here"
 FEWEST = 2
 """Cameras whose points are needed."""
 COLUMNS = 3
@@ -44,25 +45,40 @@ class PointsForm:
     """What it calls files."""
     own_tables: Callable[[], Mapping[str, pd.DataFrame]] | None
     """The project's own points by camera; None if it has none."""
+    clicked: Callable[[], Mapping[str, pd.DataFrame]] | None = None
+    """The points clicked on the page, by camera, empty while none is in both pictures; None where
+    points cannot be clicked."""
 
     @property
     def missing(self) -> list[str]:
-        """The cameras without a file."""
+        """The cameras without a file, where files are wanted."""
+        return [] if self.is_clicked else self._without_file
+
+    @property
+    def _without_file(self) -> list[str]:
         return [camera for camera, slot in self.slots.items() if not self.store.point_file(slot)]
+
+    @property
+    def is_clicked(self) -> bool:
+        """Whether the points are clicked on the page."""
+        return bool(self._kind.value() == CLICKED)
 
     @property
     def _kind(self) -> Field:
         kinds = [*([self.own] if self.own_tables else []), self.files]
-        given = len(self.slots) - len(self.missing)
+        kinds += [CLICKED] if self.clicked is not None else []
+        given = len(self.slots) - len(self._without_file)
         usual = self.files if given >= FEWEST else kinds[0]
         return setting(self.store.project, self.key, usual, one_of(kinds))
 
     def take(self, heights: Mapping[str, int | None]) -> None:
-        """An uploader for each camera, and the questions about its file.
+        """An uploader for each camera, and the questions about its file, unless points are clicked.
 
         Args:
             heights: rows of the images, by camera, if known.
         """
+        if self.is_clicked:
+            return
         columns = st.columns(min(len(self.slots), COLUMNS))
         in_use = "In use" if self._kind.value() == self.files else "Not in use"
         for (camera, slot), place in zip(self.slots.items(), cycle(columns), strict=False):
@@ -93,9 +109,14 @@ class PointsForm:
             left_aside: what of the project's own points is.
             source: name of the data set that these are from.
         """
-        if self.own_tables is not None:
+        if self.own_tables is not None or self.clicked is not None:
             self._kind.menu("Points")
-            if self._kind.value() == self.own:
+            if self.clicked is not None and self.is_clicked:
+                return {
+                    name: self.store.own_points(table, f"{CLICKED_IN} {name} pictures")
+                    for name, table in self.clicked().items()
+                }
+            if self.own_tables is not None and self._kind.value() == self.own:
                 st.caption(f"{left_aside} are left aside: the matching has to tell them apart.")
                 tables = self.own_tables()
                 return {

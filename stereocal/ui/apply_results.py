@@ -32,7 +32,7 @@ from stereocal.matching.names import AUTO
 from stereocal.matching.point_table import pixels_of
 from stereocal.matching.trajectories import COORDINATES
 from stereocal.network.rig_file import RIG
-from stereocal.projects.application import USES, ProjectApplication, slot_of
+from stereocal.projects.application import CLICKED_IN, USES, ProjectApplication, slot_of
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
@@ -46,6 +46,7 @@ from stereocal.ui.apply_threshold import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
+from stereocal.ui.footage import footage_of
 from stereocal.ui.messages import ErrorsShown, callback, fragment, readable, show_stale
 from stereocal.ui.screening import NAME, frames_photographed, photographs_of
 from stereocal.ui.texts import escape_markdown
@@ -259,7 +260,7 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
         for side, table in zip(outcome.cameras, tables, strict=True)
     }
     is_own = _are_own(store, outcome) or set(frames) <= {*frames_photographed(store.project)}
-    found = photographs_of(store.project, frame) if is_own else (None, None)
+    found = _pictures(store.project, outcome, is_own, frame)
     photographs: dict[str, Photograph | None] = dict(zip(CAMERAS, found, strict=True))
     words = describe_matches(of_frame, seen, frame)
     images, space = st.columns(2)
@@ -284,9 +285,28 @@ def _frames(key: str, _tables: Sequence[pd.DataFrame]) -> list[int]:
 
 def _are_own(store: ProjectApplication, outcome: Outcome) -> bool:
     """Whether a result is of the bar's own points."""
+    if _are_clicked(outcome):
+        return False
     first = outcome.cameras[0]
     given = store.points(first if outcome.matched == PAIRS else slot_of(first))
     return given is None or given.name != outcome.tables[0]
+
+
+def _are_clicked(outcome: Outcome) -> bool:
+    """Whether a result is of points clicked on the page."""
+    return any(str(label).startswith(CLICKED_IN) for label in outcome.used.get("points", ()))
+
+
+def _pictures(
+    project: Project, outcome: Outcome, is_own: bool, frame: int
+) -> list[Photograph | None]:
+    """What is behind the points of a frame in both images."""
+    if not _are_clicked(outcome):
+        return [*photographs_of(project, frame)] if is_own else [None, None]
+    footage = footage_of(project)
+    if footage is None or frame not in footage.numbers:
+        return [None, None]
+    return [readable(partial(footage.grey, camera, frame), told=False) for camera in CAMERAS]
 
 
 def _choose_frame(store: ProjectApplication, outcome: Outcome, frames: list[int]) -> int:

@@ -14,7 +14,7 @@ from stereocal.matching.in_step import points_in_step
 from stereocal.matching.matching import ANY_DEPTH, check_depths, nearest_errors
 from stereocal.matching.names import AUTO, NO_NAMES, OFF, Sample, name_columns, stated_columns
 from stereocal.matching.pairs import PairMatching, Stated, further_of, sample_frames
-from stereocal.matching.point_noise import PointNoise
+from stereocal.matching.point_noise import FEWEST_PAIRS, PointNoise
 from stereocal.matching.point_table import POINT
 from stereocal.matching.threshold import ThresholdChoice
 from stereocal.projects.application import ProjectApplication
@@ -65,6 +65,8 @@ class ThresholdForm:
     """To match with."""
     depths: Depths
     names: str = AUTO
+    usual_px: float | None = None
+    """The noise taken where the points do not show their own; None: that of the targets."""
 
     @property
     def key(self) -> str:
@@ -77,8 +79,12 @@ class ThresholdForm:
         """The threshold, and the noise of the points as stated: fields that may be empty."""
         stated = setting(self.store.project, "apply_threshold", None, OPTIONAL)
         sigma = noise_field(self.store.project, "apply_sigma_px")
-        found, why_none = _chosen(self, stated.value(), sigma.value())
-        usual, _ = _chosen(self, None, sigma.value())
+        known_px = sigma.value()
+        usual, _ = _chosen(self, None, known_px)
+        if known_px is None and not (usual and usual.noise and usual.noise.source == "estimated"):
+            known_px = self.usual_px
+            usual, _ = _chosen(self, None, known_px)
+        found, why_none = _chosen(self, stated.value(), known_px)
         noise = None if usual is None else usual.noise
         by = "for targets" if noise is None or noise.source == "calibration" else "by the points"
         shown = f"{rounded(usual.threshold_px, 3)}, {by}" if usual else "none"
@@ -88,10 +94,15 @@ class ThresholdForm:
             sigma_px = ask_noise(sigma, noise or "", otherwise)
         if found is not None:
             st.caption(escape_markdown(found.sentence()))
+            if known_px is not None and sigma_px is None:
+                st.caption(
+                    f"Points clicked by hand are taken to be known to {rounded(known_px)} px until "
+                    f"{FEWEST_PAIRS} pairs show their own noise."
+                )
         else:
             st.warning(escape_markdown(why_none))
             st.info("Give a threshold in pixels.")
-        return found, sigma_px
+        return found, known_px if sigma_px is None else sigma_px
 
     def show(self, found: ThresholdChoice | None) -> None:
         """The errors of the best and second-best pairs, and the depth range."""

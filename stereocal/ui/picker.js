@@ -6,6 +6,8 @@ const CLOSE_UP = 12 // of the buttons that go to a target
 const STEP = 48 // of an arrow key, CSS px
 const SIGMA_SHOWN = 2.5 // radius from which the circle of one sigma is drawn, CSS px
 const HALO = "rgba(0, 0, 0, 0.75)"
+const LENS = 75 // radius of the magnifier, CSS px
+const LENS_SCALE = 5 // of the magnifier, over the photograph around it
 
 const pickers = new WeakMap()
 const views = (window.stereocalViews ??= new Map()) // by photograph: also of a page that was left
@@ -33,7 +35,7 @@ class Picker {
     on("pointermove", (event) => this.move(event))
     on("pointerup", (event) => this.up(event))
     on("pointercancel", (event) => this.lost(event))
-    on("pointerleave", () => { if (!this.pointers.size) this.tell(null) })
+    on("pointerleave", () => { if (!this.pointers.size) this.look(null) })
     on("keydown", (event) => this.key(event))
     on("focus", () => this.draw())
     on("blur", () => this.draw())
@@ -48,15 +50,19 @@ class Picker {
     this.pending = null
     const before = this.data
     this.data = data
-    for (const mark of data.marks) {
-      const button = this.root.querySelector(`[data-act="${mark.letter}"]`)
-      button.style.setProperty("--mark", mark.colour)
-    }
     for (const button of this.root.querySelectorAll(".target")) {
-      button.disabled = !data.marks.some((mark) => mark.letter === button.dataset.act)
+      const mark = data.marks.find((one) => one.letter === button.dataset.act)
+      button.hidden = !data.targets
+      button.disabled = !mark
+      if (mark) button.style.setProperty("--mark", mark.colour)
     }
     this.observer.observe(this.canvas)
     if (before && before.id === data.id) return this.draw()
+    // Of a film the view stays from frame to frame, else each photograph has its own.
+    if (before && !data.targets && this.scale && !views.has(data.id)
+      && before.width === data.width && before.height === data.height && !this.fitted) {
+      views.set(data.id, { scale: this.scale, u: this.u, v: this.v })
+    }
     // Another photograph: what stands on the screen must not take clicks for it.
     this.image = null
     delete this.canvas.dataset.ready
@@ -134,11 +140,11 @@ class Picker {
   }
 
   press(act) {
-    const mark = this.data.marks.find((one) => one.letter === act)
+    const mark = this.data.targets && this.data.marks.find((one) => one.letter === act)
     if (act === "in") this.zoom(1.6)
     else if (act === "out") this.zoom(1 / 1.6)
     else if (mark) this.show(Math.max(CLOSE_UP, 4 * this.wholeScale), mark.u, mark.v)
-    else this.show(0, 0, 0)
+    else if (act !== "A" && act !== "B") this.show(0, 0, 0)
   }
 
   pick(x, y, raw) {
@@ -162,11 +168,21 @@ class Picker {
       : zoomText(this.scale)
   }
 
+  look(place) {
+    this.over = place
+    this.tell(place && this.toImage(...place))
+    if (!this.data.targets) this.draw()
+  }
+
   // Mouse, pen and fingers
 
   at(event) {
+    // The box has fractions of a pixel, the drawing has none and is stretched to it.
     const box = this.canvas.getBoundingClientRect()
-    return [event.clientX - box.left, event.clientY - box.top]
+    return [
+      (event.clientX - box.left) * this.width / box.width,
+      (event.clientY - box.top) * this.height / box.height,
+    ]
   }
 
   wheel(event) {
@@ -186,7 +202,7 @@ class Picker {
 
   move(event) {
     const place = this.at(event)
-    this.tell(this.toImage(...place))
+    this.look(place)
     const before = this.pointers.get(event.pointerId)
     if (!before) return
     if (this.pointers.size === 2) this.pinch(event.pointerId, before, place)
@@ -225,7 +241,8 @@ class Picker {
       ArrowLeft: () => this.pan(step, 0), ArrowRight: () => this.pan(-step, 0),
       ArrowUp: () => this.pan(0, step), ArrowDown: () => this.pan(0, -step),
       "+": () => this.zoom(1.25), "=": () => this.zoom(1.25), "-": () => this.zoom(0.8),
-      "0": () => this.press("fit"), a: () => this.press("A"), b: () => this.press("B"),
+      "0": () => this.press("fit"),
+      ...(this.data.targets && { a: () => this.press("A"), b: () => this.press("B") }),
       Enter: () => this.pick(this.width / 2, this.height / 2, event.shiftKey),
     }
     if (!acts[event.key]) return
@@ -244,8 +261,7 @@ class Picker {
     context.setTransform(ratio, 0, 0, ratio, 0, 0)
     context.clearRect(0, 0, this.width, this.height)
     if (!this.image) return
-    this.drawPhotograph(ratio)
-    for (const mark of this.data.marks) this.drawMark(mark)
+    this.drawScene(ratio)
     if (this.pending) {
       const at = this.toScreen(...this.pending)
       this.stroke("#ffffff", 2, (path) => path.arc(...at, 9, 0, 2 * Math.PI))
@@ -255,7 +271,43 @@ class Picker {
     this.canvas.dataset.view = JSON.stringify(view)
     if (this.fitted) views.delete(this.data.id)
     else views.set(this.data.id, view)
-    this.tell(null)
+    if (this.over && !this.data.targets) this.drawLens(ratio)
+    this.tell(this.over && this.toImage(...this.over))
+  }
+
+  drawScene(ratio) {
+    this.drawPhotograph(ratio)
+    for (const line of this.data.lines) this.drawLine(line)
+    for (const mark of this.data.marks) this.drawMark(mark)
+  }
+
+  // What is under the pointer, larger: in a corner away from it.
+  drawLens(ratio) {
+    const [x, y] = this.over
+    const radius = Math.min(LENS, this.width / 5)
+    const middle = [x < this.width / 2 ? this.width - radius - 8 : radius + 8, radius + 8]
+    const now = { scale: this.scale, u: this.u, v: this.v }
+    const [u, v] = this.toImage(x, y)
+    const context = this.context
+    context.save()
+    const circle = new Path2D()
+    circle.arc(...middle, radius, 0, 2 * Math.PI)
+    context.clip(circle)
+    context.clearRect(middle[0] - radius, middle[1] - radius, 2 * radius, 2 * radius)
+    this.scale = Math.min(Math.max(this.scale, 0.4) * LENS_SCALE, DEEPEST)
+    this.u = u + (this.width / 2 - middle[0]) / this.scale
+    this.v = v + (this.height / 2 - middle[1]) / this.scale
+    this.drawScene(ratio)
+    Object.assign(this, now)
+    context.restore()
+    this.stroke("#ffffff", 1.5, (path) => path.addPath(circle))
+    this.stroke("#ffffff", 1, (path) => ticks(path, ...middle, 6, 16))
+  }
+
+  drawLine(line) {
+    this.stroke(line.colour, 1.5, (path) => {
+      line.points.forEach(([u, v], k) => path[k ? "lineTo" : "moveTo"](...this.toScreen(u, v)))
+    })
   }
 
   drawPhotograph(ratio) {
@@ -279,9 +331,11 @@ class Picker {
     const [x, y] = this.toScreen(mark.u, mark.v)
     const circle = (mark.sigma || 0) * this.scale
     // The shape leaves the corner itself, and the circle of its sigma, in view.
-    const reach = Math.max(13, circle + 6)
+    const reach = mark.shape === "cross" ? 9 : Math.max(13, circle + 6)
+    this.context.setLineDash(mark.shape === "dashed" ? [5, 4] : [])
     this.stroke(mark.colour, 2, (path) => {
-      if (mark.shape === "diamond") {
+      if (mark.shape === "cross") ticks(path, x, y, 3, 12)
+      else if (mark.shape === "diamond") {
         path.moveTo(x, y - reach * 1.2)
         path.lineTo(x + reach * 1.2, y)
         path.lineTo(x, y + reach * 1.2)
@@ -292,7 +346,8 @@ class Picker {
         path.arc(x, y, reach, 0, 2 * Math.PI)
       }
     })
-    if (this.scale >= 3) this.stroke(mark.colour, 1.5, (path) => ticks(path, x, y, circle + 2, circle + 6))
+    this.context.setLineDash([])
+    if (this.scale >= 3 && this.data.targets) this.stroke(mark.colour, 1.5, (path) => ticks(path, x, y, circle + 2, circle + 6))
     if (circle >= SIGMA_SHOWN) {
       this.stroke("#ffffff", 1.5, (path) => path.arc(x, y, circle, 0, 2 * Math.PI))
     }

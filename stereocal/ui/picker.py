@@ -48,7 +48,16 @@ class Mark:
     """Radius of the circle around it, drawn if large enough to be seen."""
     colour: str
     shape: str
-    """circle or diamond."""
+    """circle or diamond, about a target; cross, or dashed where it is only proposed."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve over the photograph."""
+
+    points: list[list[float]]
+    """u and v of each, in pixels."""
+    colour: str
 
 
 @dataclass(frozen=True)
@@ -76,16 +85,27 @@ class Pick:
 @st.cache_data(show_spinner=False, max_entries=16)
 def shown_image(digest: str, coloured: bool, _file: StoredFile, _name: str) -> Shown:
     """A photograph for `pick`, grey or in colours; `digest` is that of the file."""
-    image = eight_bits(read_image(coloured, _file, _name))
+    return shown(digest, eight_bits(read_image(coloured, _file, _name)))
+
+
+def shown(image_id: str, image: GreyImage, jpeg: bytes | None = None) -> Shown:
+    """A picture for `pick`, of 8 bits.
+
+    Args:
+        jpeg: the same, encoded, if it is at hand.
+    """
     height, width = image.shape[:2]
     if width * height > MOST_PIXELS:
         shrink = math.sqrt(MOST_PIXELS / (width * height))
         size = max(1, int(width * shrink)), max(1, int(height * shrink))
-        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-    done, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    assert done  # an 8-bit array
-    source = "data:image/jpeg;base64," + base64.b64encode(content.tobytes()).decode()
-    return Shown(digest, source, width, height)
+        reduced = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        image, jpeg = np.asarray(reduced, np.uint8), None
+    if jpeg is None:
+        done, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        assert done  # an 8-bit array
+        jpeg = content.tobytes()
+    source = "data:image/jpeg;base64," + base64.b64encode(jpeg).decode()
+    return Shown(image_id, source, width, height)
 
 
 def read_image(coloured: bool, file: StoredFile, name: str) -> GreyImage:
@@ -100,12 +120,14 @@ def pick(
     key: str,
     locked: bool,
     on_pick: Callable[[Pick], None],
+    lines: Sequence[Line] | None = None,
 ) -> None:
     """Show a photograph; a click calls `on_pick` before the page is drawn again.
 
     Args:
         label: description for screen readers.
         locked: clicks do nothing.
+        lines: curves over it; then it has a magnifier, and no targets to go to.
     """
 
     def picked() -> None:
@@ -113,7 +135,9 @@ def pick(
         if found is not None:
             on_pick(found)
 
-    sent = {**asdict(shown), "marks": [*map(asdict, marks)], "label": label, "locked": locked}
+    drawn = {"marks": [*map(asdict, marks)], "lines": [*map(asdict, lines or ())]}
+    kind = {"label": label, "locked": locked, "targets": lines is None}
+    sent = {**asdict(shown), **drawn, **kind}
     # Declared in every run: tests have several runtimes.
     css, js = (_text(Path(__file__).with_suffix(suffix)) for suffix in (".css", ".js"))
     component = st.components.v2.component(NAME, html=HTML, css=css, js=js)

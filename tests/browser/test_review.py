@@ -24,9 +24,9 @@ Settled = Callable[[Page], None]
 class Photograph:
     """A picker on the page."""
 
-    def __init__(self, page: Page, camera: str) -> None:
+    def __init__(self, page: Page, camera: str, of: str = "pick_") -> None:
         self.page = page
-        self.whole: Locator = page.locator(f".st-key-pick_{camera}")
+        self.whole: Locator = page.locator(f".st-key-{of}{camera}")
         self.canvas = self.whole.locator("canvas")
         self.ready()
 

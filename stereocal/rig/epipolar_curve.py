@@ -1,0 +1,45 @@
+"""Where a point of one camera may be in the recorded, distorted image of the other."""
+
+import numpy as np
+import numpy.typing as npt
+
+from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.rig import Rig
+
+SAMPLES = 160
+NEAREST, FARTHEST = 1e-2, 1e6
+"""Depths looked at, in baselines."""
+
+
+def epipolar_curve(rig: Rig, camera: CameraName, pixel: npt.ArrayLike) -> FloatArray:
+    """The epipolar line in the other camera's recorded image: a curve where lenses distort.
+
+    It ends at the edges of the image, and where the point would be infinitely far away.
+
+    Args:
+        camera: which camera sees the point; pixel: (2,) raw pixels, where.
+
+    Returns:
+        (n, 2) raw pixels of the other camera, from near to far; n is 0 if it cannot see the point.
+    """
+    own, other = (rig.placed[name] for name in (camera, *(c for c in CAMERAS if c != camera)))
+    other_from_own = other.pose @ own.pose.inverse()
+    ray = np.append(own.camera.undistort(np.reshape(pixel, (1, 2)))[0], 1.0)
+    if not np.isfinite(ray).all():
+        return np.empty((0, 2))
+
+    def seen(inverse_depths: FloatArray) -> tuple[IntArray, FloatArray]:
+        """The inverse depths at which the other camera sees the point, and its pixels there."""
+        points = (ray / inverse_depths[:, None]) @ other_from_own.R.T + other_from_own.T
+        there = other.camera.sees(points)
+        return np.flatnonzero(there), other.camera.project(points[there])
+
+    baseline = rig.pose.baseline
+    coarse = np.geomspace(1 / (NEAREST * baseline), 1 / (FARTHEST * baseline), 4 * SAMPLES)
+    rows, _ = seen(coarse)
+    if not len(rows):
+        return np.empty((0, 2))
+    # Even in inverse depth is about even in the image.
+    nearest, farthest = coarse[max(rows[0] - 1, 0)], coarse[min(rows[-1] + 1, len(coarse) - 1)]
+    return seen(np.linspace(nearest, farthest, 2 * SAMPLES))[1]

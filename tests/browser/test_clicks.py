@@ -1,0 +1,105 @@
+"""A biologist measures in two videos: points clicked frame by frame, on the page Apply."""
+
+import json
+import math
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from playwright.sync_api import Page, expect
+
+from stereocal.projects.clicks import ProjectClicks
+from stereocal.rig.camera import CAMERAS
+from tests.browser.conftest import ROOT, choose, download
+from tests.browser.test_few_acts import User, project_of
+from tests.browser.test_review import Photograph
+
+pytestmark = pytest.mark.browser
+FLIGHT = ROOT / "sample_data" / "flight"
+TRUTH = json.loads((FLIGHT / "truth.json").read_text())
+MOST_ACTS, FRAMES = 25, 5
+
+
+class Clicker(User):
+    """A person who clicks in the pictures."""
+
+    def click(self, camera: str, end: int, frame: int) -> None:
+        """On an end in one picture."""
+        self._wait()
+        picture = Photograph(self.page, f"clicks_{camera}", "")
+        self.page.mouse.click(*picture.screen(*TRUTH[camera][frame - 1][end]))
+        self.page.wait_for_timeout(300)
+
+    def name_track(self, name: str) -> None:
+        self._wait()
+        field = self.page.locator(".st-key-clicks_track input")
+        field.fill(name)
+        field.press("Enter")
+
+    def give_pictures(self, files: Sequence[Path]) -> None:
+        self._wait()
+        uploader = self.page.locator("[class*=st-key-upload_footage] input[type=file]")
+        uploader.set_input_files(list(files))
+
+    def key(self, key: str) -> None:
+        self._wait()
+        self.page.keyboard.press(key)
+
+    def choose(self, key: str, option: str) -> None:
+        self._wait()
+        choose(self.page, key, option)
+
+    def open(self, name: str) -> None:
+        self._wait()
+        self.page.get_by_test_id("stSidebar").get_by_role("link", name=name).click()
+
+
+def test_from_start_to_the_length_of_something_that_flies(
+    page: Page, app_url: str, home: Path, settled: Callable[[Page], None], tmp_path: Path
+) -> None:
+    pytest.importorskip("av")
+    page.goto(app_url)
+    user = Clicker(page, settled)
+    user.press("Sample photographs")
+    user.press("Find the targets")
+    user.sees("25 frames:")
+    user.press("Next: Calibrate")
+    user.press("Calibrate")
+    user.open("Apply")
+    user.choose("apply_points", "Click them here")
+    user.give_pictures([FLIGHT / f"{camera}.mp4" for camera in CAMERAS])
+    user.sees("Pictures: primary.mp4, secondary.mp4, 10 frames")
+    store = ProjectClicks(project_of(page, home))
+    for end, track in enumerate(("head", "tail")):
+        user.name_track(track)
+        user.sees(f"Click {track} in one of the pictures.")
+        user.click("primary", end, 1)
+        user.sees(f"Now click {track} in the secondary picture, near the line.")
+        assert len(store.clicks.every) == 4 * end // 2 + 1  # on disk when it is seen
+        user.click("secondary", end, 1)
+        user.sees("below the threshold of")
+    user.key("f")
+    for frame in range(2, FRAMES + 1):
+        expect(page.get_by_label(f"Frame {frame} of the primary camera").first).to_be_visible()
+        user.sees("Accept 4 and go on")
+        user.key("a")
+    user.sees("tail to head, mean of 5 frames: ")
+    found = page.get_by_text("tail to head, mean of 5 frames: ").first.inner_text()
+    metres, sigma = map(float, re.findall(r"mean of 5 frames: ([\d.]+) ± ([\d.]+) m", found)[0])
+    assert abs(metres - TRUTH["length_m"]) < 3 * sigma < 0.02  # measured: 0.4201 ± 0.0025
+    user.press("Match and measure all (20 clicks)")
+    user.sees("10 pairs in 5 frames, none of them ambiguous")
+    assert user.acts <= MOST_ACTS, user.acts  # measured: 19
+    settled(page)
+    points = pd.read_csv(download(page, "download_points", tmp_path))
+    assert sorted(points["track"]) == ["head"] * 5 + ["tail"] * 5
+    off = [
+        math.dist(row[["x", "y", "z"]], TRUTH["ends_m"][row["frame"] - 1][row["track"] == "tail"])
+        for _, row in points.iterrows()
+    ]
+    assert max(off) < 0.06, off  # measured: 0.03, at 13 m
+    page.keyboard.press("u")
+    expect(page.get_by_role("button", name="Match and measure all (16 clicks)")).to_be_visible()
+    assert len(store.clicks.every) == 16

@@ -1,0 +1,176 @@
+"""Points clicked in two images: the line in the other, what they measure, the next place."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from stereocal.library.tables import match, reconstruct
+from stereocal.matching.clicks import CLICK_PX, Click, ClickMeasure, Clicks, Place
+from stereocal.matching.following import Image, follow, nearest_clicks
+from stereocal.matching.pairs import Stated
+from stereocal.rig.camera import CAMERAS, Camera, CameraName
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.correspondences import PIXELS
+from stereocal.rig.epipolar_curve import epipolar_curve
+from stereocal.rig.geometry import Pose
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
+from stereocal.rig.tracks import MeasuredOffset
+from tests.known_rig import PRIMARY, RIG, SECONDARY, images
+
+SET = RigParameters(PRIMARY, SECONDARY, RIG, "refined", 1.0, {}, {}, matching_threshold_px=0.4)
+EQUIDISTANT = np.array([[300.0, 0, 640], [0, 300, 512], [0, 0, 1]])
+FISHEYE = Camera(EQUIDISTANT, np.zeros(4), (1280, 1024), model="fisheye")
+LENGTH_M = 0.25
+
+
+def flight(frames: int, noise_px: float = 0.0, seed: int = 0) -> Clicks:
+    """Head and tail of something that flies straight on, clicked in both images."""
+    rng = np.random.default_rng(seed)
+    clicks = []
+    for frame in range(1, frames + 1):
+        head = np.array([-0.6 + 0.08 * frame, 0.2, 7.0 + 0.05 * frame])
+        for track, point in (("head", head), ("tail", head + np.array([0.0, LENGTH_M, 0.0]))):
+            for camera, pixels in zip(CAMERAS, images(point[None]), strict=True):
+                u, v = pixels[0] + noise_px * rng.standard_normal(2)
+                clicks.append(Click(frame, camera, track, float(u), float(v)))
+    return Clicks.of(clicks)
+
+
+def off(curve: FloatArray, pixel: FloatArray) -> float:
+    """Distance of a pixel from a curve."""
+    start, along = curve[:-1], np.diff(curve, axis=0)
+    share = np.einsum("ni,ni->n", pixel - start, along) / np.square(along).sum(axis=1)
+    near = start + np.clip(share, 0, 1)[:, None] * along
+    return float(np.linalg.norm(near - pixel, axis=1).min())
+
+
+@pytest.mark.parametrize(
+    "rig", [SET, Rig(FISHEYE, SECONDARY, RIG), Rig(PRIMARY, FISHEYE, RIG)], ids=["usual", "1", "2"]
+)
+def test_the_epipolar_line_passes_the_partner_in_the_recorded_image(rig: Rig) -> None:
+    points = np.random.default_rng(3).uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5], (12, 3))
+    pixels = rig.primary.project(points), rig.secondary.project(RIG.apply(points))
+    seen = dict(zip(CAMERAS, pixels, strict=True))
+    for camera, other in (CAMERAS, CAMERAS[::-1]):
+        curves = [epipolar_curve(rig, camera, pixel) for pixel in seen[camera]]
+        worst = max(map(off, curves, seen[other]))
+        assert worst < 0.01  # measured: 0.0005
+        width, height = getattr(rig, other).image_size
+        ends = np.array([curve[[0, -1]] for curve in curves]).reshape(-1, 2)
+        assert (ends >= -0.5).all() and (ends <= [width - 0.5, height - 0.5]).all()
+        assert all(len(curve) > 50 for curve in curves)
+    straight = np.linalg.norm(np.diff(curves[0][[0, -1]], axis=0))
+    bent = off(curves[0][[0, -1]], curves[0][len(curves[0]) // 2])
+    assert bent > 1.0 and straight > 100  # curved where lenses distort
+
+
+def test_no_line_where_the_other_camera_sees_nothing() -> None:
+    away = Rig(PRIMARY, SECONDARY, Pose(np.diag([-1.0, 1.0, -1.0]), np.array([2.0, 0, 0])))
+    assert epipolar_curve(away, "primary", [800.0, 600.0]).shape == (0, 2)
+
+
+def test_clicks_measure_what_match_and_reconstruct_do() -> None:
+    clicks, how = flight(12, 0.5), ClickMeasure(SET, SET)
+    settled = how.settled(clicks)
+    found = how.measured(clicks, settled)
+    stated = settled.stated
+    assert settled.threshold.noise is not None and settled.threshold.noise.source == "estimated"
+    tables = clicks.tables()
+    pairs = match(SET, tables["primary"], tables["secondary"], names="track")
+    same = pairs.sort_values(["frame", "track_primary"], ignore_index=True)
+    np.testing.assert_allclose(found.pairs[list(PIXELS)], same[list(PIXELS)])
+    np.testing.assert_allclose(found.pairs["error_px"], same["error_px"], atol=1e-6)
+    points, own = reconstruct(SET, same), found.points
+    np.testing.assert_allclose(own.xyz, points[["x", "y", "z"]])
+    assert own.sigma_m is not None
+    sigmas = points[["sigma_x", "sigma_y", "sigma_z"]]
+    np.testing.assert_allclose(own.sigma_m, sigmas, rtol=0.02)
+    assert points["track"].tolist() == same["track_primary"].tolist()
+    assert stated.sigma_px is None
+    # One more in the primary only is no pair, and takes nobody's partner.
+    more = Clicks.of([*clicks.every.values(), Click(1, "primary", "wing", 700.0, 500.0)])
+    assert len(how.measured(more, settled).pairs) == len(pairs)
+    assert len(more.tables()["primary"]) == 25 and len(more.tables(to_match=True)["primary"]) == 24
+
+
+def test_few_clicks_count_as_clicked_by_hand() -> None:
+    settled = ClickMeasure(replace(SET, noise_px=0.02), SET).settled(flight(2, 0.3))
+    assert settled.stated.sigma_px == CLICK_PX
+    assert 1.5 < settled.threshold.threshold_px < 2.2
+    assert "99 % of the errors" in settled.threshold.sentence()
+    stated = ClickMeasure(SET, SET, Stated(sigma_px=0.05, names="track")).settled(flight(2))
+    assert stated.threshold.threshold_px == 0.4  # that of the file is larger
+
+
+def test_a_length_and_its_error() -> None:
+    """The error of the mean of five lengths, of 60 flights: as large as it is said to be."""
+    relative = []
+    for seed in range(60):
+        clicks = flight(5, 1.0, seed)
+        how = ClickMeasure(SET, SET, Stated(1.8, sigma_px=1.0, names="track"))
+        found = how.measured(clicks, how.settled(clicks))
+        length = found.length(*found.common("head", "tail"))
+        assert length is not None and length.sigma_m is not None and length.frames == 5
+        relative.append((length.metres - LENGTH_M) / length.sigma_m)
+    assert 0.75 < float(np.sqrt(np.mean(np.square(relative)))) < 1.25  # measured: 0.98
+    place = Place("head", 3)
+    assert found.previous(place) == Place("head", 2)
+    step = found.length((place, Place("head", 2)))
+    assert step is not None and step.metres == pytest.approx(np.hypot(0.08, 0.05), abs=0.03)
+    assert found.length((place, place)) is None and found.length((place, Place("x", 1))) is None
+    assert " px, below the threshold of 1.8 px. x " in found.sentence(place)
+
+
+def test_the_line_is_where_the_other_camera_sees_the_point_then() -> None:
+    late = replace(SET, time_offset=MeasuredOffset(0.5, sigma=0.01))
+    points = np.array([[0.0, 0.1, 7.0], [0.1, 0.2, 7.1]])
+    first, second = images(points)
+    between = images(points.mean(axis=0, keepdims=True))[1][0]
+    click = Click(1, "primary", "head", *first[0].tolist())
+    how = ClickMeasure(late, late)
+    assert (
+        off(how.curve(click, first[1] - first[0]), between) < 0.5 < off(how.curve(click), between)
+    )
+    back = Click(1, "secondary", "head", *between.tolist())
+    assert off(how.curve(back, second[1] - second[0]), first[0]) < 0.5
+
+
+def picture(shift: tuple[float, float], seed: int = 0, camera: CameraName = "primary") -> Image:
+    """A still background, and something of 24 px that has moved."""
+    rng = np.random.default_rng([seed, CAMERAS.index(camera)])
+    behind, thing = (
+        cv2.GaussianBlur(rng.normal(120, sigma, (300, 400)), (0, 0), blur)
+        for sigma, blur in ((60, 3), (160, 2))
+    )
+    circle = cv2.circle(np.zeros((300, 400)), (150, 150), 14, 1.0, -1)
+    circle = cv2.GaussianBlur(circle, (0, 0), 1)
+    by = np.array([[1, 0, shift[0]], [0, 1, shift[1]]], np.float64)
+    thing, inside = (cv2.warpAffine(each, by, (400, 300)) for each in (thing, circle))
+    mixed = inside * thing + (1 - inside) * behind + rng.normal(0, 2, inside.shape)
+    return np.clip(mixed, 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_next_place_is_found_in_the_image(seed: int) -> None:
+    steps = [(0.0, 0.0), (11.3, -4.6), (24.9, -7.2)]
+    clicks = [Click(k, "primary", "a", 150 + s[0], 150 + s[1]) for k, s in enumerate(steps[:2])]
+    before, now = (picture(step, seed) for step in steps[1:])
+    for known in (clicks, clicks[1:]):
+        found = follow(before, now, nearest_clicks(known, 2), 2)
+        assert found.is_seen
+        # Measured: 0.03 to 0.12 px.
+        assert np.hypot(found.u - 174.9, found.v - 142.8) < 0.3
+    # Where it has gone, the velocity is all there is.
+    gone = follow(before, picture((180.0, 100.0), seed), nearest_clicks(clicks, 2), 2)
+    assert not gone.is_seen
+    assert (gone.u, gone.v) == pytest.approx((150 + 22.6, 150 - 9.2))
+
+
+def test_the_nearest_clicks_are_on_one_side() -> None:
+    clicks = [Click(frame, "primary", "a", float(frame), 0.0) for frame in (1, 2, 7, 8)]
+    assert [each.frame for each in nearest_clicks(clicks, 3)] == [2, 1]
+    assert [each.frame for each in nearest_clicks(clicks, 6)] == [7, 8]
+    assert nearest_clicks([], 3) == []

@@ -1,0 +1,89 @@
+"""Points clicked on the page Apply, without a browser: what is shown of them, and the tables."""
+
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from streamlit.testing.v1 import AppTest
+
+from stereocal.matching.clicks import Click
+from stereocal.projects.application import ProjectApplication
+from stereocal.projects.clicks import ProjectClicks
+from stereocal.rig.camera import CAMERAS
+from stereocal.system.photograph import GreyImage
+from tests.files import encoded
+from tests.known_rig import PRIMARY, SECONDARY, images
+from tests.pages.stored_projects import messages, project_of, told
+from tests.pages.test_apply import SET_2D, begun, give_sets
+
+LENGTH_M = 0.5
+PHOTOGRAPHS: dict[str, GreyImage] = {
+    f"{side}_{frame:02}.png": np.full(camera.image_size[::-1], 90 + 5 * frame, np.uint8)
+    for side, camera in (("left", PRIMARY), ("right", SECONDARY))
+    for frame in (1, 2, 3)
+}
+
+
+def give_pictures(app: AppTest, files: dict[str, GreyImage]) -> AppTest:
+    widget = app.file_uploader(key=f"upload_footage_{app.session_state['upload_footage']}")
+    for name, image in files.items():
+        widget.upload(name, encoded(image))
+    return app.run()
+
+
+def with_pictures(app: AppTest) -> AppTest:
+    give_sets(begun(app), SET_2D, SET_2D)
+    app.selectbox(key="apply_points").set_value("Click them here").run()
+    return give_pictures(app, PHOTOGRAPHS)
+
+
+def clicks_of(frames: tuple[int, ...], off_px: float = 0.0) -> list[Click]:
+    """Head and tail of something that flies, and an error in the secondary."""
+    found, rng = [], np.random.default_rng(1)
+    for frame in frames:
+        head = np.array([-0.3 + 0.1 * frame, 0.2, 8.0])
+        for track, point in (("head", head), ("tail", head + np.array([0.0, LENGTH_M, 0.0]))):
+            for camera, pixels in zip(CAMERAS, images(point[None]), strict=True):
+                u, v = pixels[0] + [0.0, off_px * (camera == "secondary")] + rng.normal(0, 0.1, 2)
+                found.append(Click(frame, camera, track, float(u), float(v)))
+    return found
+
+
+def test_points_lengths_and_tables_of_clicks(app: AppTest, home: Path) -> None:
+    with_pictures(app)
+    assert "Click point 1 in one of the pictures." in told(app)
+    store = ProjectClicks(project_of(app, home))
+    store.place(clicks_of((1, 2, 3)))
+    app.run().selectbox(key="clicks_track").set_value("tail").run()
+    assert re.search(
+        r"tail, 0\.\d+ px, below the threshold of 1\.8\d px", messages(app).replace("*", "")
+    )
+    found = re.search(r"tail to head, mean of 3 frames: ([\d.]+) ± ([\d.]+) m", told(app))
+    assert found and abs(float(found[1]) - LENGTH_M) < 0.002 < float(found[2]) < 0.01
+    app.button(key="clicks_forward").click().run()
+    step = re.search(r"tail, frame 1 to tail, frame 2: ([\d.]+) ±", told(app))
+    assert step and abs(float(step[1]) - 0.1) < 0.01
+    app.button(key="clicks_all").click().run()
+    assert "6 pairs in 3 frames, none of them ambiguous" in messages(app)
+    assert "known to 1 px until 20 pairs" in told(app, "caption")
+    result = ProjectApplication(project_of(app, home)).result
+    assert result is not None
+    points = pd.read_csv(io.BytesIO(result[1]["points.csv"].read_bytes()))
+    assert points["track"].tolist() == ["head", "tail"] * 3
+    np.testing.assert_allclose(points["x"], np.repeat([-0.2, -0.1, 0.0], 2), atol=0.003)
+    assert points["sigma_z"].min() > 0.005  # of 1 px, not of the targets
+    app.button(key="clicks_remove").click().run()
+    assert "Click tail in one of the pictures." in told(app)
+    app.button(key="clicks_undo").click().run()
+    assert len(store.clicks.every) == 12
+
+
+def test_clicks_off_the_line_and_pictures_of_another_size(app: AppTest, home: Path) -> None:
+    with_pictures(app)
+    ProjectClicks(project_of(app, home)).place(clicks_of((1,), 12.0))
+    app.run().selectbox(key="clicks_track").set_value("head").run()
+    assert "above the threshold of 1.86 px: not the same point" in told(app, "warning")
+    give_pictures(app, {name: image[::2, ::2] for name, image in PHOTOGRAPHS.items()})
+    assert "have 800x600 px, its parameters are for 1600x1200 px" in told(app, "error")

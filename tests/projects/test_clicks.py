@@ -1,0 +1,66 @@
+"""Clicks on disk: each act whole, and undone one by one; their tables for other programs."""
+
+from pathlib import Path
+
+import pytest
+
+from stereocal.formats.click_tables import dltdv_table, sleap_table
+from stereocal.formats.point_files import read_points
+from stereocal.formats.point_layouts import propose_layout
+from stereocal.matching.clicks import Click
+from stereocal.projects.clicks import ProjectClicks
+from stereocal.projects.database import DamagedError
+from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
+
+HEAD = [Click(frame, camera, "head", 10.25 + frame, 20.5) for frame in (1, 3) for camera in CAMERAS]
+TAIL = Click(3, "primary", "tail", 40.0, 50.125, "followed")
+
+
+def test_every_act_is_on_disk_and_is_undone_whole(tmp_path: Path) -> None:
+    project = Project.create(tmp_path)
+    store, again = ProjectClicks(project), ProjectClicks(Project.open(tmp_path, project.id))
+    store.place(HEAD)
+    store.place([TAIL])
+    moved = Click(1, "primary", "head", 1.0, 2.0, "snapped")
+    store.place([moved])
+    assert again.clicks.every[moved.key] == moved and len(again.clicks.every) == 5
+    again.place([], [each.key for each in HEAD[:2]])
+    assert store.acts == 4 and store.clicks.tracks == ["head", "tail"]
+    assert [each.frame for each in store.clicks.along("head", "primary")] == [3]
+    store.undo()
+    assert again.clicks.every[moved.key] == moved
+    store.undo()
+    assert store.clicks.every[moved.key] == HEAD[0]
+    store.undo()
+    store.undo()
+    store.undo()  # nothing is left
+    assert not store.clicks.every and store.acts == 0
+    # Those of a pair of a rig are its own.
+    project.database.of_pair("left-right").keep_values("clicks", {"000000001": {}})
+    assert not store.clicks.every
+    project.database.keep_values("clicks", {"000000001": {"placed": [{}], "removed": []}})
+    with pytest.raises(DamagedError, match="clicked"):
+        _ = store.clicks
+
+
+def test_other_programs_tables_have_the_same_points(tmp_path: Path) -> None:
+    store = ProjectClicks(Project.create(tmp_path))
+    store.place([*HEAD, TAIL])
+    clicks = store.clicks
+    for which, camera in enumerate(CAMERAS, 1):
+        own = clicks.tables()[camera]
+        content = dltdv_table(clicks).encode()
+        layout = propose_layout(content, "xypts.csv")
+        assert layout.program == "DLTdv8"
+        found = read_points(content, layout, f"cam{which}", None, "xypts.csv")
+        assert (
+            found[["frame", "u", "v"]].to_numpy().tolist()
+            == own[["frame", "u", "v"]].to_numpy().tolist()
+        )
+        content = sleap_table(clicks, camera).encode()
+        layout = propose_layout(content, "sleap.csv")
+        assert layout.program == "SLEAP"
+        read = read_points(content, layout, "cam1", None, "sleap.csv")
+        columns = ["frame", "track", "u", "v"]
+        assert sorted(read[columns].to_numpy().tolist()) == sorted(own[columns].to_numpy().tolist())
