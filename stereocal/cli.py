@@ -20,6 +20,7 @@ COMMANDS = {
     "reconstruct": ("reconstruct", "3D points of matched pairs"),
     "convert": ("convert", "parameters to and from the formats of other programs"),
     "rig": ("rig", "one rig of three cameras and more"),
+    "sync": ("sync", "bring cameras that were started by hand into step"),
     "check": ("check", "has a camera moved? repaired parameters if so"),
     "world": (
         "world",

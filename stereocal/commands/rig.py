@@ -69,6 +69,7 @@ def run(parsed: argparse.Namespace) -> None:
             figures = {name: predicted[name] for name in FIGURES if name in predicted}
             of_pairs[pair] = replace(of_pairs[pair], **figures)
         rig = replace(rig, about=replace(rig.about, pairs=of_pairs))
+        notes = [*recording.step_notes, *notes]
     files = {RIG: rig.dumps().encode(), "report.html": rig_report(rig, name).encode(), **pairs}
     sentences = filter(None, (rig_sentence(rig), loops_sentence(rig)))
     finish(parsed.out, files, *sentences, notes=(*rig_notes(rig), *notes))

@@ -14,6 +14,7 @@ from stereocal.formats.recording_files import (
     DATASET_FORMAT,
     DESCRIPTION,
     LARGEST_DESCRIPTION,
+    STARTS,
     find_description,
     pack_recording,
     parse_recording,
@@ -51,6 +52,22 @@ def read_dataset(
 def read_recording(path: str | Path, lens_model: LensModel | None = None) -> Recording:
     """Read a data set of any number of cameras (format 2) from a folder or a zip."""
     files, photographs = read_texts(Path(path))
+    return parse_recording(files, str(path), photographs, lens_model)
+
+
+def read_as_counted(path: str | Path, lens_model: LensModel | None = None) -> Recording:
+    """As `read_recording`, with the frames of each camera as it counted them itself."""
+    files, photographs = read_texts(Path(path))
+    found = find_description(files, str(path))
+    if not found.is_recording:
+        raise StereocalError(
+            f"{path}: a row of {TABLE} has the points of both cameras at one moment, so their "
+            "frames are in step already. Give the points of each camera by its own count: a data "
+            'set of format 2 with "frames": "own".'
+        )
+    known = {STARTS: dict.fromkeys(found.entries["cameras"], 0)}
+    described = json.dumps({**found.entries, "frames": "own", **known}).encode()
+    files = {**files, f"{found.folder}{DESCRIPTION}": described}
     return parse_recording(files, str(path), photographs, lens_model)
 
 
@@ -158,6 +175,9 @@ def parse_survey(
         "baseline_sigma_m": np.inf if is_free else found.optional_length("baseline_sigma_m"),
         "target_distance_sigma_m": found.optional_length("target_distance_sigma_m"),
     }
+    started = found.entries.get(STARTS)
+    if isinstance(started, dict) and isinstance(started.get("secondary"), int):
+        entries["start_frame"] = started["secondary"]
     with naming(source):
         return Dataset(found.name, notes=found.notes, **entries)
 
@@ -179,6 +199,7 @@ def pack_pair(dataset: Dataset) -> dict[str, bytes]:
         "baseline_sigma_m": FREE if dataset.baseline_is_free else dataset.baseline_sigma_m,
         "target_distance_sigma_m": dataset.target_distance_sigma_m,
         "notes": dataset.notes or None,
+        STARTS: {"secondary": dataset.start_frame} if dataset.start_frame else None,
         "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
     }
     kept = {key: value for key, value in description.items() if value is not None}

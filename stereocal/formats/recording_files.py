@@ -13,6 +13,7 @@ import pandas as pd
 from stereocal.errors import RefusedRowsError, StereocalError, naming
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import codes_of
+from stereocal.network.started_by_hand import bring_into_step
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import check_length, check_uncertainty
@@ -21,7 +22,7 @@ from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.json_text import read_json
 from stereocal.system.limits import Limits
 from stereocal.system.records import of_plain, plain, settings_of
-from stereocal.system.tables import EMPTY, Column, Rows, read_rows
+from stereocal.system.tables import EMPTY, Column, Rows, names_of, read_rows, text_of
 
 DATASET_FORMAT = "stereocal-dataset/1"
 """Two cameras and a bar, with `correspondences.csv`."""
@@ -33,8 +34,11 @@ LARGEST_DESCRIPTION = 4_000_000
 POINTS = "points.csv"
 REQUIRED = ("frame", "camera", "target", "u", "v")
 SIGMA = "sigma_px"
+OWN_FRAME, STARTS = "camera_frame", "start_frames"
+"""The column of a camera's own count, and the entry that says which frame was 0 of each camera."""
 NUMBERS = (
     Column("frame", is_whole=True),
+    Column(OWN_FRAME, is_whole=True),
     Column("u"),
     Column("v"),
     Column(SIGMA, may_be_empty=True, is_positive=True),
@@ -67,6 +71,14 @@ class Description:
         """The name of the data set, as it can be displayed: not too long, valid UTF-8."""
         name = str(self.entries.get("name") or Path(self.source).stem)
         return name[:LONGEST_NAME].encode("utf-8", "replace").decode()
+
+    @property
+    def counts_own_frames(self) -> bool:
+        """Whether each camera counts its own frames, as cameras that were started by hand."""
+        given = self.entries.get("frames", "common")
+        if given not in ("own", "common"):
+            raise StereocalError(f'{self.where}: "frames" must be "own" or "common".')
+        return bool(given == "own")
 
     @property
     def notes(self) -> str:
@@ -161,20 +173,60 @@ def parse_recording(
         recording = Recording(
             "", cameras, rigid_object, none, none, none, np.empty((0, 2)), np.empty(0)
         )
-    elif found.folder + POINTS not in files:
-        how = "; find the targets first, with `stereocal detect`" if photographs else ""
-        raise StereocalError(f"{source}: the table of points {POINTS!r} is missing{how}.")
     else:
-        recording = read_points_csv(
-            files[found.folder + POINTS], cameras, rigid_object, f"{source}: {POINTS}"
-        )
-    return replace(
+        recording = _points(found, cameras, rigid_object, photographs)
+    recording = replace(
         recording,
         name=found.name,
         baselines_m=_baselines(found, cameras),
         baseline_sigma_m=found.optional_length("baseline_sigma_m"),
         notes=found.notes,
     )
+    return _in_step(found, recording) if with_points and found.counts_own_frames else recording
+
+
+def _points(
+    found: Description, cameras: Mapping[str, Camera], rigid_object: RigidObject, photographs: bool
+) -> Recording:
+    """The points of one table, or of a table for each camera."""
+    tables = found.entries.get("points", POINTS)
+    by_camera = dict(tables) if isinstance(tables, dict) else {None: tables}
+    if by_camera.keys() not in ({None}, cameras.keys()):
+        raise StereocalError(f'{found.where}: "points" must name a table for each of the cameras.')
+    parts = []
+    for camera, name in by_camera.items():
+        content = found.files.get(f"{found.folder}{name}")
+        if content is None:
+            how = "; find the targets first, with `stereocal detect`" if photographs else ""
+            raise StereocalError(
+                f"{found.source}: the table of points {str(name)[:60]!r} is missing{how}."
+            )
+        about = f"{found.source}: {name}"
+        parts.append(
+            read_points_csv(content, cameras, rigid_object, about, camera, found.counts_own_frames)
+        )
+    rows = ("frame", "camera", "target", "points", "sigma_px")
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in rows
+    }
+    beyond = {name: sum(part.beyond_view.get(name, 0) for part in parts) for name in cameras}
+    return replace(parts[0], **columns, beyond_view=beyond if any(beyond.values()) else {})
+
+
+def _in_step(found: Description, recording: Recording) -> Recording:
+    """The recording with one count of frames, that of its first camera."""
+    with naming(found.source):
+        starts = found.entries.get(STARTS)
+        if starts is None:
+            brought = bring_into_step(recording)
+            return replace(brought.recording, step_notes=tuple(brought.sentences()))
+        try:
+            known = of_plain(starts, dict[str, int])
+        except ValueError as error:
+            raise StereocalError(f'"{STARTS}" must give a whole number of each camera.') from error
+        if known.keys() != recording.cameras.keys():
+            raise StereocalError(f'"{STARTS}" must give a whole number of each camera.')
+        return replace(recording.counted_from(known), start_frames=known)
 
 
 def _object(description: Description) -> RigidObject:
@@ -228,12 +280,29 @@ def _baselines(description: Description, cameras: Iterable[str]) -> dict[CameraP
 
 
 def read_points_csv(
-    content: bytes, cameras: Mapping[str, Camera], rigid_object: RigidObject, source: str
+    content: bytes,
+    cameras: Mapping[str, Camera],
+    rigid_object: RigidObject,
+    source: str,
+    of_camera: str | None = None,
+    own_frames: bool = False,
 ) -> Recording:
-    """The recording of a table of points, without name and baselines."""
+    """The recording of a table of points, without name and baselines.
+
+    Args:
+        of_camera: the camera of all rows, if the table has no such column.
+        own_frames: take the column `camera_frame`, if there is one, instead of `frame`.
+    """
     lines = max(content.count(b"\n"), content.count(b"\r"))
     Limits.from_environment().check_pairs(lines - 1, source)
-    rows = read_rows(content, source, REQUIRED, NUMBERS, (), EMPTY)
+    names, _ = names_of(text_of(content, source), source)
+    number = OWN_FRAME if own_frames and OWN_FRAME in names else "frame"
+    needed = [name for name in REQUIRED if of_camera is None or name != "camera"]
+    needed[0] = number
+    rows = read_rows(content, source, needed, NUMBERS, (), EMPTY)
+    rows.values["frame"] = rows.values[number]
+    if of_camera is not None:
+        rows.raw["camera"] = of_camera
     codes: dict[str, IntArray] = {}
     for column, names in (("camera", list(cameras)), ("target", list(rigid_object.names))):
         words = rows.raw[column].str.strip()
@@ -242,10 +311,10 @@ def read_points_csv(
         codes[column] = codes_of(words, known, allowed, words, rows.reasons)
     points = np.column_stack([rows.values["u"], rows.values["v"]])
     _refuse_twice(rows, codes["camera"], codes["target"])
-    for number, camera in enumerate(cameras.values()):
-        of_camera = np.flatnonzero(codes["camera"] == number)
-        for at, what in camera.outside(points[of_camera]):
-            row = int(of_camera[at])
+    for code, camera in enumerate(cameras.values()):
+        its_rows = np.flatnonzero(codes["camera"] == code)
+        for at, what in camera.outside(points[its_rows]):
+            row = int(its_rows[at])
             rows.reasons.setdefault(row, f"{_at(rows, row)}: the {what}")
     if rows.problems:
         raise RefusedRowsError(f"{source}: ", rows.problems, "cannot be used")
@@ -294,6 +363,8 @@ def pack_recording(recording: Recording) -> dict[str, bytes]:
         "baselines_m": {f"{a}-{b}": m for (a, b), m in recording.baselines_m.items()} or None,
         "baseline_sigma_m": recording.baseline_sigma_m,
         "notes": recording.notes or None,
+        "frames": "own" if recording.start_frames else None,
+        STARTS: dict(recording.start_frames) or None,
     }
     kept = {key: value for key, value in description.items() if value is not None}
     return {
@@ -305,4 +376,8 @@ def pack_recording(recording: Recording) -> dict[str, bytes]:
 
 def write_points(recording: Recording) -> bytes:
     """`points.csv`, read back exactly by `read_points_csv`."""
-    return recording.to_dataframe().to_csv(index=False, lineterminator="\n").encode()
+    table = recording.to_dataframe()
+    if recording.start_frames:
+        starts = np.array([recording.start_frames[name] for name in recording.cameras])
+        table.insert(1, OWN_FRAME, recording.frame - starts[recording.camera])
+    return table.to_csv(index=False, lineterminator="\n").encode()

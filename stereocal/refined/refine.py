@@ -9,7 +9,7 @@ Frames with gross errors are detected and left out (`solve`); the covariance is 
 squares over the other frames.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -353,13 +353,22 @@ def median_residual(pose: Pose, rays: FloatArray) -> float:
 
 
 def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:
-    """The pose of an essential matrix robust to wrong pairs (MAGSAC++, from OpenCV).
+    """The pose that `robust_pose` finds, with the baseline of the data set."""
+    pose = robust_pose((dataset.primary, dataset.secondary), rays)
+    return pose and Pose(pose.R, dataset.baseline_m * pose.T)
+
+
+def robust_pose(cameras: Sequence[Camera], rays: FloatArray) -> Pose | None:
+    """The pose of an essential matrix robust to wrong pairs (MAGSAC++, from OpenCV), with a
+    baseline of 1.
 
     None if there are fewer than 6 pairs or no solution.
+
+    Args:
+        rays: (4, n), as in `geometry`.
     """
     if rays.shape[1] < 6:
         return None
-    cameras = dataset.primary, dataset.secondary
     focal = [
         np.median(camera.local_focal_px(points.T))
         for camera, points in zip(cameras, (rays[:2], rays[2:]), strict=True)
@@ -375,4 +384,4 @@ def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:
     if E is None or np.shape(E) != (3, 3):
         return None
     R, t, in_front = choose_pose(np.asarray(E, dtype=np.float64), rays)
-    return Pose(R, dataset.baseline_m * t) if in_front else None
+    return Pose(R, t) if in_front else None

@@ -7,11 +7,13 @@ fit are repeated until the remaining offset is small against its standard error,
 covariance of the last fit is that of all unknowns together.
 """
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from stereocal.errors import StereocalError
 from stereocal.refined.design_effect import design_effect
 from stereocal.refined.refine import RefinedResult, median_residual, refine, robust_start
 from stereocal.refined.robust import RobustFit
@@ -36,6 +38,8 @@ DRIFTING = 5.0
 """The same for a drift that was not asked for."""
 MAXIMUM_SIGMA = 0.1
 """In frames: with a larger standard error, the motion does not determine the offset."""
+RUNS = 8
+"""Of frames that follow each other, of which each is held out once (`spread_over_runs`)."""
 MINIMUM_ROWS = 16
 """Points with neighbours that a fit of the offset needs."""
 
@@ -71,8 +75,14 @@ def frames_without_neighbours(dataset: Dataset) -> tuple[int, ...]:
     return tuple(np.unique(frame[~usable_rows(dataset)]).tolist())
 
 
-def fit_time_offset(dataset: Dataset, settings: RefineSettings) -> InStep:
-    """Fit the time offset, and the drift if `settings.time_drift`, with all other unknowns."""
+def fit_time_offset(
+    dataset: Dataset, settings: RefineSettings, near: float | None = None
+) -> InStep:
+    """Fit the time offset, and the drift if `settings.time_drift`, with all other unknowns.
+
+    Args:
+        near: the offset to start from, in frames; searched for if None.
+    """
     settings = replace(settings, time_offset=True)
     reference = float(np.round(dataset.correspondences.time_frame.mean()))
     recorded = dataset.shifted(TimeOffset(reference=reference))
@@ -83,7 +93,8 @@ def fit_time_offset(dataset: Dataset, settings: RefineSettings) -> InStep:
             "numbers belong in the column time_frame."
         )
         return InStep(None, note)
-    fit = fit_from(dataset, settings, *first_value(dataset, reference))
+    known = None if near is None else (TimeOffset(near, reference=reference), None)
+    fit = fit_from(dataset, settings, *(known or first_value(dataset, reference)))
     measured = fit.time_offset
     if not measured.sigma < MAXIMUM_SIGMA:
         note = (
@@ -186,6 +197,21 @@ def _left_at(fit: RefinedResult, found: MeasuredOffset, shift: TimeOffset) -> Re
     names = fit.unknowns.names
     p = [remaining.get(name, value) for name, value in zip(names, fit.p.tolist(), strict=True)]
     return replace(fit, p=np.array(p))
+
+
+def spread_over_runs(fit: RefinedResult) -> float:
+    """The standard error of the offset by the jackknife over runs of frames; 0 if they are too few.
+
+    The errors of a bar that is waved are alike in frames that follow each other: of windows of 60
+    to 400 frames of a real recording, 75 % of the offsets are within 1.96 standard errors of the
+    fit, 91 % within as many of the larger of both.
+    """
+    offsets, used = list[float](), fit.frames[~fit.outlying]
+    for run in np.array_split(used, RUNS):
+        rest = fit.dataset.of_frames(np.setdiff1d(used, run))
+        with suppress(StereocalError):
+            offsets.append(refine(rest, fit.settings, fit.pose).time_offset.frames)
+    return float((RUNS - 1) ** 0.5 * np.std(offsets)) if len(offsets) == RUNS else 0.0
 
 
 def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:

@@ -51,6 +51,10 @@ class Dataset(TableAnswer):
     """Their names in a recording of more, the primary first; None if they have no others."""
     beyond_view: Mapping[str, int] = field(default_factory=dict)
     """By camera, how many points were left out by `with_points`."""
+    start_frame: int = 0
+    """The primary's frame at which the secondary's frame 0 was taken, by their own counts."""
+    step_notes: tuple[str, ...] = ()
+    """As of `Recording`."""
 
     def __post_init__(self) -> None:
         bar = "distance between the targets"

@@ -54,6 +54,10 @@ class Recording(TableAnswer):
     notes: str = ""
     beyond_view: Mapping[str, int] = field(default_factory=dict)
     """By camera, how many points were left out by `within_view`."""
+    start_frames: Mapping[str, int] = field(default_factory=dict)
+    """Of cameras that counted their own frames, which of `frame` was frame 0 of each."""
+    step_notes: tuple[str, ...] = ()
+    """How cameras were brought into step that counted their own frames, where that was found."""
 
     def __post_init__(self) -> None:
         check_camera_names(self.cameras)
@@ -248,6 +252,11 @@ class Recording(TableAnswer):
         columns = ("frame", "camera", "target", "points", "sigma_px")
         return replace(self, **{name: getattr(self, name)[kept] for name in columns})
 
+    def counted_from(self, starts: Mapping[str, int]) -> "Recording":
+        """The recording with the frames of some cameras renumbered: 0 becomes their start."""
+        added = np.array([starts.get(name, 0) for name in self.cameras])
+        return replace(self, frame=self.frame + added[self.camera])
+
     def of_cameras(self, names: Sequence[str]) -> "Recording":
         """The recording with some of its cameras only, in the order of all."""
         every = list(self.cameras)
@@ -258,6 +267,9 @@ class Recording(TableAnswer):
         return replace(
             found,
             cameras={name: self.cameras[name] for name in names},
+            start_frames={
+                name: start for name, start in self.start_frames.items() if name in names
+            },
             camera=numbers[found.camera],
             baselines_m={
                 pair: length for pair, length in self.baselines_m.items() if {*pair} <= {*names}
@@ -340,6 +352,8 @@ class Recording(TableAnswer):
             notes=self.notes,
             camera_names=None if (first, second) == CAMERAS else (first, second),
             beyond_view={name: self.beyond_view.get(name, 0) for name in (first, second)},
+            step_notes=self.step_notes,
+            start_frame=self.start_frames.get(second, 0) - self.start_frames.get(first, 0),
         )
 
     def _common(self, first: str, second: str) -> tuple[IntArray, IntArray]:

@@ -1,0 +1,33 @@
+"""`stereocal sync`: bring cameras that were started by hand into step."""
+
+import argparse
+
+from stereocal.commands.console import Options
+from stereocal.commands.options import finish, questions
+from stereocal.errors import naming
+from stereocal.figures.html import html_page, html_plot
+from stereocal.figures.started_by_hand import describe_offsets, plot_offsets
+from stereocal.formats.dataset_files import read_as_counted
+from stereocal.formats.recording_files import pack_recording
+from stereocal.network.started_by_hand import bring_into_step
+
+OPTIONS: Options = {
+    "dataset": "folder or zip with dataset.json of format 2, whose cameras counted their own "
+    "frames: its points.csv with the column camera_frame, or a table for each camera",
+    "--out OUT": "folder for the data set in step, and sync.html",
+    **questions("lens_model"),
+}
+
+
+def run(parsed: argparse.Namespace) -> None:
+    """Find the offsets, write the data set with one count of frames, print what was found."""
+    counted = read_as_counted(parsed.dataset, parsed.lens_model)
+    with naming(str(parsed.dataset)):
+        found = bring_into_step(counted)
+    told = found.sentences()
+    plots = {
+        "-".join(pair): html_plot(plot_offsets(own), describe_offsets(own))
+        for pair, own in found.pairs.items()
+    }
+    page = html_page(f"{counted.name}: cameras started by hand", " ".join(told), plots)
+    finish(parsed.out, {**pack_recording(found.recording), "sync.html": page.encode()}, *told)

@@ -1,0 +1,50 @@
+"""How well two cameras that were started by hand fit together, by the offset of their counts."""
+
+import numpy as np
+import plotly.graph_objects as go
+
+from stereocal.figures.style import CORRECT_COLOUR, NEUTRAL, WRONG_COLOUR, add_trace, blank, line_of
+from stereocal.network.started_by_hand import OffsetOfPair
+from stereocal.rig.compiled import FloatArray
+from stereocal.system.numbers import rounded
+
+MOST_DRAWN = 1500
+"""Offsets drawn; of more, the best of each of as many runs."""
+
+
+def plot_offsets(found: OffsetOfPair) -> go.Figure:
+    """The median distance of the points from their epipolar lines against the offset."""
+    figure = blank(320)
+    curve = _thinned(found.offsets, found.errors_px)
+    hover = "offset %{x:.1f} frames: %{y:.3~r} px"
+    add_trace(figure, curve, hover, name="other offsets", line=line_of(NEUTRAL, 1))
+    for name, offset, px, colour, symbol in (
+        ("best of the others", found.other, found.other_px, WRONG_COLOUR, "circle-open"),
+        ("found", found.measured.frames, found.px, CORRECT_COLOUR, "diamond"),
+    ):
+        marker = {"color": colour, "size": 12, "symbol": symbol, "line": {"width": 2}}
+        add_trace(figure, np.array([[offset, px]]), hover, name=name, marker=marker)
+    first, second = found.pair
+    figure.update_xaxes(title_text=f"Frame of {first} that is frame 0 of {second}", tickformat="d")
+    figure.update_yaxes(title_text="From the epipolar lines (px)", type="log", dtick=1)
+    return figure
+
+
+def describe_offsets(found: OffsetOfPair) -> str:
+    """The figure in words."""
+    first, second = found.pair
+    return (
+        f"Distance from the epipolar lines against the offset of {second} to {first}, on a "
+        f"logarithmic axis: {rounded(found.px)} px at {found.measured.frames:.2f} frames, "
+        f"{rounded(found.other_px)} px at the best of all others, {found.other:.0f} frames."
+    )
+
+
+def _thinned(offsets: FloatArray, errors_px: FloatArray) -> FloatArray:
+    """(n, 2): of each run of offsets the one with the smallest error."""
+    known = np.isfinite(errors_px)
+    rows = np.column_stack([offsets, errors_px])[known]
+    if len(rows) <= MOST_DRAWN:
+        return np.asarray(rows)
+    runs = np.array_split(rows, MOST_DRAWN)
+    return np.array([run[run[:, 1].argmin()] for run in runs])

@@ -1,0 +1,354 @@
+"""Two cameras that were started by hand: which frame of one belongs to which of the other.
+
+Every offset of the counts of frames is scanned (`calibration.offset_scan`); the best are judged by
+an essential matrix and by the lengths of what is held, and the fit of the time offset finds the
+fraction of the one that stands out.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from stereocal.calibration.offset_scan import FEWEST, Track, common_points, scan
+from stereocal.calibration.readings import FITTING
+from stereocal.errors import StereocalError
+from stereocal.network.pairs import reached
+from stereocal.refined.free_baseline import with_rough_baseline
+from stereocal.refined.refine import robust_pose
+from stereocal.refined.screening import wide_settings
+from stereocal.refined.time_offset import fit_time_offset, spread_over_runs
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.geometry import homogeneous, triangulate_rays
+from stereocal.rig.recording import CameraPair, Recording
+from stereocal.rig.tracks import MeasuredOffset, interpolate
+from stereocal.system.numbers import rounded
+from stereocal.system.sampling import evenly_spread
+
+STANDS_OUT = 1.5
+"""How many times farther from the epipolar lines the points must lie at any other offset."""
+FURTHER, FURTHER_WITH_LENGTHS, TOO_FEW = 40.0, 15.0, 20
+"""With this number of moments above those too few to tell anything, an offset must stand out twice
+as much: chance fits few moments at one of many offsets, more rarely so that lengths agree."""
+LENGTHS_AGREE = 0.1
+"""Largest median deviation of reconstructed lengths from their median, as a fraction of it."""
+FEWEST_LENGTHS = 15
+CANDIDATES, FINALISTS, FEWEST_OTHERS = 30, 4, 8
+APART, NEAR = 2.0, 0.6
+"""Frames between candidates; and between the best one and the fit of the motion there."""
+JUDGED = 300
+"""Points that judge a candidate."""
+TARGETS = 4
+"""Points of an object that are enough."""
+HILL = 0.5
+"""Of the median over all offsets: offsets next to the best are part of its valley below it."""
+LONG, RUNS, RUN = 3000, 40, 10
+"""Frames from which the drift is fitted; and the runs of frames about those that tell the offset
+which the fit uses."""
+LEAST_SIGMA, CLOSED = 0.005, 0.25
+"""Frames: the least error that a pair's offset may weigh, and by how much pairs may disagree."""
+LONGEST = 400_000
+"""The largest count of frames, from the first frame seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class OffsetOfPair:
+    """The offset of two cameras' counts: the second's frame j is taken at j + `frames` of the
+    first."""
+
+    pair: CameraPair
+    measured: MeasuredOffset
+    px: float
+    """Median distance of the points from their epipolar lines there."""
+    one_off_px: float
+    """The same one frame off, and at the best of all other offsets, `other`."""
+    other_px: float
+    other: float
+    offsets: FloatArray
+    """(m,): the offsets scanned, and the distance at each."""
+    errors_px: FloatArray
+
+    def sentence(self) -> str:
+        """In words that a person can check."""
+        first, second = self.pair
+        found = self.measured
+        drift = ""
+        if found.drift_sigma:
+            drift = f", drifting by {1e6 * found.drift:.1f} ± {1e6 * found.drift_sigma:.1f} ppm"
+        return (
+            f"Frame 0 of {second} is frame {found.interval(found.frames)} of {first}{drift}: the "
+            f"points then lie {rounded(self.px)} px from their epipolar lines, one frame off "
+            f"{rounded(self.one_off_px)} px, at the best other offset ({self.other:.0f}) "
+            f"{rounded(self.other_px)} px."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class BroughtIntoStep:
+    """A recording whose cameras count their frames alike, and how that was found."""
+
+    recording: Recording
+    offsets: Mapping[str, tuple[float, float]]
+    """Of each camera, by how many frames of the first it was started later, with the standard
+    error."""
+    pairs: Mapping[CameraPair, OffsetOfPair]
+
+    def sentences(self) -> list[str]:
+        """What was found, of each pair and of the cameras together."""
+        told = [found.sentence() for found in self.pairs.values()]
+        if len(self.offsets) > 2:
+            each = (f"{name} {value:.3f} ± {sigma:.3f}" for name, (value, sigma) in self._later())
+            told.append(f"All pairs together, started later by frames: {', '.join(each)}.")
+        return told
+
+    def _later(self) -> list[tuple[str, tuple[float, float]]]:
+        return list(self.offsets.items())[1:]
+
+
+def bring_into_step(recording: Recording) -> BroughtIntoStep:
+    """Find by how much later than the first each camera was started, from all pairs.
+
+    Args:
+        recording: whose cameras count their own frames.
+
+    Raises:
+        StereocalError: the data do not tell it, or pairs contradict each other.
+    """
+    names = list(recording.cameras)
+    found, failed = dict[CameraPair, OffsetOfPair](), dict[CameraPair, str]()
+    for pair in recording.pairs:
+        try:
+            found[pair] = offset_of_pair(recording, pair)
+        except StereocalError as error:
+            failed[pair] = str(error)
+    lost = [name for name in names if name not in reached(names, found)]
+    if lost or not found:
+        raise StereocalError(next(told for pair, told in failed.items() if {*pair} & {*names}))
+    rows = np.array([[(name == b) - (name == a) for name in names[1:]] for a, b in found], float)
+    values = np.array([each.measured.frames for each in found.values()])
+    sigmas = np.array([max(each.measured.sigma, LEAST_SIGMA) for each in found.values()])
+    covariance = np.linalg.inv(rows.T @ (rows / sigmas[:, None] ** 2))
+    starts = covariance @ rows.T @ (values / sigmas**2)
+    off = np.abs(rows @ starts - values)
+    if (off > CLOSED + 5 * sigmas).any():
+        each = ", ".join(
+            f"{a}-{b} {value:.2f}" for (a, b), value in zip(found, values, strict=True)
+        )
+        raise StereocalError(
+            f"The offsets of the pairs contradict each other by {off.max():.2f} frames: {each}. "
+            "One of them is wrong: record an irregular motion that all cameras see."
+        )
+    errors = np.sqrt(np.diag(covariance)).tolist()
+    offsets = dict(
+        zip(names, [(0.0, 0.0), *zip(starts.tolist(), errors, strict=True)], strict=True)
+    )
+    whole = {name: round(value) for name, (value, _) in offsets.items()}
+    counted = replace(recording.counted_from(whole), start_frames=whole)
+    return BroughtIntoStep(counted, offsets, found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """How well the points fit an essential matrix at an offset."""
+
+    offset: float
+    px: float = np.inf
+    """Median distance from the epipolar lines."""
+    lengths: float = np.nan
+    """Median deviation of the lengths of what is held, as a fraction; NaN without enough."""
+    frames: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    """The moments that tell it: numbers of frames of the first camera."""
+
+    @property
+    def score(self) -> float:
+        """The distance, larger where the lengths contradict each other."""
+        known = self.lengths if self.lengths >= 0.0 else 0.0
+        return self.px * (1.0 + min(known, 1e9) / LENGTHS_AGREE)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What two cameras saw, by their own counts of frames."""
+
+    cameras: tuple[Camera, Camera]
+    numbers: tuple[tuple[IntArray, IntArray, FloatArray], ...]
+    """Of each camera, by row: frame, target and ray."""
+
+    @classmethod
+    def of(cls, recording: Recording, pair: CameraPair) -> "_Seen":
+        """Of a few targets that are spread over the object, the rays of both cameras."""
+        shown = np.unique(recording.target)
+        shown = shown[evenly_spread(len(shown), TARGETS)]
+        found = []
+        for name in pair:
+            kept = recording.camera == list(recording.cameras).index(name)
+            own = recording.where(kept & np.isin(recording.target, shown))
+            if not len(own.frame):
+                raise StereocalError(f"The camera {name} saw no points.")
+            if (many := int(np.ptp(own.frame))) >= LONGEST:
+                raise StereocalError(f"The {many:,} frames of {name} are too many to search.")
+            rays = recording.cameras[name].undistort(own.points)
+            found.append((own.frame, np.searchsorted(shown, own.target), rays))
+        first, second = (recording.cameras[name] for name in pair)
+        return cls((first, second), tuple(found))
+
+    def track(self, number: int, fraction: float = 0.0) -> Track:
+        """What a camera saw, at the instants of its frames less a fraction of one."""
+        frame, target, rays = self.numbers[number]
+        if fraction:
+            rays = interpolate(target, frame, rays, np.full(len(frame), fraction)).positions
+        first, width = int(frame.min()), max(int(own[1].max()) for own in self.numbers) + 1
+        found = np.full((int(frame.max()) - first + 1, width, 2), np.nan)
+        found[frame - first, target] = rays
+        return Track(first, found)
+
+    @property
+    def focal_px(self) -> float:
+        """Pixels per unit on the plane z = 1."""
+        first, second = self.cameras
+        return float(np.sqrt(first.K[0, 0] * second.K[0, 0]))
+
+    def scan(self) -> tuple[FloatArray, FloatArray]:
+        """All offsets by half frames, and the distance in px at each; NaN where not judged."""
+        primary, secondary, between = self.track(0), self.track(1), self.track(1, 0.5)
+        whole = np.arange(FEWEST - len(secondary.rays), len(primary.rays) - FEWEST + 1)
+        whole = whole + primary.first - secondary.first
+        both = [scan(primary, each, whole) for each in (secondary, between)]
+        return (whole[:, None] + [0.0, 0.5]).ravel(), self.focal_px * np.column_stack(both).ravel()
+
+    def at(self, offset: float) -> _Candidate:
+        """How well the points fit at an offset."""
+        whole = int(np.floor(offset))
+        one, other = self.track(0), self.track(1, offset - whole)
+        places, rays = common_points(one, other, whole, JUDGED)
+        frames = np.unique(places[:, 0])
+        pose = robust_pose(self.cameras, rays) if len(frames) >= FEWEST else None
+        if pose is None:
+            return _Candidate(offset)
+        px = self.focal_px * float(np.median(_distances(pose.essential, rays)))
+        shift = whole + other.first - one.first
+        ends = np.concatenate([one.rays[frames], other.rays[frames - shift]], axis=2)[:, [0, -1]]
+        ends = ends[np.isfinite(ends).all(axis=(1, 2))]
+        if one.rays.shape[1] < 2 or len(ends) < FEWEST_LENGTHS:
+            return _Candidate(offset, px, frames=frames + one.first)
+        rays_of_ends = (np.ascontiguousarray(ends[:, k].T) for k in (0, 1))
+        first, last = (triangulate_rays(pose.R, pose.T, each) for each in rays_of_ends)
+        found = np.nan_to_num(np.linalg.norm(first - last, axis=1), nan=np.inf)
+        middle = np.median(found)
+        off = float(np.median(np.abs(found / middle - 1.0))) if middle < np.inf else np.inf
+        return _Candidate(offset, px, off, frames + one.first)
+
+    def nearby(self, candidate: _Candidate) -> _Candidate:
+        """The best at parts of a frame next to it."""
+        for step in (0.5, 0.25, 0.125, 0.0625):
+            beside = [self.at(candidate.offset + way * step) for way in (-1, 1)]
+            candidate = min(candidate, *beside, key=lambda each: each.score)
+        return candidate
+
+
+def offset_of_pair(recording: Recording, pair: CameraPair) -> OffsetOfPair:
+    """The offset of two cameras that counted their own frames.
+
+    Raises:
+        StereocalError: the data do not tell it.
+    """
+    seen = _Seen.of(recording, pair)
+    offsets, errors = seen.scan()
+    best, other = _two_best(seen, pair, offsets, errors)
+    beside = min(seen.at(best.offset + way).px for way in (-1, 1))
+    measured = _measured(recording, pair, best.offset, best.frames)
+    if abs(measured.frames - best.offset) > NEAR + 5 * measured.sigma:
+        raise StereocalError(
+            f"{_named(pair)}: the best offset, {best.offset:g} frames, and the one that fits the "
+            f"motion there, {measured.frames:.2f}, contradict each other."
+        )
+    found = best.px, beside, other.px, other.offset
+    return OffsetOfPair(pair, measured, *found, offsets, errors)
+
+
+def _two_best(
+    seen: _Seen, pair: CameraPair, offsets: FloatArray, errors: FloatArray
+) -> tuple[_Candidate, _Candidate]:
+    """The offset that stands out, and the best of the others."""
+    judged = [seen.at(offset) for offset in _valleys(offsets, errors)]
+    judged = sorted((each for each in judged if each.px < np.inf), key=lambda each: each.score)
+    if len(judged) < FEWEST_OTHERS:
+        raise StereocalError(
+            f"{_named(pair)}: at no more than {len(judged)} offsets do both cameras see "
+            f"{FEWEST} moments of a motion, so none stands out. Record both cameras for longer "
+            "while the object moves through what both see; one at rest tells nothing."
+        )
+    finalists = [seen.nearby(each) for each in judged[:FINALISTS]]
+    best = min(finalists, key=lambda each: each.score)
+    low, high = _valley(offsets, errors, best.offset)
+    others = [each for each in (*finalists, *judged) if not low <= each.offset <= high]
+    other = min(others, key=lambda each: each.score, default=_Candidate(np.nan))
+    limit = FITTING * min(float(np.hypot(*camera.image_size)) for camera in seen.cameras)
+    if best.px > limit:
+        raise StereocalError(
+            f"{_named(pair)}: at no offset do their points fit together; at the best, "
+            f"{best.offset:g} frames, they lie {rounded(best.px)} px from their epipolar lines. "
+            "Check that both saw the same motion at the same time, and their camera files."
+        )
+    further = FURTHER_WITH_LENGTHS if best.lengths < LENGTHS_AGREE else FURTHER
+    need = STANDS_OUT * (1.0 + further / (len(best.frames) - TOO_FEW))
+    if not other.score >= need * best.score:
+        raise StereocalError(
+            f"{_named(pair)}: two offsets fit nearly as well, {best.offset:g} frames "
+            f"({rounded(best.px)} px from the epipolar lines) and {other.offset:g} "
+            f"({rounded(other.px)} px): the motion repeats itself, or is too short. A longer "
+            "recording of an irregular motion decides, or an offset that you know to a few frames."
+        )
+    return best, other
+
+
+def _distances(E: FloatArray, rays: FloatArray) -> FloatArray:
+    """(n,): Sampson's distances from the epipolar lines, on the planes z = 1."""
+    one, other = homogeneous(rays[:2].T), homogeneous(rays[2:].T)
+    to, back = one @ E.T, other @ E
+    squares = np.square(to[:, :2]).sum(axis=1) + np.square(back[:, :2]).sum(axis=1)
+    return np.asarray(np.abs((other * to).sum(axis=1)) / np.sqrt(squares))
+
+
+def _valleys(offsets: FloatArray, errors: FloatArray) -> list[float]:
+    """The offsets with the smallest errors, each some frames from the others."""
+    left, found = np.nan_to_num(errors, nan=np.inf), list[float]()
+    while len(found) < CANDIDATES and (at := int(left.argmin()), left[at] < np.inf)[1]:
+        found.append(float(offsets[at]))
+        left[np.abs(offsets - offsets[at]) <= APART] = np.inf
+    return found
+
+
+def _valley(offsets: FloatArray, errors: FloatArray, best: float) -> tuple[float, float]:
+    """The offsets about the best one at which the errors are far below those at others."""
+    high = ~(errors < HILL * np.nanmedian(errors))
+    above, below = offsets[high & (offsets > best)], offsets[high & (offsets < best)]
+    ends = below.max(initial=-np.inf), above.min(initial=np.inf)
+    return min(ends[0], best - APART), max(ends[1], best + APART)
+
+
+def _measured(
+    recording: Recording, pair: CameraPair, offset: float, moving: IntArray
+) -> MeasuredOffset:
+    """The offset with its standard error, by the fit of what remains of it.
+
+    Args:
+        moving: numbers of frames of the first camera in which the object was not at rest.
+    """
+    whole = round(offset)
+    dataset = recording.counted_from({pair[1]: whole}).pair(*pair)
+    if len(dataset.correspondences.frames) > RUNS * RUN:
+        moving = moving[evenly_spread(len(moving), RUNS)]
+    near = np.unique(moving[:, None] + np.arange(-(RUN // 2), RUN // 2))
+    dataset = with_rough_baseline(dataset.of_frames(near))
+    settings = replace(wide_settings(dataset), time_drift=bool(np.ptp(near) > LONG))
+    fit, note = fit_time_offset(dataset, settings, offset - whole)
+    if fit is None:
+        raise StereocalError(f"{_named(pair)}: {note}")
+    sigma = max(fit.time_offset.sigma, spread_over_runs(fit))
+    return replace(fit.time_offset, frames=whole + fit.time_offset.frames, sigma=sigma)
+
+
+def _named(pair: CameraPair) -> str:
+    return f"The offset of the cameras {pair[0]} and {pair[1]} cannot be told"

@@ -1,0 +1,76 @@
+"""`stereocal sync`, and data sets whose cameras count their own frames."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from stereocal.cli import main
+from stereocal.formats.dataset_files import read_dataset, read_recording
+from stereocal.rig.dataset import Dataset
+
+
+@pytest.fixture(scope="module")
+def by_hand(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("by_hand")
+    assert main(["sample", "by_hand", "--out", str(folder)]) == 0
+    table = pd.read_csv(folder / "points.csv")
+    kept = table[(table["camera"] < 3) & (table["camera_frame"] < 200)]
+    kept.to_csv(folder / "points.csv", index=False)
+    described = json.loads((folder / "dataset.json").read_text())
+    del described["cameras"]["3"]
+    (folder / "dataset.json").write_text(json.dumps({**described, "baselines_m": {}}))
+    return folder
+
+
+def test_sync_writes_a_data_set_in_step(
+    by_hand: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sync", str(by_hand), "--out", str(tmp_path)]) == 0
+    assert "one frame off" in capsys.readouterr().out
+    assert json.loads((tmp_path / "dataset.json").read_text())["start_frames"] == {"1": 0, "2": 41}
+    written = pd.read_csv(tmp_path / "points.csv")
+    of_second = written[written["camera"] == 2]
+    assert (of_second["frame"] - of_second["camera_frame"] == 41).all()
+    in_step = read_recording(tmp_path)
+    assert in_step.start_frames == {"1": 0, "2": 41}
+    assert not in_step.step_notes
+    assert main(["sync", str(tmp_path), "--out", str(tmp_path / "again")]) == 0
+    np.testing.assert_array_equal(read_recording(tmp_path / "again").frame, in_step.frame)
+
+
+def test_cameras_that_count_their_own_frames_are_brought_into_step_unasked(by_hand: Path) -> None:
+    found = read_recording(by_hand)
+    assert found.start_frames == {"1": 0, "2": 41}
+    assert any("one frame off" in note for note in found.step_notes)
+    pair: Dataset = read_dataset(by_hand)
+    assert (pair.start_frame, pair.step_notes) == (41, found.step_notes)
+
+
+def test_a_table_for_each_camera_is_read(by_hand: Path, tmp_path: Path) -> None:
+    table = pd.read_csv(by_hand / "points.csv")
+    described = json.loads((by_hand / "dataset.json").read_text())
+    for number, rows in table.groupby("camera"):
+        rows.drop(columns="camera").to_csv(tmp_path / f"of_{number}.csv", index=False)
+        (tmp_path / f"camera_{number}.yaml").write_bytes(
+            (by_hand / f"camera_{number}.yaml").read_bytes()
+        )
+    described["points"] = {"1": "of_1.csv", "2": "of_2.csv"}
+    (tmp_path / "dataset.json").write_text(json.dumps({**described, "start_frames": {"1": 0}}))
+    with pytest.raises(ValueError, match="whole number of each camera"):
+        read_recording(tmp_path)
+    known = {"start_frames": {"1": 0, "2": 41}}
+    (tmp_path / "dataset.json").write_text(json.dumps({**described, **known}))
+    found, whole = read_recording(tmp_path), read_recording(by_hand)
+    by_camera = np.argsort(whole.camera, kind="stable")
+    np.testing.assert_array_equal(found.frame, whole.frame[by_camera])
+    np.testing.assert_array_equal(found.points, whole.points[by_camera])
+
+
+def test_a_table_of_both_cameras_is_in_step_already(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sync", "sample_data/recording", "--out", str(tmp_path)]) == 2
+    assert "in step already" in capsys.readouterr().err

@@ -1,0 +1,87 @@
+"""Cameras that counted their own frames: their offset is found, or it is said to be open."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_recording
+from stereocal.network.started_by_hand import bring_into_step, offset_of_pair
+from stereocal.rig.recording import Recording
+
+PAIR = ("1", "2")
+
+
+@cache
+def _real() -> Recording:
+    return read_recording("sample_data/rig")
+
+
+def _window(first: int, last: int, later: int = 0) -> Recording:
+    """Frames of cameras 1 and 2 of the real recording; of camera 2 those that are `later`."""
+    pair = _real().of_cameras(PAIR)
+    begin = first + later * pair.camera
+    return pair.where((pair.frame >= begin) & (pair.frame < begin + last - first))
+
+
+@pytest.mark.parametrize("start", [0, 137, -9876])
+def test_the_offset_of_a_window_is_found_with_its_standard_error(start: int) -> None:
+    counted = _window(300, 420, later=25).counted_from({"2": -start})
+    found = offset_of_pair(counted, PAIR)
+    assert abs(found.measured.frames - start) < 4 * found.measured.sigma < 0.05
+    assert found.px < 0.5
+    assert min(found.one_off_px, found.other_px) > 5 * found.px
+    assert f"one frame off {found.one_off_px:.0f}" in found.sentence()
+
+
+def test_cameras_of_a_rig_are_brought_into_step_by_all_pairs() -> None:
+    truth = {"1": 0, "2": 41, "3": -118}
+    real = _real().where(_real().frame < 120)
+    found = bring_into_step(real.counted_from({name: -start for name, start in truth.items()}))
+    assert found.recording.start_frames == truth
+    np.testing.assert_array_equal(found.recording.frame, real.frame)
+    assert len(found.pairs) == 3
+
+
+def test_cameras_that_recorded_at_different_times_have_no_offset() -> None:
+    with pytest.raises(StereocalError, match="cannot be told"):
+        offset_of_pair(_window(50, 250, later=300), PAIR)
+
+
+def _joined(*parts: Recording) -> Recording:
+    """One after the other, each with its own numbers of frames."""
+    return replace(
+        parts[0],
+        frame=np.concatenate([each.frame for each in parts]),
+        camera=np.concatenate([each.camera for each in parts]),
+        target=np.concatenate([each.target for each in parts]),
+        points=np.concatenate([each.points for each in parts]),
+        sigma_px=np.concatenate([each.sigma_px for each in parts]),
+    )
+
+
+def _resting(at: int, first: int, frames: int) -> Recording:
+    """A frame of the recording for a number of frames."""
+    still = _window(at, at + 1)
+    added = range(first - at, first - at + frames)
+    return _joined(*(still.counted_from(dict.fromkeys(PAIR, more)) for more in added))
+
+
+def test_a_motion_that_repeats_itself_leaves_two_offsets() -> None:
+    once = _window(300, 345)
+    again = [once.counted_from(dict.fromkeys(PAIR, 45 * turn)) for turn in range(4)]
+    with pytest.raises(StereocalError, match=r"two offsets fit nearly as well, -?\d+ .* and -?\d+"):
+        offset_of_pair(_joined(*again), PAIR)
+
+
+def test_an_object_at_rest_tells_no_offset() -> None:
+    with pytest.raises(StereocalError, match="at rest tells nothing"):
+        offset_of_pair(_resting(300, 0, 200), PAIR)
+
+
+def test_a_long_rest_before_and_after_does_no_harm() -> None:
+    rested = _joined(_resting(300, 0, 300), _window(300, 420), _resting(419, 420, 300))
+    found = offset_of_pair(rested.counted_from({"2": -77}), PAIR)
+    assert found.measured.frames == pytest.approx(77, abs=0.02)
