@@ -232,7 +232,7 @@ class MeasuredClicks:
         assert points.sigma_m is not None
         numbers = zip("xyz", points.xyz[row].tolist(), points.sigma_m[row].tolist(), strict=True)
         where = ", ".join(f"{axis} {Length(value, sigma)}" for axis, value, sigma in numbers)
-        outside = points.outside_volume is not None and points.outside_volume[row]
+        outside = points.outside_volume is not None and bool(points.outside_volume[row])
         return (
             f"{rounded(error_px)} px, {fits} the threshold of {rounded(limit_px, 3)} px{doubt}. "
             f"{where}{', outside the volume of the bars' * outside}."

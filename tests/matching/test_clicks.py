@@ -18,6 +18,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
+from stereocal.rig.volume import Volume
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 
 SET = RigParameters(PRIMARY, SECONDARY, RIG, "refined", 1.0, {}, {}, matching_threshold_px=0.4)
@@ -122,6 +123,10 @@ def test_a_length_and_its_error() -> None:
     assert step is not None and step.metres == pytest.approx(np.hypot(0.08, 0.05), abs=0.03)
     assert found.length((place, place)) is None and found.length((place, Place("x", 1))) is None
     assert " px, below the threshold of 1.8 px. x " in found.sentence(place)
+    far = replace(SET, volume=Volume((-1.0, 1.0), (-1.0, 1.0), (8.0, 9.0)))
+    how = ClickMeasure(SET, far, how.stated)
+    outside = how.measured(clicks, how.settled(clicks)).sentence(place)
+    assert outside.endswith("m, outside the volume of the bars.")
 
 
 def test_the_line_is_where_the_other_camera_sees_the_point_then() -> None:
