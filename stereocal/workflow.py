@@ -64,7 +64,7 @@ from stereocal.verdict.tradeoff import TradeOff, trade_off
 STEPS = ("screening", "essential", "2d", "3d", "refined", "forecast")
 """What takes time, in order."""
 BEFORE = (
-    *("screening", "calibration", "forecast", "advice"),
+    *("screening", "calibration", "forecast", "no_forecast", "advice"),
     *("note_on_seeds", "maps", "misfit", "curves"),
 )
 """Steps that do not depend on a validation."""
@@ -178,8 +178,14 @@ class Run:
         self.progress("forecast")
         try:
             return forecast_files(calibration)
-        except StereocalError:
+        except StereocalError as error:
+            vars(self)["no_forecast"] = str(error)
             return None
+
+    @property
+    def no_forecast(self) -> str:
+        """Why there is no forecast; empty if there is one."""
+        return "" if self.forecast else str(vars(self).get("no_forecast", ""))
 
     @step
     def validation(self) -> Mapping[Any, Validated]:
@@ -191,7 +197,7 @@ class Run:
     @step
     def recommendation(self) -> Recommendation:
         """Which file to use for what, and how good they are."""
-        found = recommend(self.calibration, self.forecast, self.validation)
+        found = recommend(self.calibration, self.forecast, self.validation, self.no_forecast)
         moved = moved_lengths(self.inputs) if self.forecast else ""
         note = ""
         if (own := self.evaluation) is not None:

@@ -17,6 +17,7 @@ from stereocal.matching.report import Report
 from stereocal.matching.tables_by_camera import Frame, TablesByCamera
 from stereocal.matching.tracks import TrackMatching
 from stereocal.network.rig_file import RigFile
+from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.tasks import Progress, Task, run_tasks
 
@@ -82,7 +83,8 @@ def match_tables(
                 lost.add(lonely)
             tallies.append(matching.tally(found))
     report = matching.report(tallies, given)
-    return replace(report, notes=[timing, *report.notes]) if timing else report
+    first = filter(None, [timing, beyond_in_words(given.beyond)])
+    return replace(report, notes=[*first, *report.notes])
 
 
 def _blocks(frames: Iterator[Frame]) -> Iterator[list[Frame]]:

@@ -67,8 +67,8 @@ def match_points(
     first, second, errors, of_primary, of_secondary = pairs_within(
         rig.pose.R,
         rig.pose.T,
-        rig.primary.undistort(primary_px),
-        rig.secondary.undistort(secondary_px),
+        rig.primary.rays_of(primary_px),
+        rig.secondary.rays_of(secondary_px),
         rig.pixel_scale,
         threshold,
         near,
@@ -157,7 +157,7 @@ def nearest_errors(
     near, far = check_depths(depths_m)
     least = [np.empty((0, 2))]
     for primary, secondary in frames:
-        rays = rig.primary.undistort(primary[:, :2]), rig.secondary.undistort(secondary[:, :2])
+        rays = rig.primary.rays_of(primary[:, :2]), rig.secondary.rays_of(secondary[:, :2])
         least.append(
             pairs_within(rig.pose.R, rig.pose.T, *rays, rig.pixel_scale, 0.0, near, far)[3]
         )

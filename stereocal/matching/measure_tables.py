@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,7 @@ from stereocal.matching.view_groups import ViewFitter
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.correspondences import PIXELS
+from stereocal.rig.field_of_view import beyond_in_words, count_beyond
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras
@@ -113,12 +114,15 @@ def measure_tables(
         passed_on: gets what is written.
     """
     check_sigma(sigma_px)
-    timing, sample = "", list[pd.DataFrame]()
+    timing, sample, beyond = "", list[pd.DataFrame](), dict.fromkeys(rig.placed, 0)
     if isinstance(rig, RigParameters):
         table, timing = table_in_step(table, PIXELS[2:], rig)
 
     def look(block: pd.DataFrame) -> list[RowProblem]:
         sample.append(block.iloc[:: max(len(block) // SAMPLE_PAIRS, 1)])
+        for which, (camera, _) in rig.placed.items():
+            pixels = block[[f"u_{which}", f"v_{which}"]].to_numpy(dtype=np.float64)
+            beyond[which] += count_beyond(camera, pixels)
         return points_outside_images(rig, block)
 
     rows = table.check(look).rows
@@ -141,7 +145,8 @@ def measure_tables(
                 outside += int((points[OUTSIDE_VOLUME] & points["error_px"].notna()).sum())
         if waiting:
             writer.add(with_track(pd.concat(waiting, ignore_index=True)))
-    return measuring.report(np.concatenate(errors), outside)
+    report = measuring.report(np.concatenate(errors), outside)
+    return replace(report, notes=[*report.notes, *filter(None, [beyond_in_words(beyond)])])
 
 
 @dataclass(frozen=True, eq=False)

@@ -196,7 +196,7 @@ def _contradiction(cameras: TwoCameras, names: Names) -> str:
 def _errors(rig: RigParameters, first: pd.DataFrame, second: pd.DataFrame) -> FloatArray:
     """(n, m) errors of all pairs; infinite behind a camera."""
     pixels = [each[UV].to_numpy(dtype=np.float64) for each in (first, second)]
-    one, two = rig.primary.undistort(pixels[0]), rig.secondary.undistort(pixels[1])
+    one, two = rig.primary.rays_of(pixels[0]), rig.secondary.rays_of(pixels[1])
     i, j, found, _, _ = pairs_within(
         rig.pose.R, rig.pose.T, one, two, rig.pixel_scale, np.inf, *ANY_DEPTH
     )

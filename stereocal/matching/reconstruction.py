@@ -51,7 +51,7 @@ def reconstruct_points(
         sigma_px: standard deviation of one pixel coordinate, of all points or (n, 2) of each point
             in both cameras, for the standard errors; None: that of the file's targets.
     """
-    rays = stack_rays(rig.primary.undistort(primary_px), rig.secondary.undistort(secondary_px))
+    rays = stack_rays(rig.primary.rays_of(primary_px), rig.secondary.rays_of(secondary_px))
     xyz = triangulate_rays(rig.pose.R, rig.pose.T, rays)
     error = reprojection_errors_of_rays(rig.pose.R, rig.pose.T, rays, rig.pixel_scale).mean(axis=1)
     sigma = None

@@ -14,6 +14,7 @@ from stereocal.matching.names import AUTO, stated_columns
 from stereocal.matching.point_table import POINT, Contents, PointTable, pixels_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import IntArray
+from stereocal.rig.field_of_view import count_beyond
 from stereocal.rig.rig import PlacedCameras
 from stereocal.system.numbers import count
 
@@ -31,6 +32,8 @@ class TablesByCamera:
     contents: Mapping[str, Contents]
     columns: tuple[str, ...]
     """The columns that may name points."""
+    beyond: Mapping[str, int]
+    """By camera, how many points are beyond the view of its fisheye; they have no partner."""
 
     @classmethod
     def checked(
@@ -43,11 +46,12 @@ class TablesByCamera:
             names: as of `names.stated_columns`.
         """
         columns = stated_columns(names, *(table.further for table in tables.values()))
+        beyond = dict.fromkeys(tables, 0)
         contents = {
-            name: _check_points(table, rig.placed[name].camera, name, columns)
+            name: _check_points(table, rig.placed[name].camera, name, columns, beyond)
             for name, table in tables.items()
         }
-        return cls(tables, contents, columns)
+        return cls(tables, contents, columns, beyond)
 
     @cached_property
     def frames(self) -> IntArray:
@@ -87,8 +91,9 @@ def _frame_of(side: tuple[int, tuple[int, pd.DataFrame]]) -> int:
 
 
 def _check_points(
-    table: PointTable, camera: Camera, which: str, columns: tuple[str, ...]
+    table: PointTable, camera: Camera, which: str, columns: tuple[str, ...], beyond: dict[str, int]
 ) -> Contents:
+    """What is in a table; to `beyond` is added how many points are beyond the camera's view."""
     size = np.array(camera.image_size)
     image = f"{size[0]}x{size[1]} px"
 
@@ -102,6 +107,7 @@ def _check_points(
                 f"the parameters are of images of {image}: they are of another camera, or the "
                 "images were scaled or cropped."
             )
+        beyond[which] += count_beyond(camera, pixels)
         again = np.flatnonzero(block.duplicated(["frame", *POINT]).to_numpy())
         lines, frames = block.index.to_numpy(), block["frame"].to_numpy()
         outside = f"is outside the {image} image of the {which} camera"

@@ -266,7 +266,7 @@ def _sample(
 def _undistorted(rig: RigParameters, k: int, frames: Sequence[FramePixels]) -> list[FloatArray]:
     """(n, 2) rays of the points of each frame, undistorted all at once."""
     sides = [frame[k][:, :2] for frame in frames]
-    rays = getattr(rig, CAMERAS[k]).undistort(np.concatenate([np.empty((0, 2)), *sides]))
+    rays = getattr(rig, CAMERAS[k]).rays_of(np.concatenate([np.empty((0, 2)), *sides]))
     return np.split(rays, np.cumsum([len(side) for side in sides])[:-1]) if sides else []
 
 

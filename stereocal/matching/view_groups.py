@@ -84,7 +84,7 @@ class ViewFitter:
     def rays(self, pixels: FloatArray) -> FloatArray:
         """(n, c, 2): undistorted, of pixels (n, c, 2); NaN where not seen."""
         return np.stack(
-            [camera.undistort(pixels[:, c]) for c, camera in enumerate(self.cameras)], axis=1
+            [camera.rays_of(pixels[:, c]) for c, camera in enumerate(self.cameras)], axis=1
         )
 
     def fit(self, pixels: FloatArray, rays: FloatArray, sigma_px: float | None = None) -> Measured:
@@ -120,7 +120,7 @@ def match_views(
     """
     if names is None:
         names = [np.zeros(len(pixels), dtype=np.int64) for pixels in points]
-    rays = [camera.undistort(pixels) for camera, pixels in zip(fitter.cameras, points, strict=True)]
+    rays = [camera.rays_of(pixels) for camera, pixels in zip(fitter.cameras, points, strict=True)]
     groups = _pairs(fitter, points, rays, names, sigma_px)
     if not len(groups):
         none = np.empty(0)

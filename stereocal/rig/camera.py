@@ -337,6 +337,11 @@ class Camera(Answer):
                 found &= (ux * vy > vx * uy) & (ux + vy > 0)
         return np.where(found[:, None], points, np.nan)
 
+    def rays_of(self, pixels: npt.ArrayLike) -> FloatArray:
+        """As `undistort`; NaN also where a fisheye images points beyond the view that is used."""
+        rays = self.undistort(pixels)
+        return np.where(self.uses(rays)[:, None], rays, np.nan) if self.is_fisheye else rays
+
     def undistort_to_pixels(self, pixels: npt.ArrayLike) -> FloatArray:
         """Pixels (n, 2) of the undistorted image, from raw pixels (n, 2)."""
         return self._to_pixels(self.undistort(pixels))

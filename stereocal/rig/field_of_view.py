@@ -34,6 +34,14 @@ def beyond_view(camera: Camera, pixels: FloatArray, name: str) -> BoolArray:
     return beyond
 
 
+def count_beyond(camera: Camera, pixels: FloatArray) -> int:
+    """How many of pixels (n, 2) are farther from the axis of a fisheye than can be used."""
+    seen = pixels[np.isfinite(pixels).all(axis=1)]
+    if not camera.is_fisheye:
+        return 0
+    return int(np.count_nonzero(~camera.uses(camera.undistort(seen))))
+
+
 def beyond_either(
     seen: Mapping[str, tuple[Camera, FloatArray]],
 ) -> tuple[BoolArray, dict[str, int]]:

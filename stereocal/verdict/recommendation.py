@@ -39,7 +39,7 @@ NAMES: Mapping[Method, str] = {
     "3d": "the 3D set",
     "refined": "the refined set",
 }
-NO_FORECAST = "There is no forecast: at least 3 bars with both targets are needed."
+NO_FORECAST = "There is no forecast."
 NO_REFINED = "There is no forecast, because there is no refined set."
 Validated = Mapping[str, Any]
 """The entry of a parameter file on its validation."""
@@ -128,6 +128,7 @@ def recommend(
     calibration: Calibration,
     forecast: Forecast | None,
     validation: Mapping[Any, Validated] | None = None,
+    no_forecast: str = "",
 ) -> Recommendation:
     """The recommendation for a calibration.
 
@@ -135,12 +136,15 @@ def recommend(
         forecast: the forecast of its files; None if there is none: then the paper's two files are
             recommended, on held-out frames alone.
         validation: by method, as in the files.
+        no_forecast: why there is none.
     """
     validation = validation or {}
     found = None if forecast is None else forecast.verdict
     match = figures_of(found.match_with if found else "2d", forecast, validation)
     measure = figures_of(found.measure_with if found else "3d", forecast, validation)
-    certainty = NO_REFINED if calibration.refined is None else NO_FORECAST
+    certainty = (
+        NO_REFINED if calibration.refined is None else f"{NO_FORECAST} {no_forecast}".rstrip()
+    )
     in_runs = ""
     if forecast is not None and found is not None:
         certainty = _how_sure(found, forecast, validation)

@@ -144,6 +144,8 @@ def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:
         "Held out here: 0.40 % of wrong pairs are accepted, and 95 % of lengths are within 0.60 %.",
         NO_FORECAST,
     )
+    because = recommend(calibration, None, VALIDATION, "The draws are too wide.")
+    assert because.sentences[-1] == f"{NO_FORECAST} The draws are too wide."
     nothing = recommend(replace(calibration, refined=None), None)
     assert nothing.sentences == ("Match with the 2D set, and measure with the 3D set.", NO_REFINED)
 
