@@ -8,11 +8,13 @@ same name, or the only point of each frame, in successive frames.
 import numpy as np
 import pandas as pd
 
+from stereocal.matching.counts import better_offset, offset_with
 from stereocal.matching.point_table import PointTable
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.tracks import TimeOffset, interpolate
+from stereocal.rig.tracks import MeasuredOffset, TimeOffset, interpolate
 
 SHIFT = "time_shift_frames"
 """Column of points that were shifted: by how many frames, 0 where they have no neighbours."""
@@ -28,10 +30,10 @@ def table_in_step(
     table: PointTable, columns: tuple[str, str], rig: RigParameters
 ) -> tuple[PointTable, str]:
     """As `points_in_step`, of a table that is read whole only if it has to be shifted."""
-    if rig.time_offset is None or SHIFT in table.further:
+    if (rig.time_offset is None and not rig.start_frame) or SHIFT in table.further:
         return table, ""
     whole, note = points_in_step(pd.concat(list(table.blocks())), columns, rig)
-    return PointTable(whole, table.numbers, table.label), f"{table.label}: {note}"
+    return PointTable(whole, table.numbers, table.label), note and f"{table.label}: {note}"
 
 
 def points_in_step(
@@ -43,10 +45,24 @@ def points_in_step(
     Args:
         columns: of the secondary points.
     """
-    if rig.time_offset is None or SHIFT in points:
+    offset = rig.time_offset
+    if rig.start_frame and columns == PIXELS[2:] and SHIFT not in points:
+        offset = _of_pairs(points, rig)
+    if offset is None or SHIFT in points:
         return points, ""
-    shifted, note = shift(points, columns, rig.time_offset, rig.secondary)
+    shifted, note = shift(points, columns, offset, rig.secondary)
     return points.assign(**{str(name): shifted[name] for name in shifted}), note
+
+
+def _of_pairs(pairs: pd.DataFrame, rig: RigParameters) -> MeasuredOffset | None:
+    """The offset of pairs that may have been counted apart, as the calibrated recording was."""
+    errors = {}
+    for apart in (False, True):
+        offset = offset_with(rig, rig.start_frame * apart)
+        moved = shift(pairs, PIXELS[2:], offset, rig.secondary)[0]
+        pixels = pairs.assign(**{str(name): moved[name] for name in moved})[list(PIXELS)].to_numpy()
+        errors[apart] = float(np.median(np.abs(rig.epipolar_errors(pixels[:, :2], pixels[:, 2:]))))
+    return better_offset(rig, rig.start_frame, errors)
 
 
 def shift(

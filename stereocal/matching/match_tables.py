@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from stereocal.errors import StereocalError
+from stereocal.matching.counts import tables_alike
 from stereocal.matching.in_step import table_in_step
 from stereocal.matching.pairs import PairMatching, Stated
 from stereocal.matching.point_table import POINT, PointTable, open_table, together
@@ -57,6 +58,9 @@ def match_tables(
         )
     stated, timing = stated or Stated(), ""
     given = TablesByCamera.checked(tables, rig, stated.names)
+    alike, counts = tables_alike(rig, tables)
+    if counts:
+        given = TablesByCamera.checked(alike, rig, stated.names)
     matching: Matching
     columns: list[str] | None = None  # those of the first pairs
     if isinstance(rig, RigFile):
@@ -83,7 +87,7 @@ def match_tables(
                 lost.add(lonely)
             tallies.append(matching.tally(found))
     report = matching.report(tallies, given)
-    first = filter(None, [timing, beyond_in_words(given.beyond)])
+    first = filter(None, [*counts, timing, beyond_in_words(given.beyond)])
     return replace(report, notes=[*first, *report.notes])
 
 

@@ -25,7 +25,7 @@ from stereocal.refined.two_views import BAR, shared_unknowns
 from stereocal.refined.unknowns import RefineSettings, RigPrior, settings_for
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.parameters import RigParameters
+from stereocal.rig.parameters import RigParameters, Timing
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.tasks import Progress
@@ -63,11 +63,10 @@ def sets_of_pairs(
         try:
             dataset = data_of_pair(recording, pair, rig)
             sets = sets_of(dataset, settings_of_pair(dataset, pair, rig))
-            time_offset = rig.pair(*pair).time_offset
+            of_rig = rig.pair(*pair)
+            when: Timing = {"time_offset": of_rig.time_offset, "start_frame": of_rig.start_frame}
             found[name] = {
-                method: replace(
-                    parameters, time_offset=time_offset, frames_left_out=rig.about.frames_left_out
-                )
+                method: replace(parameters, frames_left_out=rig.about.frames_left_out, **when)
                 for method, parameters in sets.items()
             }
         except (StereocalError, KeyError) as error:
@@ -99,7 +98,11 @@ def data_of_pair(recording: Recording, pair: CameraPair, rig: RigFile | None) ->
     out = rows_of(recording, rig.about.wrong_images)
     out |= np.isin(recording.frame, rig.about.frames_left_out)
     dataset = recording.where(~out).pair(*pair)
-    offset = rig.time_offsets[pair[1]] - rig.time_offsets[pair[0]]
+    first, second = (
+        rig.time_offsets[name] + rig.start_frames.get(name, 0) - recording.start_frames.get(name, 0)
+        for name in pair
+    )
+    offset = second - first
     if offset:
         shifted = usable_after(dataset, TimeOffset(offset)).correspondences
         unknown = np.full_like(shifted.motion, np.nan)

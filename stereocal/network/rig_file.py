@@ -33,6 +33,7 @@ RIG = "rig.json"
 RIG_FORMAT = "stereocal-rig/1"
 CONVENTION = "x_camera = R @ x_reference + T"
 UNITS = {"T": "m", "K": "px", "covariance": "rad, m, px", "noise_px": "px"}
+START = "start_frame"
 ROTATION = ("turn_x", "turn_y", "turn_z")
 
 
@@ -49,13 +50,15 @@ class RigFile(ResultFile):
     poses: Mapping[str, Pose]
     """`camera_from_reference`."""
     time_offsets: Mapping[str, float]
-    """By how many frames each camera is late."""
+    """By how many frames each camera is late; whole frames are in `start_frames`."""
     covariance: FloatArray
     """(Q, Q): of the unknowns of `views`."""
     noise_px: float
     about: AboutRig
     volume: Volume | None = None
     """Where the object was, as the reference sees it; None if not in front of it."""
+    start_frames: Mapping[str, int] = field(default_factory=dict)
+    """By camera, the frame at which its frame 0 was taken, if the recording counted them apart."""
     others: Mapping[str, Any] = field(default_factory=dict)
     """Entries of a file that this version does not know."""
 
@@ -128,6 +131,7 @@ class RigFile(ResultFile):
             if offset
             else None,
             camera_names=(first, second),
+            start_frame=self.start_frames.get(second, 0) - self.start_frames.get(first, 0),
         )
 
     @cached_property
@@ -145,6 +149,7 @@ class RigFile(ResultFile):
             name: {
                 **placed.to_json(),
                 "time_offset_frames": self.time_offsets[name],
+                **({START: self.start_frames[name]} if any(self.start_frames.values()) else {}),
                 "standard_errors": self.standard_errors[name],
             }
             for name, placed in self.placed.items()
@@ -182,14 +187,18 @@ class RigFile(ResultFile):
         json.dumps(about.to_json(), allow_nan=False)  # a ValueError for a number that is not finite
         if about.figures and about.figures.weakest_camera not in cameras:
             raise ValueError("the weakest camera")
+        late = {name: float(each["time_offset_frames"]) for name, each in data["cameras"].items()}
+        starts, late = counts_and_shutters(late, covariance)  # whole frames are of older files
+        starts = {name: int(data["cameras"][name].get(START, starts[name])) for name in cameras}
         read = cls(
             cameras,
             {name: Pose.from_json(each) for name, each in data["cameras"].items()},
-            {name: float(each["time_offset_frames"]) for name, each in data["cameras"].items()},
+            late,
             covariance,
             float(data["noise_px"]),
             about,
             None if volume is None else Volume.from_json(volume),
+            starts if any(starts.values()) else {},
         )
         known = read.to_json()
         return replace(read, others={name: data[name] for name in data if name not in known})
@@ -252,6 +261,8 @@ def rig_file(rig: RigCalibration) -> RigFile:
         not_connected=rig.unreached,
         warnings=rig.warnings,
     )
+    wholes, late = counts_and_shutters(late, rig.covariance)
+    starts = {name: wholes[name] + rig.recording.start_frames.get(name, 0) for name in rig.names}
     sighted = points[:, 2].min() > 0 if len(points) else False
     return RigFile(
         rig.cameras,
@@ -261,7 +272,21 @@ def rig_file(rig: RigCalibration) -> RigFile:
         float(rig.fit.sigma_px),
         about,
         Volume.of_bars(points) if sighted else None,
+        starts if any(starts.values()) else {},
     )
+
+
+def counts_and_shutters(
+    offsets: Mapping[str, float], covariance: FloatArray
+) -> tuple[dict[str, int], dict[str, float]]:
+    """The whole frames of the time offset of each camera, and what is left (`split`)."""
+    sigmas = np.sqrt(np.maximum(np.diag(covariance)[TIME : EACH * len(offsets) : EACH], 0.0))
+    parts = {
+        name: MeasuredOffset(frames, sigma=float(sigma)).split()
+        for (name, frames), sigma in zip(offsets.items(), sigmas, strict=True)
+    }
+    wholes = {name: whole for name, (whole, _) in parts.items()}
+    return wholes, {name: rest.frames for name, (_, rest) in parts.items()}
 
 
 def fused_file(stated: Mapping[str, Camera], pairs: list[PairFit], fused: Fused) -> RigFile:

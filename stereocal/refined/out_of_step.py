@@ -14,7 +14,6 @@ from stereocal.calibration.readings import counted_apart
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.time_offset import (
-    CLAIMED,
     DRIFTING,
     LARGEST,
     MAXIMUM_SIGMA,
@@ -27,6 +26,7 @@ from stereocal.refined.time_offset import (
 )
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.tracks import COUNTED, WHOLE
 
 TRIED, SIGNIFICANT = 2.0, 5.0
 """Standard errors from which an offset is tried, and applied."""
@@ -39,8 +39,6 @@ EXPLAINED = 0.05
 SMALLEST = 0.01
 """In frames. A smaller offset is not applied: with frames that do not follow each other, other
 errors gave offsets of 0.001 frames with far smaller standard errors."""
-WHOLE = 0.02
-"""Offsets this near to a whole number of frames look like errors of counting."""
 MOST_OUTLYING = 0.2
 """Of the frames, of a fit that explains them."""
 PARTS = 5
@@ -151,8 +149,7 @@ def _chi_square(fit: RefinedResult, dataset: Dataset, noise_px: float) -> float:
 
 def _counted(fit: RefinedResult) -> str:
     """A sentence if the offset is a whole number of frames."""
-    offset = fit.time_offset
-    whole = round(offset.frames)
-    if not whole or abs(offset.frames - whole) > WHOLE + CLAIMED * offset.sigma:
+    whole, rest = fit.time_offset.split()
+    if not whole or abs(rest.frames) > WHOLE + COUNTED * rest.sigma:
         return ""
     return f" {'. '.join(counted_apart(fit.frames, whole))}"

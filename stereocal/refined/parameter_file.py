@@ -12,7 +12,7 @@ from stereocal.refined.uncertainty import LENS, standard_errors
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles
-from stereocal.rig.parameters import ForecastEntries, RigParameters, inputs_of, threshold_of
+from stereocal.rig.parameters import ForecastEntries, RigParameters, inputs_of, threshold_of, timing
 from stereocal.rig.volume import Volume
 
 COVARIANCE_OF = (
@@ -69,7 +69,9 @@ def refined_parameters(
         frames_left_out=tuple(sorted({*left_out, *result.outlying_frames})),
         noise_px=float(result.sigma_px.value),
         volume=Volume.of_bars(result.used_points_m),
-        time_offset=result.time_offset if result.settings.time_offset else None,
+        **timing(
+            result.dataset.start_frame, result.time_offset if result.settings.time_offset else None
+        ),
         camera_names=result.dataset.camera_names,
     )
 

@@ -18,7 +18,7 @@ from stereocal.refined.stated_inputs import Input
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import triangulate_rays
-from stereocal.rig.parameters import ForecastEntries, RigParameters, inputs_of, threshold_of
+from stereocal.rig.parameters import ForecastEntries, RigParameters, inputs_of, threshold_of, timing
 from stereocal.rig.volume import Volume
 from stereocal.system.latest import step
 
@@ -119,6 +119,6 @@ class Calibration:
             frames_left_out=self.screening.left_out,
             noise_px=self.noise_px,
             volume=Volume.of_bars(points),
-            time_offset=self.screening.shift,
+            **timing(self.dataset.start_frame, self.screening.shift),
             camera_names=self.dataset.camera_names,
         )

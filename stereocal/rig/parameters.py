@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 
@@ -27,6 +27,16 @@ CONVENTION = "x_secondary = R @ x_primary + T"
 BASELINE_FOUND = "not measured: found by the refined method from the lengths of the bars"
 LARGEST_TEXT = 16_000_000
 UNITS = {"T": "m", "baseline_m": "m", "angles": "rad", "K": "px", "matching_threshold_px": "px"}
+
+
+STARTS = "start_frames"
+
+
+class Timing(TypedDict):
+    """What a parameter set says of the counts and the shutters of its cameras."""
+
+    start_frame: int
+    time_offset: MeasuredOffset | None
 
 
 @dataclass(frozen=True)
@@ -85,8 +95,11 @@ class RigParameters(Answer, Rig, ResultFile):
     volume: Volume | None = None
     """Where the bars of the calibration were; None if unknown."""
     time_offset: MeasuredOffset | None = None
-    """By which the secondary points of the calibration were shifted in time, as those must be that
-    are matched or measured; None, and no key in the file, if they were not."""
+    """By which the secondary camera is late, so that its points are shifted in time; None, and no
+    key in the file, if it is not known to be. Whole frames are in `start_frame`."""
+    start_frame: int = 0
+    """The primary's frame at which the secondary's frame 0 was taken, by the counts of the
+    recording that was calibrated."""
 
     camera_names: tuple[str, str] | None = None
     """Of the primary and the secondary, in a recording of more; None, and no key in the file, if
@@ -171,6 +184,7 @@ class RigParameters(Answer, Rig, ResultFile):
             "noise_px": self.noise_px,
             "volume": None if self.volume is None else self.volume.to_json(),
             **({} if self.time_offset is None else self.time_offset.to_json()),
+            **({STARTS: {"primary": 0, "secondary": self.start_frame}} if self.start_frame else {}),
         }
 
     @classmethod
@@ -199,6 +213,11 @@ class RigParameters(Answer, Rig, ResultFile):
         for name in ("validation", "uncertainties", "predicted", "recommendation"):
             about[name] = None if data.get(name) is None else _object(data[name], name)
         volume, named = data.get("volume"), data.get("camera_names")
+        # Older files have whole frames in the time offset.
+        when = timing(0, MeasuredOffset.from_json(data))
+        if STARTS in data:
+            starts = data[STARTS]
+            when["start_frame"] = int(starts["secondary"]) - int(starts["primary"])
         threshold, noise = data["matching_threshold_px"], data.get("noise_px")
         return cls(
             Camera.from_json(data["cameras"]["primary"], "primary"),
@@ -211,10 +230,23 @@ class RigParameters(Answer, Rig, ResultFile):
             frames_left_out=tuple(int(frame) for frame in data.get("frames_left_out", [])),
             noise_px=noise if noise is None else float(noise),
             volume=None if volume is None else Volume.from_json(volume),
-            time_offset=MeasuredOffset.from_json(data),
+            **when,
             camera_names=None if named is None else (str(named[0]), str(named[1])),
             **about,
         )
+
+
+def timing(start_frame: int, offset: MeasuredOffset | None) -> Timing:
+    """The entries of a parameter set on time.
+
+    Args:
+        start_frame: of the data set.
+        offset: by which its secondary points were shifted.
+    """
+    if offset is None:
+        return {"start_frame": start_frame, "time_offset": None}
+    whole, rest = offset.split()
+    return {"start_frame": start_frame + whole, "time_offset": rest}
 
 
 def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:

@@ -8,7 +8,7 @@ the noise of all points 0.41 px instead of 0.30.)
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,11 @@ WINDOW = np.array([-1.0, 0.0, 1.0, 2.0])
 THIRD_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
 NO_SHIFT = 1e-9
 """Instants this close to a frame, in frames, are that frame."""
+
+
+WHOLE, COUNTED = 0.02, 3.2
+"""Offsets this near to a whole number of frames, and so many standard errors more, are errors of
+counting."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +89,16 @@ class MeasuredOffset(TimeOffset):
         if not np.isfinite(numbers).all() or min(sigma, spread) < 0:
             raise StereocalError("the time offset is not a finite number.")
         return cls(*numbers)
+
+    def split(self) -> "tuple[int, MeasuredOffset]":
+        """The whole frames by which the cameras were counted apart, and what the shutter is late.
+
+        A shutter is late by less than a frame. An offset next to a whole number is one of counting.
+        """
+        near = round(self.frames)
+        is_whole = abs(self.frames - near) <= WHOLE + COUNTED * self.sigma
+        whole = near if is_whole else math.trunc(self.frames)
+        return whole, replace(self, frames=self.frames - whole)
 
     def is_claimed(self, sigmas: float) -> bool:
         """Whether the offset or its drift is at least this many standard errors from 0."""

@@ -10,6 +10,7 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.errors import StereocalError
 from stereocal.figures.matches import describe_pair_errors, plot_pair_errors
 from stereocal.matching.application import Points
+from stereocal.matching.counts import counted_alike
 from stereocal.matching.in_step import points_in_step
 from stereocal.matching.matching import ANY_DEPTH, check_depths, nearest_errors
 from stereocal.matching.names import AUTO, NO_NAMES, OFF, Sample, name_columns, stated_columns
@@ -146,11 +147,12 @@ def _chosen(
 @st.cache_resource(
     show_spinner=False,
     max_entries=8,
-    hash_funcs={ThresholdForm: lambda form: (form.key, form.rig.time_offset)},
+    hash_funcs={ThresholdForm: lambda form: (form.key, form.rig.time_offset, form.rig.start_frame)},
 )
 def _sampled(form: ThresholdForm) -> Sample:
     """A sample of the points of both cameras."""
     first, second = _tables(form)
+    second, _ = counted_alike(form.rig, first, second)
     return sample_frames(first, points_in_step(second, POINT, form.rig)[0])
 
 

@@ -6,8 +6,10 @@ import numpy as np
 
 from stereocal.calibration.methods import errors_of
 from stereocal.errors import StereocalError
+from stereocal.matching.counts import better_offset, offset_with
 from stereocal.matching.measure_tables import points_outside_images
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
+from stereocal.refined.time_offset import usable_after
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.clusters import follow_each_other
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -16,6 +18,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.field_of_view import beyond_either, beyond_in_words
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.numbers import count
 
 LARGEST = 1000
@@ -93,12 +96,13 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
     if not len(rows.bars):
         matches = rows.frame, rows.primary, rows.secondary
         return images_of_matches(*matches, rig, dataset.name, tuple(notes))
-    if rig.time_offset is not None:
-        seen = seen.shifted(rig.time_offset)
-        alone = np.isnan(seen.correspondences.motion[:, 0]) & rig.time_offset.is_shift
+    offset = _offset_of(seen, rig)
+    if offset is not None:
+        seen = seen.shifted(offset)
+        alone = np.isnan(seen.correspondences.motion[:, 0]) & offset.is_shift
         notes.append(
             "The secondary points were shifted by the time offset of the parameters, "
-            f"{rig.time_offset.frames:.3f} frames."
+            f"{offset.frames:.3f} frames."
         )
         if alone.any():
             notes[-1] += (
@@ -111,6 +115,19 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
         seen = seen.of_frames(rows.frames[kept])
     rows = seen.correspondences
     return NewImages(seen, rows.frames, len(rows.bars), tuple(notes), own=own)
+
+
+def _offset_of(seen: Dataset, rig: RigParameters) -> MeasuredOffset | None:
+    """The time offset of new bars, which may be counted apart as the calibrated ones were."""
+    whole = rig.start_frame - seen.start_frame
+    if not whole:
+        return rig.time_offset
+    errors = {}
+    for apart in (False, True):
+        rows = usable_after(seen, offset_with(rig, whole * apart)).correspondences
+        found = np.abs(rig.epipolar_errors(rows.primary, rows.secondary))
+        errors[apart] = float(np.median(found)) if len(rows) else np.inf
+    return better_offset(rig, whole, errors)
 
 
 def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:

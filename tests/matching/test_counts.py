@@ -1,0 +1,118 @@
+"""A recording counted a frame apart: its parameters serve those that were counted alike."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from stereocal.errors import StereocalError
+from stereocal.field.checking.new_images import NewImages, images_of_bars
+from stereocal.formats.dataset_files import read_recording
+from stereocal.matching.counts import counted_alike
+from stereocal.matching.in_step import points_in_step
+from stereocal.matching.match_tables import match_tables
+from stereocal.matching.pairs import Stated
+from stereocal.matching.point_table import PointTable
+from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.refined.out_of_step import with_offset_if_out_of_step
+from stereocal.refined.parameter_file import refined_parameters
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.correspondences import PIXELS
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import RigParameters
+
+PAIR = ("1", "2")
+
+
+def _bars(first: int, last: int, later: int = 0) -> Dataset:
+    """Bars of the real recording; the second camera's frames are numbered `later` too high."""
+    whole = read_recording("sample_data/rig").of_cameras(PAIR)
+    kept = whole.where((whole.frame >= first) & (whole.frame < last))
+    return with_baseline_found(kept.counted_from({"2": later}).pair(*PAIR))
+
+
+@cache
+def _parameters() -> RigParameters:
+    """Of bars whose second camera was numbered one too high."""
+    fit, _ = with_offset_if_out_of_step(_bars(0, 250, later=1), RefineSettings())
+    return refined_parameters(fit)
+
+
+def _errors(images: NewImages) -> float:
+    return float(np.median(images.errors_with(_parameters())[0]))
+
+
+def test_whole_frames_of_an_offset_are_a_count() -> None:
+    found = _parameters()
+    assert found.start_frame == -1
+    assert found.time_offset is not None
+    assert abs(found.time_offset.frames) < 0.05
+    assert RigParameters.loads(found.dumps()).start_frame == -1
+
+
+def test_a_file_of_an_older_version_is_read_alike() -> None:
+    data = json.loads(_parameters().dumps())
+    del data["start_frames"]
+    data["time_offset_frames"]["value"] -= 1.0
+    found = RigParameters.loads(json.dumps(data))
+    assert found.start_frame == -1
+    assert found.time_offset is not None
+    assert found.time_offset.frames == pytest.approx(_parameters().time_offset.frames)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("later", [0, 1])
+def test_new_bars_are_taken_as_they_were_counted(later: int) -> None:
+    """Shifted by a frame, the bars of `later` 0 were 20 px off."""
+    assert _errors(images_of_bars(_bars(300, 420, later), _parameters())) < 1.0
+
+
+def _tables(later: int, first: int = 300, last: int = 420) -> list[pd.DataFrame]:
+    rows = _bars(first, last).correspondences
+    one, other = (
+        pd.DataFrame({"frame": rows.frame, "u": points[:, 0], "v": points[:, 1]})
+        for points in (rows.primary, rows.secondary)
+    )
+    return [one, other.assign(frame=other["frame"] + later)]
+
+
+@pytest.mark.parametrize("later", [0, 1, -37])
+def test_unlabelled_points_tell_how_they_were_counted(later: int) -> None:
+    primary, secondary = _tables(later)
+    found, note = counted_alike(_parameters(), primary, secondary)
+    np.testing.assert_array_equal(found["frame"], primary["frame"])
+    assert note
+
+
+def test_points_that_do_not_tell_are_refused() -> None:
+    primary, _ = _tables(0, 0, 60)
+    _, secondary = _tables(0, 400, 460)
+    with pytest.raises(StereocalError, match="they do not tell"):
+        counted_alike(_parameters(), primary, secondary)
+
+
+@pytest.mark.parametrize("later", [0, 1])
+def test_pairs_are_measured_as_they_were_counted(later: int) -> None:
+    rows = _bars(300, 420, later).correspondences
+    pairs = pd.DataFrame(np.hstack([rows.primary, rows.secondary]), columns=list(PIXELS))
+    pairs = pairs.assign(frame=rows.frame, target=np.array(rows.names)[rows.target])
+    found, _ = points_in_step(pairs, PIXELS[2:], _parameters())
+    kept = found[found["time_shift_frames"] != 0.0]
+    pixels = kept[list(PIXELS)].to_numpy()
+    errors = np.abs(_parameters().epipolar_errors(pixels[:, :2], pixels[:, 2:]))
+    assert len(kept) > 100
+    assert np.median(errors) < 1.0
+
+
+def test_tables_of_the_calibrated_recording_are_matched_by_its_count(tmp_path: Path) -> None:
+    paths = [tmp_path / "primary.csv", tmp_path / "secondary.csv"]
+    for path, table in zip(paths, _tables(later=1), strict=True):
+        table.to_csv(path, index=False)
+    read = [PointTable(path) for path in paths]
+    tables: dict[str, PointTable] = dict(zip(CAMERAS, read, strict=True))
+    report = match_tables(_parameters(), tables, tmp_path / "pairs.csv", Stated(2.0))
+    assert any("frame 0 is the primary's frame -1" in note for note in report.notes)
+    assert len(pd.read_csv(tmp_path / "pairs.csv")) > 150
