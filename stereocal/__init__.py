@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from stereocal.library.field_day import plan as plan
     from stereocal.library.field_day import sample as sample
     from stereocal.library.field_day import simulate as simulate
+    from stereocal.library.field_day import sync as sync
     from stereocal.library.tables import match as match
     from stereocal.library.tables import reconstruct as reconstruct
     from stereocal.network.rig_file import RigFile as RigFile
@@ -64,6 +65,7 @@ _MODULES = {
     "reconstruct": "library.tables",
     "sample": "library.field_day",
     "simulate": "library.field_day",
+    "sync": "library.field_day",
 }
 _FOLDERS = {"intrinsics": "library.field_day", "rig": "library.calibrations"}
 """Folders of the package that are acts as well."""

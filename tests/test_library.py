@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -179,6 +180,17 @@ def test_frames_without_common_points_match_nothing(run: CalibrationRun) -> None
     assert len(pairs) == 0
     assert "u_primary" in pairs
     assert len(stereocal.reconstruct(run.sets["3d"], pairs)) == 0
+
+
+def test_cameras_started_by_hand_are_brought_into_step() -> None:
+    recording = stereocal.read(ROOT / "sample_data" / "rig")
+    assert isinstance(recording, stereocal.Recording)
+    two = recording.of_cameras(["1", "2"])
+    some = two.where(two.frame < 200)
+    shifted = some.camera == 1
+    found = stereocal.sync(replace(some, frame=some.frame - 41 * shifted))
+    np.testing.assert_array_equal(found.recording.frame, some.frame)
+    assert len(found.plot().data) > 0
 
 
 def test_targets_found_are_calibrated(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import repaired_parameters, residuals_of
 from stereocal.field.checking.rig_check import RigCheck, check_rig
 from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer
-from stereocal.formats.dataset_files import parse_survey, read_cameras, read_texts
+from stereocal.formats.dataset_files import parse_survey, read_as_counted, read_cameras, read_texts
 from stereocal.formats.plan_file import read_plan
 from stereocal.formats.recording_files import DESCRIPTION, find_description
 from stereocal.frames.frame import Frame, correspondences_of, describe_frames, report_line
@@ -38,6 +38,7 @@ from stereocal.library.calibrations import pair_of
 from stereocal.library.drawing import draw, of_figures
 from stereocal.matching.point_table import PointTable
 from stereocal.network.rig_file import RigFile
+from stereocal.network.started_by_hand import BroughtIntoStep, bring_into_step
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import CAMERAS, LensModel
 from stereocal.rig.correspondences import PIXELS, Correspondences
@@ -201,6 +202,35 @@ def _survey(path: Path, lens_model: LensModel | None) -> Dataset:
         np.inf if measured is None else known.baseline_sigma_m,
         known.object.sigma_m,
     )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class InStep(Answer, BroughtIntoStep):
+    """Cameras that were started by hand, in one count of frames: `recording` is to calibrate
+    from."""
+
+    @property
+    def answer(self) -> list[str]:
+        return self.sentences()
+
+    def plot(self, pair: CameraPair | None = None) -> go.Figure:
+        """The distance from the epipolar lines against the offset; of the first pair, or of one."""
+        return draw("started_by_hand.plot_offsets", self.pairs[pair or next(iter(self.pairs))])
+
+
+def sync(recording: str | Path | Recording, lens_model: LensModel | None = None) -> InStep:
+    """Bring cameras into step that were started by hand and count their own frames.
+
+    Args:
+        recording: as each camera counted; or its folder or zip.
+
+    Raises:
+        StereocalError: the data do not tell the offsets, or pairs contradict each other.
+    """
+    if not isinstance(recording, Recording):
+        recording = read_as_counted(recording, lens_model)
+    found = bring_into_step(recording)
+    return InStep(*(getattr(found, field.name) for field in fields(BroughtIntoStep)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
