@@ -55,6 +55,8 @@ class Reading(Claim):
 
     corrected: Callable[[], Dataset]
     """Raises a `StereocalError` where such a data set is impossible."""
+    cameras: tuple[CameraName, ...] = (CAMERAS[1],)
+    """Whose files or points it changes."""
     is_likely: bool = False
     """Whether something else speaks for it, so that it is judged in any case."""
 
@@ -89,6 +91,7 @@ def readings_of_cameras(dataset: Dataset) -> Iterator[Reading]:
             "The two camera files seem to be exchanged",
             "Exchange the files.",
             partial(replace, dataset, **own),
+            CAMERAS,
         )
     frames, board = dataset.correspondences.frames, dataset.board
     yield Reading(
@@ -110,6 +113,7 @@ def readings_of_cameras(dataset: Dataset) -> Iterator[Reading]:
                 claim,
                 "Give the images, or their points, as the cameras recorded them.",
                 partial(_mirrored, dataset, CAMERAS, axis),
+                CAMERAS,
                 is_likely=True,
             )
     for cameras in ONE_OR_BOTH:
@@ -118,6 +122,7 @@ def readings_of_cameras(dataset: Dataset) -> Iterator[Reading]:
             "Some programs write the inverse (undistorting) coefficients: export the lens in "
             "OpenCV's convention, or change the signs.",
             partial(changed, dataset, cameras, _negated),
+            cameras,
         )
     for cameras in ONE_OR_BOTH:
         if all(_has_other_model(getattr(dataset, which)) for which in cameras):
@@ -126,6 +131,7 @@ def readings_of_cameras(dataset: Dataset) -> Iterator[Reading]:
                 "model (k1 k2 k3 k4 of a fisheye, k1 k2 p1 p2 of the usual lens)",
                 "Give the camera file again, and state which they are.",
                 partial(changed, dataset, cameras, _of_other_model),
+                cameras,
             )
     for cameras, camera in zip(ONE_OR_BOTH, (one, two), strict=False):
         factor = camera.size_factor
@@ -136,6 +142,7 @@ def readings_of_cameras(dataset: Dataset) -> Iterator[Reading]:
                 f"times as large as {width}x{height} px",
                 "Provide K for the size of the images in which the points were measured.",
                 partial(changed, dataset, cameras, partial(scaled, factor=1.0 / factor)),
+                cameras,
             )
 
 
@@ -155,13 +162,15 @@ def readings_of_points(dataset: Dataset) -> Iterator[Reading]:
         ),
     ):
         for which in CAMERAS:
-            yield Reading(claim, remedy, partial(_mirrored, dataset, (which,), axis))
+            corrected = partial(_mirrored, dataset, (which,), axis)
+            yield Reading(claim, remedy, corrected, (which,))
     for cameras in ONE_OR_BOTH:
         where = "both cameras" if len(cameras) > 1 else "one camera"
         yield Reading(
             f"u and v of {where} seem to be exchanged",
             "Exchange its two columns, as where rows stand before columns.",
             partial(_transposed, dataset, cameras),
+            cameras,
         )
     if (board := dataset.board) is not None:
         grid = np.arange(len(board.points)).reshape(board.rows, board.columns)
@@ -183,7 +192,12 @@ def readings_of_points(dataset: Dataset) -> Iterator[Reading]:
             "those of the other",
             "Put them in the order A of both cameras, B of both cameras, or name the columns.",
             partial(_camera_by_camera, dataset),
+            CAMERAS,
         )
+
+
+def readings_of_frames(dataset: Dataset) -> Iterator[Reading]:
+    """Readings of the numbers of the secondary's frames, tried where the data do not fit."""
     frames = dataset.correspondences.frames
     for order in orders_of_words(frames):
         yield Reading(

@@ -107,16 +107,21 @@ def pose_fit(dataset: Dataset, pose: Pose) -> PoseFit:
     return PoseFit(float(np.nanmedian(px)), spread, float(np.exp(median)), free)
 
 
-def suspects(dataset: Dataset) -> list[Reading]:
+def suspects(dataset: Dataset, of: Sequence[CameraName] | None = None) -> list[Reading]:
     """The readings of the camera files and of the labels that seem to fit better; all of them where
-    the points do not fit as they are given."""
+    the points do not fit as they are given.
+
+    Args:
+        of: only readings that change these cameras and no other; None: all.
+    """
     found: list[Reading] = []
     if len(dataset.correspondences.bars) < MINIMUM_BARS:
         return found
     nominal = essential_fit(dataset)
+    readings = [it for it in readings_of_cameras(dataset) if of is None or it.cameras == tuple(of)]
     if not (nominal.px < fitting_px(dataset) and nominal.spread < LENGTH_TOLERANCE):
-        return [*readings_of_cameras(dataset)]
-    for reading in readings_of_cameras(dataset):
+        return readings
+    for reading in readings:
         if reading.is_likely:
             found.append(reading)
             continue
@@ -151,7 +156,7 @@ def scaled_readings(
                 continue
             message = _size_message if of_size else _focal_message
             claim, remedy = message(dataset, cameras, float(np.exp(best)))
-            yield Reading(claim, remedy, partial(corrected, best))
+            yield Reading(claim, remedy, partial(corrected, best), tuple(cameras))
 
 
 def _rescaled(

@@ -24,7 +24,12 @@ from stereocal.network.pairs import (
 )
 from stereocal.network.result import RigCalibration
 from stereocal.network.screening import rows_of, wrong_images
-from stereocal.network.wrong_inputs import check_inputs, contradicting_lengths, find_wrong_input
+from stereocal.network.wrong_inputs import (
+    check_inputs,
+    contradicting_lengths,
+    find_wrong_input,
+    nothing_is_near,
+)
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened
@@ -51,19 +56,27 @@ def calibrate_rig(
     """
     refuse_same_points(recording)
     check_numbering(recording)
+    if nothing_is_near(recording) and (wrong := _wrong_input(recording)):
+        raise StereocalError(wrong)
     try:
         rig = _calibrated(recording, settings or RigSettings(), progress)
         refuse_poor_fit(rig)
     except (StereocalError, np.linalg.LinAlgError) as error:  # LinAlgError: no rig is near
         known = isinstance(error, StereocalError)
-        cause = contradicting_lengths(recording) or find_wrong_input(recording)
-        raise StereocalError(cause or (str(error) if known else NO_RIG)) from error
+        raise StereocalError(
+            _wrong_input(recording) or (str(error) if known else NO_RIG)
+        ) from error
     disagree = {name for pair in rig.pairs.failed for name in pair} & {*rig.unreached}
     if disagree and (wrong := find_wrong_input(recording)):
         raise StereocalError(wrong)
-    possible = check_inputs(rig.recording, rig.fit.sigma_px)
+    possible = check_inputs(rig.fit, [*rig.pairs.fits.values()])
     told = [*possible, *rig.warnings, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, told)))
+
+
+def _wrong_input(recording: Recording) -> str:
+    """What is wrong, if that can be told; else empty."""
+    return contradicting_lengths(recording) or find_wrong_input(recording)
 
 
 def _question(rig: RigCalibration) -> str:

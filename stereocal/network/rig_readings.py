@@ -37,6 +37,8 @@ SHIFT_GAIN = 4.0
 """A camera that is late by a part of a frame fits somewhat better a whole frame off."""
 FEWEST_OF_PART, CUTS = 10, 8
 """Frames before a camera moved and after it, and cuts that are tried at first."""
+OWN: tuple[CameraName, ...] = (CAMERAS[1],)
+"""Of a pair, whose readings are those of a camera of the rig."""
 ESTIMATED_HANDICAP = 1.3
 """Of readings that estimate a value."""
 
@@ -160,10 +162,9 @@ def _of_camera(recording: Recording, name: str) -> Iterator[RigReading]:
     if (pair := best_pair(recording, name)) is None:
         return
     dataset = recording.pair(*pair)
-    own: tuple[CameraName, ...] = (CAMERAS[1],)
     yield from carried_over(recording, pair, readings_of_cameras(dataset))
     yield from carried_over(recording, pair, readings_of_points(dataset))
-    for estimated in (centred_readings(dataset, [own]), scaled_readings(dataset, [own])):
+    for estimated in (centred_readings(dataset, [OWN]), scaled_readings(dataset, [OWN])):
         yield from carried_over(recording, pair, estimated, ESTIMATED_HANDICAP)
 
 
@@ -171,11 +172,13 @@ def carried_over(
     recording: Recording, pair: CameraPair, readings: Iterable[Reading], handicap: float = 1.0
 ) -> Iterator[RigReading]:
     """Readings of a pair that change its second camera alone, as readings of the rig."""
-    before, name = recording.pair(*pair), pair[1]
+    name = pair[1]
     for reading in readings:
+        if reading.cameras != OWN:
+            continue
         with suppress(StereocalError):
             after = reading.corrected()
-            if _seen_by_first(after) <= _seen_by_first(before) and is_near(after):
+            if is_near(after):
                 yield RigReading(
                     _named(reading.claim, name),
                     _named(reading.remedy, name),
@@ -286,13 +289,6 @@ def _counted_apart(recording: Recording, name: str, late: int) -> RigReading:
         partial(replace, recording, frame=recording.frame - late * own),
         least_gain=SHIFT_GAIN,
     )
-
-
-def _seen_by_first(dataset: Dataset) -> set[tuple[object, ...]]:
-    """The lens and the points of the first of two cameras."""
-    rows = dataset.correspondences
-    points = rows.frame.tolist(), rows.target.tolist(), *rows.primary.T.tolist()
-    return {(id(dataset.primary),), *zip(*points, strict=True)}
 
 
 def _with_camera_of(recording: Recording, name: str, after: Dataset) -> Recording:

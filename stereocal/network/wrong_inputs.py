@@ -6,7 +6,7 @@ cameras, of the readings with the best essential matrices. Of more than `MOST_CA
 is judged with those with which it shares most bars.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -28,6 +28,7 @@ from stereocal.network.pairs import (
 )
 from stereocal.network.rig_readings import (
     ESTIMATED_HANDICAP,
+    OWN,
     RigReading,
     best_pair,
     carried_over,
@@ -99,24 +100,15 @@ class RigNoise:
 NO_FIT = RigNoise(np.inf, np.inf, np.inf, {})
 
 
-def check_inputs(recording: Recording, noise_px: float) -> list[str]:
+def check_inputs(fit: RigFit, pairs: Collection[PairFit]) -> list[str]:
     """Reject inputs of a rig that are certainly wrong, though it fits; return warnings about those
     that may be.
 
     Args:
-        noise_px: of the rig, for groups of cameras of which the fit from chained pairs fails.
+        pairs: of the rig.
     """
     certain, possible = list[tuple[float, str]](), list[str]()
-    for whole, about in _parts(recording):
-        part = _fewer_points(whole)
-        nominal = noise_of_rig(part)
-        if not np.isfinite(nominal.px):
-            nominal = RigNoise(noise_px, 0.0, noise_px, {})
-        if nominal.px < _largest_noise(part, nominal) and nominal.of_lenses < CONTRADICTED:
-            suspected = _judged(part, nominal, _suspects(part, about))
-            if not _named(nominal, suspected, POSSIBLE_GAIN):
-                continue
-        judged = _judged(part, nominal, every_reading(recording, part, about))
+    for nominal, judged in _judged_parts(fit.recording, pairs, fit):
         named = _named(nominal, judged, CERTAIN_GAIN)
         best = named[0].reading if named else None
         if isinstance(best, RigReading) and best.is_movement:
@@ -131,14 +123,67 @@ def check_inputs(recording: Recording, noise_px: float) -> list[str]:
 
 def find_wrong_input(recording: Recording) -> str:
     """A message that names the wrong input of a rig if one explains the points; else empty."""
-    found = []
-    for whole, about in _parts(recording):
-        part = _fewer_points(whole)
-        nominal = noise_of_rig(part)
-        judged = _judged(part, nominal, every_reading(recording, part, about))
+    for nominal, judged in _judged_parts(recording):
         if named := _named(nominal, judged, CERTAIN_GAIN):
-            found.append((named[0].rank, _message(nominal, named)))
-    return min(found)[1] if found else ""
+            return _message(nominal, named)
+    return ""
+
+
+def _judged_parts(
+    recording: Recording, known: Collection[PairFit] = (), whole_fit: RigFit | None = None
+) -> Iterator[tuple[RigNoise, list[JudgedReading]]]:
+    """What each group of cameras leaves as given, and all readings of it; of groups that fit, only
+    where one seems to fit better.
+
+    Args:
+        known: fits of pairs; without any, the cameras come first that agree least with others.
+        whole_fit: of all cameras.
+    """
+    parts = [(_fewer_points(whole), about) for whole, about in _parts(recording)]
+    if len(parts) > 1 and not known:
+        parts = sorted(parts, key=lambda it: -max(_px_of_best(it[0], name) for name in it[1]))
+    fits = whole_fit is not None and _fits(whole_fit, min(pair.noise_px for pair in known))
+    for part, about in parts:
+        suspected = [*_suspects(part, about)] if fits else []
+        if fits and not suspected:
+            continue
+        nominal = noise_of_rig(part, [it for it in known if {*it.pair} <= {*part.cameras}])
+        if whole_fit is not None and not np.isfinite(nominal.px):
+            nominal = RigNoise(whole_fit.sigma_px, 0.0, whole_fit.sigma_px, {})
+        if nominal.px < _largest_noise(part, nominal) and nominal.of_lenses < CONTRADICTED:
+            suspected = suspected or [*_suspects(part, about)]
+            if not _named(nominal, _judged(part, nominal, suspected), POSSIBLE_GAIN):
+                continue
+        yield nominal, _judged(part, nominal, every_reading(recording, part, about))
+
+
+def _fits(fit: RigFit, best_pair_px: float) -> bool:
+    """Whether all cameras together leave noise, with lengths and lenses as they are stated."""
+    scatter = fit.scatter / fit.recording.object.longest_m
+    of_lenses = float(fit.p @ fit.unknowns.precision @ fit.p)
+    noise = RigNoise(fit.sigma_px, of_lenses, best_pair_px, {})
+    within = fit.sigma_px < _largest_noise(fit.recording, noise) and scatter < HELD_LENGTHS
+    return within and of_lenses < CONTRADICTED and not fit.rig_settings.lenses
+
+
+def nothing_is_near(recording: Recording) -> bool:
+    """Whether no pair of some camera fits as given, so that it is worth looking first for what is
+    wrong."""
+    fewer, limit = _fewer_points(recording), _fitting_px(recording)
+    cameras = {name for pair in pairs_worth_a_fit(fewer) for name in pair}
+    return any(_px_of_best(fewer, name, limit) > limit for name in cameras)
+
+
+def _px_of_best(recording: Recording, name: str, enough: float = 0.0) -> float:
+    """The reprojection error of the best essential matrix of a camera with others, or the first
+    that is small enough; 0 without any."""
+    least = np.inf
+    for pair in pairs_worth_a_fit(recording):
+        if name in pair:
+            least = min(least, essential_fit(recording.pair(*pair)).px)
+            if least < enough:
+                break
+    return least if least < np.inf else 0.0
 
 
 def contradicting_lengths(recording: Recording) -> str:
@@ -214,7 +259,7 @@ def _of_these(corrected: Callable[[], Recording], cameras: Sequence[str]) -> Rec
 def _suspects(recording: Recording, about: Sequence[str]) -> Iterator[RigReading]:
     for name in about:
         if (pair := best_pair(recording, name)) is not None:
-            yield from carried_over(recording, pair, suspects(recording.pair(*pair)))
+            yield from carried_over(recording, pair, suspects(recording.pair(*pair), OWN))
 
 
 def _one_file(recording: Recording) -> Iterator[RigReading]:
@@ -311,7 +356,7 @@ def _message(nominal: RigNoise, named: list[JudgedReading]) -> str:
 
 def noise_of_rig(
     recording: Recording,
-    known: Sequence[PairFit] = (),
+    known: Iterable[PairFit] = (),
     lenses: Mapping[str, LensPrior] | None = None,
 ) -> RigNoise:
     """What the joint fit of all cameras leaves; `NO_FIT` where none fits.
@@ -351,10 +396,12 @@ def noise_of_rig(
 
 
 def _first_pairs(
-    recording: Recording, settings: RefineSettings, known: Sequence[PairFit]
+    recording: Recording, settings: RefineSettings, known: Iterable[PairFit]
 ) -> list[PairFit]:
     """Sound pairs that connect the cameras, those with the most bars."""
     found, names, limit = [*known], [*recording.cameras], _fitting_px(recording)
+    if len(reached(names, [fit.pair for fit in found])) == len(names):
+        return sorted(found, key=lambda fit: fit.noise_px)
     worth = pairs_worth_a_fit(recording)
     near = {pair: essential_fit(recording.pair(*pair)).px for pair in worth}
     far = FAR * min(near.values(), default=np.inf)

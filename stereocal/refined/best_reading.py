@@ -26,6 +26,7 @@ from stereocal.calibration.readings import (
     fewer_corners,
     fitting_px,
     readings_of_cameras,
+    readings_of_frames,
     readings_of_points,
     whose,
 )
@@ -141,7 +142,8 @@ def _fewer_frames(dataset: Dataset) -> Dataset:
 
 def _every_reading(dataset: Dataset, out_of_step: bool) -> list[JudgedReading]:
     """All readings, the best first: those of estimated values must leave less noise than others."""
-    judged = _by_noise([*readings_of_cameras(dataset), *readings_of_points(dataset)])
+    readings = readings_of_cameras, readings_of_points, readings_of_frames
+    judged = _by_noise(reading for of in readings for reading in of(dataset))
     if not out_of_step:
         dataset = _fewer_frames(dataset)
         judged += _by_noise([*centred_readings(dataset), *scaled_readings(dataset)], ALIKE)
@@ -247,6 +249,7 @@ def centred_readings(
             "Was the image cropped? Then subtract what was cut off on the left and above from cx "
             "and cy, or give the points in pixels of the whole image.",
             partial(replace, dataset, **lenses),
+            tuple(cameras),
         )
 
 

@@ -12,7 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera, write_opencv_camera
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
-from tests.known_rig import SECONDARY
+from tests.known_rig import PRIMARY, SECONDARY
 
 K = np.array([[1190.6, 2.3, 612.8], [0.0, 1171.9, 530.1], [0.0, 0.0, 1.0]])
 NO_SKEW = np.array([[1190.6, 0.0, 612.8], [0.0, 1171.9, 530.1], [0.0, 0.0, 1.0]])
@@ -166,3 +166,13 @@ def test_a_rational_lens_of_140_degrees_is_undistorted_in_its_whole_image() -> N
         np.array(lens),
     )
     np.testing.assert_allclose(found.reshape(-1, 2), pixels, rtol=0, atol=1e-9)
+
+
+def test_undistorted_points_belong_to_who_asked() -> None:
+    """They are kept for the next who asks for the same ones."""
+    pixels = np.array([[100.0, 200.0], [900.0, 50.0]])
+    first = PRIMARY.undistort(pixels)
+    expected = first.copy()
+    first[:] = 0.0
+    np.testing.assert_array_equal(PRIMARY.undistort(pixels), expected)
+    assert (SECONDARY.undistort(pixels) != expected).any()
