@@ -32,6 +32,7 @@ from stereocal.system.numbers import rounded
 CLICK_PX = 1.0
 """Noise of a click, one standard deviation of a coordinate, until the pairs show their own."""
 Source = Literal["clicked", "snapped", "followed"]
+Key = tuple[int, CameraName, str]
 SUFFIXES = (f"_{CAMERAS[0]}", f"_{CAMERAS[1]}")
 
 
@@ -48,7 +49,7 @@ class Click:
     """`snapped` to what the image shows there; `followed` from another frame, and accepted."""
 
     @property
-    def key(self) -> tuple[int, CameraName, str]:
+    def key(self) -> Key:
         """What a later click replaces."""
         return self.frame, self.camera, self.track
 
@@ -67,12 +68,16 @@ class Place(NamedTuple):
 class Clicks:
     """Points clicked in both images: each track has at most one in an image."""
 
-    every: Mapping[tuple[int, CameraName, str], Click]
+    every: Mapping[Key, Click]
 
     @classmethod
     def of(cls, clicks: Iterable[Click]) -> "Clicks":
         """Of several at one place, the last is kept."""
         return cls({each.key: each for each in clicks})
+
+    def placed(self, clicks: Iterable[Click]) -> "Clicks":
+        """With further ones."""
+        return Clicks.of([*self.every.values(), *clicks])
 
     @property
     def tracks(self) -> list[str]:
@@ -176,11 +181,11 @@ class ClickMeasure:
     def measured(self, clicks: Clicks, settled: Settled) -> "MeasuredClicks":
         """What the clicks measure."""
         first, second = clicks.tables(to_match=True).values()
-        second, _ = points_in_step(second, POINT, self.matching)
+        second, timing = points_in_step(second, POINT, self.matching)
         pairs = first.merge(second, on=["frame", TRACK], suffixes=SUFFIXES)
         pixels = pairs[list(PIXELS)].to_numpy(dtype=np.float64)
         errors = self.matching.reprojection_errors(pixels[:, :2], pixels[:, 2:]).mean(axis=1)
-        return MeasuredClicks(self, settled, pairs.assign(error_px=errors))
+        return MeasuredClicks(self, settled, pairs.assign(error_px=errors), timing)
 
     def curve(self, click: Click, velocity: FloatArray | None = None) -> FloatArray:
         """(n, 2): the epipolar line of a click in the other image, by the set that matches.
@@ -204,6 +209,8 @@ class MeasuredClicks:
     settled: Settled
     pairs: pd.DataFrame
     """Of `frame` and `track`, in the columns of `pairs.csv`."""
+    timing: str = ""
+    """How the secondary points were brought into step."""
 
     @cached_property
     def _pixels(self) -> tuple[FloatArray, FloatArray]:
@@ -211,28 +218,34 @@ class MeasuredClicks:
         return pixels[:, :2], pixels[:, 2:]
 
     @cached_property
-    def points(self) -> Points3D:
-        """As in `points.csv`."""
-        sigma_px = self.settled.sigma_px
-        return reconstruct_points(self.how.measuring, *self._pixels, self.how.world, sigma_px)
+    def _xyz(self) -> FloatArray:
+        """(n, 3) in the primary's frame."""
+        return self.how.measuring.reconstruct(*self._pixels)
+
+    def point(self, row: int) -> Points3D:
+        """One point, as in `points.csv`."""
+        first, second = (side[row : row + 1] for side in self._pixels)
+        how, sigma_px = self.how, self.settled.sigma_px
+        return reconstruct_points(how.measuring, first, second, how.world, sigma_px)
 
     @cached_property
     def rows(self) -> dict[Place, int]:
         """The row of each point that is in front of both cameras."""
-        known = np.isfinite(self.points.error_px)
+        known = np.asarray(np.isfinite(self._xyz).all(axis=1))
         places = zip(self.pairs[TRACK], self.pairs["frame"], strict=True)
         return {Place(str(t), int(f)): k for k, (t, f) in enumerate(places) if known[k]}
 
     def sentence(self, place: Place) -> str:
         """Error, and position with its standard error, of one of `rows` in words."""
-        row, points, limit_px = self.rows[place], self.points, self.settled.threshold.threshold_px
+        row, limit_px = self.rows[place], self.settled.threshold.threshold_px
+        point = self.point(row)
         error_px = float(self.pairs["error_px"].iloc[row])
         fits = "below" if error_px <= limit_px else "above"
         doubt = "" if error_px <= limit_px else ": not the same point, or clicked badly"
-        assert points.sigma_m is not None
-        numbers = zip("xyz", points.xyz[row].tolist(), points.sigma_m[row].tolist(), strict=True)
+        assert point.sigma_m is not None
+        numbers = zip("xyz", point.xyz[0].tolist(), point.sigma_m[0].tolist(), strict=True)
         where = ", ".join(f"{axis} {Length(value, sigma)}" for axis, value, sigma in numbers)
-        outside = points.outside_volume is not None and bool(points.outside_volume[row])
+        outside = point.outside_volume is not None and bool(point.outside_volume[0])
         return (
             f"{rounded(error_px)} px, {fits} the threshold of {rounded(limit_px, 3)} px{doubt}. "
             f"{where}{', outside the volume of the bars' * outside}."
@@ -281,7 +294,7 @@ class MeasuredClicks:
         if not rows or any(a == b for a, b in rows):
             return None
         rig = self.how.measuring
-        first, second = rig.reconstruct(*self._pixels)[np.array(rows).T]
+        first, second = self._xyz[np.array(rows).T]
         metres = float(np.linalg.norm(first - second, axis=1).mean())
         about = shared_unknowns(rig), lenses_of_cameras(rig.primary, rig.secondary)
         own, by_shared = length_variances(*about, self.settled.sigma_px, first, second)

@@ -1,8 +1,10 @@
 """Points clicked in the pictures of both cameras, on the Apply page: frame by frame, with the line
 in the other picture, the places proposed next, and what the points measure."""
 
+import bisect
 from collections.abc import Sequence
 from functools import partial
+from itertools import cycle, product
 from typing import Any, Literal
 
 import cv2
@@ -18,18 +20,19 @@ from stereocal.matching.clicks import (
     Click,
     ClickMeasure,
     Clicks,
+    Key,
     MeasuredClicks,
     Place,
     Settled,
     Source,
 )
 from stereocal.matching.following import corner_at, follow, nearest_clicks, velocity
-from stereocal.projects.clicks import ProjectClicks
+from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.system.numbers import count
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import Field, choose, one_of, setting
+from stereocal.ui.fields import Field, Number, choose, one_of, setting
 from stereocal.ui.footage import ask_footage, footage_of
 from stereocal.ui.holding import held_target
 from stereocal.ui.messages import callback, fragment
@@ -37,12 +40,9 @@ from stereocal.ui.picker import Line, Mark, Pick, pick, shown
 from stereocal.ui.texts import escape_markdown
 
 COLOURS = ("#56B4E9", "#E69F00", "#2CC197", "#F0E442", "#FF7F50", "#CC79A7")
-RAW, CORNER, TARGET = "Where I click", "The corner there", "The target there"
+CORNER, TARGET = "The corner there", "The target there"
+WAYS = ("Where I click", CORNER, TARGET)
 _SETTLED = "clicks_settled"
-_OTHER_SIZE = (
-    "The pictures of the {} camera have {}x{} px, its parameters are for {}x{} px: give the "
-    "pictures as recorded, or exchange the cameras."
-)
 REFRESHED = 1.25
 """Growth of the number of points after which their noise is looked at again."""
 
@@ -52,6 +52,10 @@ def show_clicks(project: Project, measure: ClickMeasure) -> None:
     footage = footage_of(project)
     ask_footage(project, footage)
     if footage is not None:
+        acts = ProjectClicks(project).acts
+        if acts and acts[-1].pictures != [footage.labels[camera] for camera in CAMERAS]:
+            before = escape_markdown(" and ".join(acts[-1].pictures))
+            st.warning(f"The points so far were clicked in other pictures: {before}.")
         fragment(_Panel(project, footage, measure).show)()
 
 
@@ -60,31 +64,41 @@ class _Panel:
 
     def __init__(self, project: Project, footage: Footage, measure: ClickMeasure) -> None:
         self.project, self.footage, self.measure = project, footage, measure
-        self.store = ProjectClicks(project)
+        self.store, numbers = ProjectClicks(project), footage.numbers
         own = partial(setting, project, tabs_own=True)
-        first = footage.numbers[0]
-        self.at: Field = own("clicks_frame", first, one_of(footage.numbers))
-        self.track: Field = own("clicks_track", "point 1", _track_name)
-        self.to: Field = own("clicks_to", RAW, one_of((RAW, CORNER, TARGET)))
+        self.at: Field = own("clicks_frame", numbers[0], Number(numbers[0], numbers[-1]))
+        self.named: Field = own("clicks_track", "point 1", _track_name)
+        self.to: Field = own("clicks_to", WAYS[0], one_of(WAYS))
 
     def show(self) -> None:
         """The frame; a click draws this again, and nothing else of the page."""
-        frame, track, clicks = self.at.value(), self.track.value(), self.store.clicks
-        for camera in CAMERAS:
-            placed = self.measure.matching.placed[camera].camera
-            size = self.footage.grey(camera, frame).shape[::-1]
-            if size != placed.image_size:
-                raise StereocalError(_OTHER_SIZE.format(camera, *size, *placed.image_size))
-        measured = self._measured(clicks)
-        proposed, trial = self._proposed(clicks, frame)
-        self._choose(clicks, frame, track, proposed)
+        numbers = self.footage.numbers
+        self.row = min(bisect.bisect_left(numbers, self.at.value()), len(numbers) - 1)
+        self.frame, self.track = numbers[self.row], str(self.named.value())
+        self.clicks = self.store.clicks
+        tracks = dict.fromkeys([*self.clicks.tracks, self.track])
+        self.colours = dict(zip(tracks, cycle(COLOURS), strict=False))
+        self._check_sizes()
+        measured, (self.proposed, trial) = self._measured(self.clicks), self._propose()
+        self._choose()
         for camera, place in zip(CAMERAS, st.columns(2), strict=True):
             with place:
-                self._show_picture(camera, clicks, frame, track, proposed)
+                self._show_picture(camera)
         with st.container():
-            self._answer(clicks, measured, trial, Place(track, frame))
+            self._answer(measured, trial)
         with st.container(horizontal=True):
-            self._offer(clicks)
+            self._offer()
+
+    def _check_sizes(self) -> None:
+        for camera in CAMERAS:
+            wanted = self.measure.matching.placed[camera].camera.image_size
+            size = self.footage.grey(camera, self.frame).shape[::-1]
+            if size != wanted:
+                raise StereocalError(
+                    f"The pictures of the {camera} camera have {size[0]}x{size[1]} px, its "
+                    f"parameters are for {wanted[0]}x{wanted[1]} px: give the pictures as "
+                    "recorded, or exchange the cameras."
+                )
 
     def _measured(self, clicks: Clicks) -> MeasuredClicks | None:
         if not clicks.has_pairs:
@@ -93,52 +107,50 @@ class _Panel:
         about = how.matching.digest, how.measuring.digest, repr(how.stated)
         kept: tuple[Any, int, Settled] | None = st.session_state.get(_SETTLED)
         if kept is None or kept[0] != about or not kept[1] <= size <= REFRESHED * kept[1]:
-            kept = about, size, how.settled(clicks)
-            st.session_state[_SETTLED] = kept
+            kept = st.session_state[_SETTLED] = about, size, how.settled(clicks)
         return how.measured(clicks, kept[2])
 
-    def _proposed(self, clicks: Clicks, frame: int) -> tuple[list[Click], MeasuredClicks | None]:
+    def _propose(self) -> tuple[list[Click], MeasuredClicks | None]:
         """The next places of tracks that have none in this frame, where the images show them and
         agree; and what all points measure with them."""
-        found = []
-        for camera in CAMERAS:
-            there = {each.track for each in clicks.at(frame, camera)}
-            for track in clicks.tracks:
-                near = nearest_clicks(clicks.along(track, camera), frame)
-                if track in there or not near or near[0].frame not in self.footage.numbers:
-                    continue
+        found, clicks, frame = [], self.clicks, self.frame
+        for camera, track in product(CAMERAS, clicks.tracks):
+            near = nearest_clicks(clicks.along(track, camera), frame)
+            if (frame, camera, track) in clicks.every or not near:
+                continue
+            if near[0].frame in self.footage.numbers:
                 before, now = (self.footage.grey(camera, k) for k in (near[0].frame, frame))
-                if (next_one := follow(before, now, near, frame)).is_seen:
-                    found.append(Click(frame, camera, track, next_one.u, next_one.v, "followed"))
-        trial = self._measured(Clicks.of([*clicks.every.values(), *found]))
+                if (at := follow(before, now, near, frame)) is not None:
+                    found.append(Click(frame, camera, track, *at, "followed"))
+        trial = self._measured(clicks.placed(found))
         if trial and (beyond := trial.beyond(frame) & {each.track for each in found}):
             found = [each for each in found if each.track not in beyond]
-            trial = self._measured(Clicks.of([*clicks.every.values(), *found]))
+            trial = self._measured(clicks.placed(found))
         return found, trial
 
-    def _choose(self, clicks: Clicks, frame: int, track: str, proposed: Sequence[Click]) -> None:
+    def _choose(self) -> None:
         """The frame, the track, and the buttons."""
-        numbers, tracks = self.footage.numbers, list(dict.fromkeys([*clicks.tracks, track]))
         at, named, to = st.columns([2, 1, 1])
+        numbers, widget = self.footage.numbers, self.at.widget()
         if len(numbers) > 1:
-            at.select_slider("Frame", numbers, **self.at.widget())
-        named.selectbox(
-            "Track (type a new name)", tracks, accept_new_options=True, **self.track.widget()
-        )
-        to.selectbox("A click goes to", [RAW, CORNER, TARGET], **self.to.widget())
-        row = numbers.index(frame)
-        before, after = (numbers[min(max(row + by, 0), len(numbers) - 1)] for by in (-1, 1))
-        here = [each.key for c in CAMERAS for each in clicks.at(frame, c) if each.track == track]
-        accept = f"Accept {len(proposed)} and go on" if proposed else "Accept and go on"
+            at.slider("Frame", numbers[0], numbers[-1], **widget)
+        own = {"accept_new_options": True, **self.named.widget()}
+        named.selectbox("Track (type a new name)", list(self.colours), **own)
+        self.to.menu("A click goes to", to)
+        before, after = numbers[max(self.row - 1, 0)], numbers[self.row + 1 : self.row + 2]
+        here = [(self.frame, camera, self.track) for camera in CAMERAS]
+        here = [key for key in here if key in self.clicks.every]
+        onward = after[0] if after else self.frame
+        accept = f"Accept {len(self.proposed)} and go on" if self.proposed else "Accept and go on"
         with st.container(horizontal=True):
             for label, key, shortcut, act, may in (
-                ("Back", "back", "b", partial(self.at.set, before), before != frame),
-                ("Forward", "forward", "f", partial(self.at.set, after), after != frame),
-                (accept, "accept", "a", partial(self._accept, proposed, after), bool(proposed)),
-                ("Remove it", "remove", "x", partial(self.store.place, (), here), bool(here)),
-                ("Undo", "undo", "u", self.store.undo, self.store.acts > 0),
+                ("Back", "back", "b", partial(self.at.set, before), before != self.frame),
+                ("Forward", "forward", "f", partial(self.at.set, onward), bool(after)),
+                (accept, "accept", "a", partial(self._accept, onward), bool(self.proposed)),
+                ("Remove it", "remove", "x", partial(self._place, [], here), bool(here)),
+                ("Undo", "undo", "u", self.store.undo, bool(self.store.acts)),
             ):
-                kind: Literal["primary", "secondary"] = "primary" if proposed else "secondary"
+                kind: Literal["primary", "secondary"] = "primary" if self.proposed else "secondary"
                 st.button(
                     label,
                     key=f"clicks_{key}",
@@ -148,109 +160,98 @@ class _Panel:
                     type=kind if key == "accept" else "secondary",
                 )
 
-    def _accept(self, proposed: Sequence[Click], after: int) -> None:
-        self.store.place(proposed)
-        self.at.set(after)
+    def _accept(self, onward: int) -> None:
+        self._place(self.proposed)
+        self.at.set(onward)
 
-    def _show_picture(
-        self, camera: CameraName, clicks: Clicks, frame: int, track: str, proposed: Sequence[Click]
-    ) -> None:
-        other = next(each for each in CAMERAS if each != camera)
-        st.markdown(f"**{camera.capitalize()}** · {escape_markdown(self.footage.labels[camera])}")
-        tracks = clicks.tracks
-        names = dict.fromkeys([*tracks, track])
-        colour = {each: COLOURS[k % len(COLOURS)] for k, each in enumerate(names)}
+    def _place(self, placed: Sequence[Click], removed: Sequence[Key] = ()) -> None:
+        pictures = [self.footage.labels[camera] for camera in CAMERAS]
+        self.store.act(Act([*placed], [*removed], pictures))
+
+    def _show_picture(self, camera: CameraName) -> None:
+        label, frame, track = self.footage.labels[camera], self.frame, self.track
+        st.markdown(f"**{camera.capitalize()}** · {escape_markdown(label)}")
         marks = [
-            Mark(each.track, each.u, each.v, None, colour[each.track], shape)
-            for own, shape in ((clicks.at(frame, camera), "cross"), (proposed, "dashed"))
+            Mark(each.track, each.u, each.v, None, self.colours[each.track], shape)
+            for own, shape in ((self.clicks.at(frame, camera), "cross"), (self.proposed, "dashed"))
             for each in own
             if each.camera == camera
         ]
         lines = []
-        for each in clicks.at(frame, other):
-            if each.track == track:
-                speed = velocity(nearest_clicks(clicks.along(track, other), frame))
-                curve = self.measure.curve(each, speed)
-                lines.append(Line(curve.tolist(), colour[track]))
-        name = f"{self.footage.labels[camera]} {frame}"
-        image = shown(name, self.footage.grey(camera, frame), self.footage.picture(camera, frame))
+        other = CAMERAS[1 - CAMERAS.index(camera)]
+        if (click := self.clicks.every.get((frame, other, track))) is not None:
+            speed = velocity(nearest_clicks(self.clicks.along(track, other), frame))
+            curve = self.measure.curve(click, speed)
+            lines.append(Line(curve.tolist(), self.colours[track]))
+        jpeg = self.footage.picture(camera, frame)
+        image = shown(f"{label} {frame}", self.footage.grey(camera, frame), jpeg)
         about = (
             f"Frame {frame} of the {camera} camera. Arrow keys move, plus and minus zoom, Enter "
             f"places {track} at the cross-hair in the middle."
         )
-        click = partial(self._take, camera, frame, track)
-        pick(image, marks, about, f"clicks_{camera}", False, click, lines)
+        take = partial(callback(self._take), camera)
+        pick(image, marks, about, f"clicks_{camera}", False, take, lines)
 
-    def _take(self, camera: CameraName, frame: int, track: str, click: Pick) -> None:
-        """Place a point (a callback); one in a picture that is no longer shown is ignored."""
-        if click.id != f"{self.footage.labels[camera]} {frame}":
+    def _take(self, camera: CameraName, click: Pick) -> None:
+        """Place a point; one in a picture that is no longer shown is ignored."""
+        if click.id != f"{self.footage.labels[camera]} {self.frame}":
             return
+        to, at = WAYS[0] if click.raw else self.to.value(), (click.u, click.v)
+        if to == CORNER:
+            at = corner_at(self.footage.grey(camera, self.frame), at)
+        elif to == TARGET:
+            target, lens = held_target(self.project), self.measure.matching.placed[camera].camera
+            content = np.frombuffer(self.footage.picture(camera, self.frame), np.uint8)
+            image = np.asarray(cv2.imdecode(content, not isinstance(target, Bar2x2)))
+            centre = centre_at(image, at, False, target, lens)
+            at = centre.u, centre.v
+        source: Source = "clicked" if to == WAYS[0] else "snapped"
+        self._place([Click(self.frame, camera, self.track, *at, source)])
 
-        def place() -> None:
-            to, at = RAW if click.raw else self.to.value(), (click.u, click.v)
-            if to == CORNER:
-                at = corner_at(self.footage.grey(camera, frame), at)
-            elif to == TARGET:
-                content = np.frombuffer(self.footage.picture(camera, frame), np.uint8)
-                target = held_target(self.project)
-                grey = isinstance(target, Bar2x2)
-                image = cv2.imdecode(content, not grey)
-                lens = self.measure.matching.placed[camera].camera
-                centre = centre_at(np.asarray(image), at, False, target, lens)
-                at = centre.u, centre.v
-            source: Source = "clicked" if to == RAW else "snapped"
-            self.store.place([Click(frame, camera, track, *at, source)])
-
-        callback(place)()
-
-    def _answer(
-        self,
-        clicks: Clicks,
-        measured: MeasuredClicks | None,
-        trial: MeasuredClicks | None,
-        place: Place,
-    ) -> None:
+    def _answer(self, measured: MeasuredClicks | None, trial: MeasuredClicks | None) -> None:
         """What the point of the track measures in this frame, or would, or what to click next."""
-        seen = [c for c in CAMERAS if (place.frame, c, place.track) in clicks.every]
+        place = Place(self.track, self.frame)
+        seen = [c for c in CAMERAS if (self.frame, c, self.track) in self.clicks.every]
         if trial is None or place not in trial.rows:
-            st.info(escape_markdown(_next_click(place.track, seen)))
+            st.info(escape_markdown(_next_click(self.track, seen)))
         else:
-            show = st.warning if place.track in trial.beyond(place.frame) else st.success
-            show, proposed = (show, "") if len(seen) > 1 else (st.info, "proposed: ")
+            show, proposed = st.success, ""
+            if len(seen) < len(CAMERAS):
+                show, proposed = st.info, "proposed: "
+            elif self.track in trial.beyond(self.frame):
+                show = st.warning
             words = escape_markdown(f"{proposed}{trial.sentence(place)}")
-            show(f"**{escape_markdown(place.track)}**, {words}")
+            show(f"**{escape_markdown(self.track)}**, {words}")
         if trial is None:
             return
-        others = {f"{t}, in the same frame": Place(t, place.frame) for t in trial.tracks}
+        tracks = [each for each in trial.tracks if each != self.track]
+        others = {f"{each}, in the same frame": Place(each, self.frame) for each in tracks}
         others |= {str(each): each for each in sorted(trial.rows) if each != place}
-        others.pop(f"{place.track}, in the same frame", None)
         left, right = st.columns([2, 1])
         lines = []
         if (before := trial.previous(place)) is not None:
             lines.append(trial.in_words((before, place)))
         if others:
-            to = choose(
-                self.project, "clicks_other", "Distance to", others, place=right, as_menu=True
-            )
+            key, title = "clicks_other", "Distance to"
+            to = choose(self.project, key, title, others, place=right, as_menu=True)
             lines.append(trial.in_words((place, others[to])))
-            if measured and others[to].frame == place.frame:
-                lines.append(measured.in_words(*measured.common(place.track, others[to].track)))
+            if measured and others[to].frame == self.frame:
+                lines.append(measured.in_words(*measured.common(self.track, others[to].track)))
+        lines.append(trial.timing)
         left.markdown("  \n".join(map(escape_markdown, filter(None, dict.fromkeys(lines)))))
 
-    def _offer(self, clicks: Clicks) -> None:
+    def _offer(self) -> None:
         """The points of each camera, and all that the page makes of them."""
+        clicks = self.clicks
         total = count(len(clicks.every), "click")
         if clicks.has_pairs and st.button(f"Match and measure all ({total})", "clicks_all"):
             st.rerun()
         with st.popover("Download the clicks"):
-            for camera, table in clicks.tables().items():
-                name = f"{camera}.csv"
-                offer(name, table.to_csv(index=False), name, f"clicks_csv_{camera}")
-            dltdv = partial(dltdv_table, clicks)
-            offer("xypts.csv (DLTdv8)", dltdv, "xypts.csv", "clicks_dltdv")
-            for camera in CAMERAS:
-                sleap, name = partial(sleap_table, clicks, camera), f"sleap_{camera}.csv"
-                offer(f"{name} (SLEAP)", sleap, name, f"clicks_sleap_{camera}")
+            files = {f"{c}.csv": table.to_csv(index=False) for c, table in clicks.tables().items()}
+            files["xypts.csv (DLTdv8)"] = dltdv_table(clicks)
+            files |= {f"sleap_{c}.csv (SLEAP)": sleap_table(clicks, c) for c in CAMERAS}
+            for number, (label, text) in enumerate(files.items()):
+                offer(label, text, label.split(" ")[0], f"clicks_file_{number}")
 
 
 def _next_click(track: str, seen: Sequence[CameraName]) -> str:

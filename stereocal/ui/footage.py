@@ -27,7 +27,7 @@ from stereocal.system.photograph import PhotographFile
 from stereocal.system.taken import read_taken
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.intake import Upload, emptied_uploader
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.messages import ErrorsShown, callback, readable
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import MISSING
 
@@ -77,8 +77,9 @@ def ask_footage(project: Project, footage: Footage | None) -> None:
         if given is None:
             return
         if given.later_frames != later:
-            readable(partial(_open, project, given.files, given.exchanged))
-            st.rerun()
+            with ErrorsShown():
+                _open(project, given.files, given.exchanged)
+                st.rerun()
         exchange = partial(_open, project, given.files, not given.exchanged)
         label = "Exchange the cameras"
         st.button(label, "clicks_exchange", on_click=callback(exchange))

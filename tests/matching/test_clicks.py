@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
+from stereocal.errors import StereocalError
 from stereocal.library.tables import match, reconstruct
 from stereocal.matching.clicks import CLICK_PX, Click, ClickMeasure, Clicks, Place
-from stereocal.matching.following import Image, follow, nearest_clicks
+from stereocal.matching.following import Image, corner_at, follow, nearest_clicks
 from stereocal.matching.pairs import Stated
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray
@@ -84,11 +85,12 @@ def test_clicks_measure_what_match_and_reconstruct_do() -> None:
     same = pairs.sort_values(["frame", "track_primary"], ignore_index=True)
     np.testing.assert_allclose(found.pairs[list(PIXELS)], same[list(PIXELS)])
     np.testing.assert_allclose(found.pairs["error_px"], same["error_px"], atol=1e-6)
-    points, own = reconstruct(SET, same), found.points
-    np.testing.assert_allclose(own.xyz, points[["x", "y", "z"]])
-    assert own.sigma_m is not None
-    sigmas = points[["sigma_x", "sigma_y", "sigma_z"]]
-    np.testing.assert_allclose(own.sigma_m, sigmas, rtol=0.02)
+    points = reconstruct(SET, same)
+    for row in (0, 9):
+        own, there = found.point(row), points.iloc[[row]]
+        np.testing.assert_allclose(own.xyz, there[["x", "y", "z"]])
+        assert own.sigma_m is not None
+        np.testing.assert_allclose(own.sigma_m, there[["sigma_x", "sigma_y", "sigma_z"]], rtol=0.02)
     assert points["track"].tolist() == same["track_primary"].tolist()
     assert stated.sigma_px is None
     # One more in the primary only is no pair, and takes nobody's partner.
@@ -165,17 +167,24 @@ def test_the_next_place_is_found_in_the_image(seed: int) -> None:
     before, now = (picture(step, seed) for step in steps[1:])
     for known in (clicks, clicks[1:]):
         found = follow(before, now, nearest_clicks(known, 2), 2)
-        assert found.is_seen
-        # Measured: 0.03 to 0.12 px.
-        assert np.hypot(found.u - 174.9, found.v - 142.8) < 0.3
-    # Where it has gone, the velocity is all there is.
-    gone = follow(before, picture((180.0, 100.0), seed), nearest_clicks(clicks, 2), 2)
-    assert not gone.is_seen
-    assert (gone.u, gone.v) == pytest.approx((150 + 22.6, 150 - 9.2))
+        # Measured: 0.09 to 0.12 px.
+        assert found is not None and np.hypot(found[0] - 174.9, found[1] - 142.8) < 0.3
+    # It has gone.
+    assert follow(before, picture((180.0, 100.0), seed), nearest_clicks(clicks, 2), 2) is None
+
+
+def test_a_click_goes_to_the_corner_there() -> None:
+    image = np.full((80, 120), 60, np.uint8)
+    image[30:, 50:] = 200  # edges meet between the pixels 29 and 30, 49 and 50
+    assert corner_at(image, (51.0, 28.0)) == pytest.approx((49.5, 29.5), abs=0.1)
+    with pytest.raises(StereocalError, match="no corner"):
+        corner_at(image, (20.0, 60.0))
+    with pytest.raises(StereocalError, match="outside"):
+        corner_at(image, (200.0, 60.0))
 
 
 def test_the_nearest_clicks_are_on_one_side() -> None:
     clicks = [Click(frame, "primary", "a", float(frame), 0.0) for frame in (1, 2, 7, 8)]
     assert [each.frame for each in nearest_clicks(clicks, 3)] == [2, 1]
     assert [each.frame for each in nearest_clicks(clicks, 6)] == [7, 8]
-    assert nearest_clicks([], 3) == []
+    assert nearest_clicks([], 3) == [] == nearest_clicks(clicks, 19)

@@ -6,17 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.matching.clicks import Click
 from stereocal.projects.application import ProjectApplication
-from stereocal.projects.clicks import ProjectClicks
+from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import GreyImage
 from tests.files import encoded
 from tests.known_rig import PRIMARY, SECONDARY, images
 from tests.pages.stored_projects import messages, project_of, told
 from tests.pages.test_apply import SET_2D, begun, give_sets
+from tests.videos import write_video
 
 LENGTH_M = 0.5
 PHOTOGRAPHS: dict[str, GreyImage] = {
@@ -55,7 +57,7 @@ def test_points_lengths_and_tables_of_clicks(app: AppTest, home: Path) -> None:
     with_pictures(app)
     assert "Click point 1 in one of the pictures." in told(app)
     store = ProjectClicks(project_of(app, home))
-    store.place(clicks_of((1, 2, 3)))
+    store.act(Act(clicks_of((1, 2, 3))))
     app.run().selectbox(key="clicks_track").set_value("tail").run()
     assert re.search(
         r"tail, 0\.\d+ px, below the threshold of 1\.8\d px", messages(app).replace("*", "")
@@ -82,8 +84,28 @@ def test_points_lengths_and_tables_of_clicks(app: AppTest, home: Path) -> None:
 
 def test_clicks_off_the_line_and_pictures_of_another_size(app: AppTest, home: Path) -> None:
     with_pictures(app)
-    ProjectClicks(project_of(app, home)).place(clicks_of((1,), 12.0))
+    ProjectClicks(project_of(app, home)).act(Act(clicks_of((1,), 12.0)))
     app.run().selectbox(key="clicks_track").set_value("head").run()
     assert "above the threshold of 1.86 px: not the same point" in told(app, "warning")
     give_pictures(app, {name: image[::2, ::2] for name, image in PHOTOGRAPHS.items()})
     assert "have 800x600 px, its parameters are for 1600x1200 px" in told(app, "error")
+
+
+def test_videos_of_cameras_started_by_hand(app: AppTest, tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    give_sets(begun(app), SET_2D, SET_2D)
+    app.selectbox(key="apply_points").set_value("Click them here").run()
+    widget = app.file_uploader(key=f"upload_footage_{app.session_state['upload_footage']}")
+    for name in ("left.mp4", "right.mp4"):
+        path = write_video(tmp_path / name, [k / 25 for k in range(12)], preset="ultrafast")
+        widget.upload(name, path.read_bytes())
+    app.run()
+    assert "have 160x96 px" in told(app, "error")  # of other cameras, but read
+    assert any("left.mp4, right.mp4, 12 frames" in each.label for each in app.expander)
+    later = app.number_input(key="clicks_later_frames").set_value(5).run()
+    assert any("left.mp4, right.mp4, 7 frames" in each.label for each in later.expander)
+    app.number_input(key="clicks_later_frames").set_value(50).run()
+    assert "no frames of the same moment" in told(app, "error")
+    app.number_input(key="clicks_later_frames").set_value(0).run()
+    app.button(key="clicks_exchange").click().run()
+    assert any("right.mp4, left.mp4, 12 frames" in each.label for each in app.expander)

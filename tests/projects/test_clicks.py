@@ -8,7 +8,7 @@ from stereocal.formats.click_tables import dltdv_table, sleap_table
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_layouts import propose_layout
 from stereocal.matching.clicks import Click
-from stereocal.projects.clicks import ProjectClicks
+from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.projects.database import DamagedError
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
@@ -20,13 +20,13 @@ TAIL = Click(3, "primary", "tail", 40.0, 50.125, "followed")
 def test_every_act_is_on_disk_and_is_undone_whole(tmp_path: Path) -> None:
     project = Project.create(tmp_path)
     store, again = ProjectClicks(project), ProjectClicks(Project.open(tmp_path, project.id))
-    store.place(HEAD)
-    store.place([TAIL])
+    store.act(Act(HEAD))
+    store.act(Act([TAIL]))
     moved = Click(1, "primary", "head", 1.0, 2.0, "snapped")
-    store.place([moved])
+    store.act(Act([moved]))
     assert again.clicks.every[moved.key] == moved and len(again.clicks.every) == 5
-    again.place([], [each.key for each in HEAD[:2]])
-    assert store.acts == 4 and store.clicks.tracks == ["head", "tail"]
+    again.act(Act([], [each.key for each in HEAD[:2]]))
+    assert len(store.acts) == 4 and store.clicks.tracks == ["head", "tail"]
     assert [each.frame for each in store.clicks.along("head", "primary")] == [3]
     store.undo()
     assert again.clicks.every[moved.key] == moved
@@ -35,7 +35,7 @@ def test_every_act_is_on_disk_and_is_undone_whole(tmp_path: Path) -> None:
     store.undo()
     store.undo()
     store.undo()  # nothing is left
-    assert not store.clicks.every and store.acts == 0
+    assert not store.clicks.every and not store.acts
     # Those of a pair of a rig are its own.
     project.database.of_pair("left-right").keep_values("clicks", {"000000001": {}})
     assert not store.clicks.every
@@ -46,7 +46,7 @@ def test_every_act_is_on_disk_and_is_undone_whole(tmp_path: Path) -> None:
 
 def test_other_programs_tables_have_the_same_points(tmp_path: Path) -> None:
     store = ProjectClicks(Project.create(tmp_path))
-    store.place([*HEAD, TAIL])
+    store.act(Act([*HEAD, TAIL]))
     clicks = store.clicks
     for which, camera in enumerate(CAMERAS, 1):
         own = clicks.tables()[camera]
