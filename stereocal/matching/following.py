@@ -12,7 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.matching.clicks import Click
 from stereocal.rig.compiled import FloatArray
 
-HALF = 10
+HALF = 12
 """Of the square about the point that is looked for, px."""
 REACH_PX, REACH_OF_STEP, REACH_UNKNOWN = 16, 0.5, 0.04
 """How far from the predicted place it is looked for: at least, in px; of the predicted step; and of
