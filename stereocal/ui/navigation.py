@@ -44,7 +44,7 @@ button :has(kbd), button kbd { color: inherit !important; opacity: 1 !important;
 [data-testid=stButtonGroup] [data-selected], [data-testid=stSliderThumbValue] {
   color: inherit !important;
 }
-.st-key-arrival { display: none; }
+.st-key-arrival, .st-key-arrival_screen { display: none; }
 [data-testid=stSidebarNavItems] > :first-child [data-testid=stNavSectionHeader] {
   font-size: 1.5rem; color: inherit !important;
 }

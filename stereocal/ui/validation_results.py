@@ -28,6 +28,7 @@ from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
 from stereocal.ui.figure import WIDE_OR_NARROW, show_figure
 from stereocal.ui.forms import describe_settings
 from stereocal.ui.messages import fragment, readable, show_stale
+from stereocal.ui.screen import NARROW, tell_screen
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.validation import (
@@ -70,6 +71,7 @@ def show_validation(
         job = follow_validation(project, datasets, settings, with_refined(project).value())
         if job.state == "done":
             last, job = last_validation(project, datasets, settings), None
+    tell_screen()
     # Only while runs come: a permanent timer would interrupt every longer run of the page.
     every = EVERY_S if job is not None and job.state == "running" else None
     fragment(_show, run_every=every)(project, datasets, settings, last, job, every is not None)
@@ -193,6 +195,9 @@ def _show_evaluation(project: Project, shown: Shown, datasets: Sequence[Dataset]
         st.html(WIDE_OR_NARROW)
         each = {f"validation_{column}": [column] for column in columns}
         charts = {"wide": {"validation": columns}, "narrow": each}
+        narrow = st.session_state.get(NARROW)
+        if narrow is not None:
+            del charts["wide" if narrow else "narrow"]
     for place, of_place in charts.items():
         with st.container(key=place):
             for name, parts in of_place.items():
