@@ -16,6 +16,7 @@ from stereocal.ui.lengths import ask_lengths
 from stereocal.ui.messages import end_here
 from stereocal.ui.photographs import has_photographs, show_photographs
 from stereocal.ui.project import current_project, forget_project
+from stereocal.ui.started_by_hand import show_in_step
 from stereocal.ui.texts import PAIR, escape_markdown
 
 project = current_project()
@@ -32,6 +33,8 @@ else:
         end_here()
     else:
         show_photographs(project)
+if project is not None:
+    show_in_step(project)
 if not of_rig:
     ask_lengths(project, bool(project and has_photographs(project) and holds_board(project)))
     show_what_was_read(current_project())

@@ -5,6 +5,7 @@ an essential matrix and by the lengths of what is held, and the fit of the time 
 fraction of the one that stands out.
 """
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -23,6 +24,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import homogeneous, triangulate_rays
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.tracks import MeasuredOffset, interpolate
+from stereocal.system.latest import Latest
 from stereocal.system.numbers import rounded
 from stereocal.system.sampling import evenly_spread
 
@@ -52,6 +54,9 @@ LONGEST = 400_000
 """The largest count of frames, from the first frame seen."""
 
 
+KEPT: Latest["BroughtIntoStep"] = Latest(4)
+
+
 @dataclass(frozen=True, eq=False)
 class OffsetOfPair:
     """The offset of two cameras' counts: the second's frame j is taken at j + `frames` of the
@@ -77,7 +82,7 @@ class OffsetOfPair:
         if found.drift_sigma:
             drift = f", drifting by {1e6 * found.drift:.1f} ± {1e6 * found.drift_sigma:.1f} ppm"
         return (
-            f"Frame 0 of {second} is frame {found.interval(found.frames)} of {first}{drift}: the "
+            f"Frame 0 of {second} is frame {_pm(found.frames, found.sigma)} of {first}{drift}: the "
             f"points then lie {rounded(self.px)} px from their epipolar lines, one frame off "
             f"{rounded(self.one_off_px)} px, at the best other offset ({self.other:.0f}) "
             f"{rounded(self.other_px)} px."
@@ -98,16 +103,23 @@ class BroughtIntoStep:
         """What was found, of each pair and of the cameras together."""
         told = [found.sentence() for found in self.pairs.values()]
         if len(self.offsets) > 2:
-            each = (f"{name} {value:.3f} ± {sigma:.3f}" for name, (value, sigma) in self._later())
-            told.append(f"All pairs together, started later by frames: {', '.join(each)}.")
+            first, *others = self.offsets
+            each = [
+                f"{name} {_pm(abs(value), sigma)} frames {'later' if value >= 0 else 'earlier'}"
+                for name in others
+                for value, sigma in [self.offsets[name]]
+            ]
+            told.append(f"All pairs together: {', '.join(each)} than {first} was started.")
         return told
 
-    def _later(self) -> list[tuple[str, tuple[float, float]]]:
-        return list(self.offsets.items())[1:]
+
+def _pm(frames: float, sigma: float) -> str:
+    return f"{frames:.3f} ± {max(sigma, 0.001):.3f}"
 
 
 def bring_into_step(recording: Recording) -> BroughtIntoStep:
-    """Find by how much later than the first each camera was started, from all pairs.
+    """Find by how much later than the first each camera was started, from all pairs;
+    what was found is kept for the recordings asked about last.
 
     Args:
         recording: whose cameras count their own frames.
@@ -115,6 +127,14 @@ def bring_into_step(recording: Recording) -> BroughtIntoStep:
     Raises:
         StereocalError: the data do not tell it, or pairs contradict each other.
     """
+    columns = (recording.frame, recording.camera, recording.target, recording.points)
+    digest = hashlib.sha256(repr([*recording.cameras.items()]).encode())
+    for column in columns:
+        digest.update(column.tobytes())
+    return KEPT.once(digest.hexdigest(), lambda: _brought_into_step(recording))
+
+
+def _brought_into_step(recording: Recording) -> BroughtIntoStep:
     names = list(recording.cameras)
     found, failed = dict[CameraPair, OffsetOfPair](), dict[CameraPair, str]()
     for pair in recording.pairs:

@@ -56,6 +56,10 @@ class Inputs:
     """Frames of the table that contradict the others, but that the user keeps."""
     left_out: list[int] = field(default_factory=list)
     """Frames of the table that the user leaves out."""
+    start_frame: int = 0
+    """Of the table, as of `Dataset`."""
+    step_notes: list[str] = field(default_factory=list)
+    """Of the table, as of `Dataset`."""
 
     def __post_init__(self) -> None:
         sigmas = [sigma for stated in self.lens_known.values() if stated for sigma in stated]
@@ -88,6 +92,8 @@ class Inputs:
             else self.target_distance_m or 0.0,
             baseline_sigma_m=np.inf if self.baseline_free else self.baseline_sigma_m,
             target_distance_sigma_m=self.target_distance_sigma_m,
+            start_frame=self.start_frame,
+            step_notes=tuple(self.step_notes),
         ).with_points(rows)
         if self.exchanged:
             dataset = dataset.with_targets_exchanged(self.exchanged)

@@ -90,6 +90,8 @@ def stated_in(dataset: Dataset) -> dict[str, Any]:
         "baseline_sigma_m": None if free else dataset.baseline_sigma_m,
         "target_distance_m": dataset.target_distance_m,
         "target_distance_sigma_m": dataset.target_distance_sigma_m,
+        "start_frame": dataset.start_frame,
+        "step_notes": [*dataset.step_notes],
     }
 
 
@@ -168,7 +170,7 @@ class Project:
             kept = {name: getattr(before, name) for name in VALUES} | {"lens_known": known}
             kept["planned"] = [name for name in before.planned if name not in values]
             if "correspondences" in files or "correspondences" in drop:
-                kept |= {name: [] for name in OF_TABLE}
+                kept |= {name: [] for name in OF_TABLE} | {"start_frame": 0, "step_notes": []}
             self.database.keep_values(INPUT, kept | values)
             self._check(self.inputs)
 
