@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from stereocal.network.about_rig import PairOfRig, RigFigures
 from stereocal.network.held_out import HeldOutErrors
 from stereocal.network.rig_file import RigFile
@@ -10,6 +12,7 @@ from stereocal.system.numbers import count as counted
 from stereocal.system.numbers import rounded
 
 SHOWN = 8
+FLAT_M = 1e-6
 
 
 def rig_sentence(rig: RigFile) -> str:
@@ -31,6 +34,24 @@ def rig_sentence(rig: RigFile) -> str:
         f"One rig of {count} cameras: {_accuracy(figures)}. "
         f"The weakest camera is {weakest}{known}; it shares {counted(bars, 'bar')} with {partner}. "
         "More bars that both see, at other places and in other directions, would help most."
+        f"{_sides(rig)}"
+    )
+
+
+def _sides(rig: RigFile) -> str:
+    """On which side of the first camera another one stands, where the points on a line cannot tell
+    a world from its mirror image; else empty."""
+    points = [np.array(place) for name, place in rig.about.object.items() if name != "factor"]
+    if not points or np.linalg.matrix_rank(np.array(points) - points[0], tol=FLAT_M) > 1:
+        return ""
+    first, *others = rig.names
+    places = {name: float(rig.poses[name].inverse().T[0]) for name in others}
+    name, x = max(places.items(), key=lambda item: abs(item[1]))
+    side, other = ("right", "left") if x > 0.0 else ("left", "right")
+    return (
+        f" By its images {name} stands {rounded(abs(x))} m to the {side} of {first}, as {first} "
+        f"sees it: if it stands on the {other}, the images of all cameras are mirrored or upside "
+        "down, which points on a line cannot tell."
     )
 
 

@@ -9,8 +9,10 @@ from scipy.spatial.transform import Rotation
 from stereocal.errors import StereocalError
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
+from stereocal.network.in_words import rig_sentence
 from stereocal.network.rig_file import rig_file
 from stereocal.network.wrong_inputs import _fewer_points, noise_of_rig
+from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
@@ -36,6 +38,18 @@ def bumped(truth: SimulatedRig, name: str, degrees: float, frame: int) -> Record
         camera.distort(rays[:, :2] / rays[:, 2:]), 0.0, np.array(IMAGE_SIZE) - 1.0
     )
     return replace(rows, points=points)
+
+
+def mirrored_in_all(recording: Recording) -> Recording:
+    """The images of all cameras mirrored, and their files as of lenses that do not tell."""
+    points, cameras = recording.points.copy(), dict[str, Camera]()
+    points[:, 0] = IMAGE_SIZE[0] - 1.0 - points[:, 0]
+    for name, camera in recording.cameras.items():
+        K, distortion = camera.K.copy(), camera.distortion.copy()
+        K[0, 2] = IMAGE_SIZE[0] - 1.0 - K[0, 2]
+        distortion[3:4] *= -1.0
+        cameras[name] = replace(camera, K=K, distortion=distortion)
+    return replace(recording, points=points, cameras=cameras)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -110,6 +124,22 @@ def test_a_camera_on_its_head_is_said() -> None:
     """Its points tell it only where the centre of its lens is far from that of its images."""
     warnings = calibrate_rig(MISTAKES["one upside down"]("5 cameras, waved bar", 7)).warnings
     assert any("camera c4 stands on its head beside the others" in warning for warning in warnings)
+
+
+def test_the_side_is_said_where_nothing_tells_mirrored_images() -> None:
+    """Bars look alike in a mirror, and so do lenses whose centres are in the middle; boards do not:
+    their corners run the other way round."""
+    truth = simulated(1)
+    places = {name: pose.inverse().T[0] for name, pose in truth.poses.items()}
+    farthest = max(places.values(), key=abs)
+    mirrored = mirrored_in_all(truth.recording)
+    for recording, turn in ((truth.recording, 1.0), (mirrored, -1.0)):
+        rig = calibrate_rig(recording)
+        assert rig.warnings == ()
+        side = "right" if turn * farthest > 0.0 else "left"
+        assert f"m to the {side} of c1" in rig_sentence(rig_file(rig))
+    board = calibrate_rig(sound("3 cameras, board", 3)[0].recording)
+    assert "of c1, as c1 sees it" not in rig_sentence(rig_file(board))
 
 
 def test_a_lens_is_contradicted_by_what_contradicts() -> None:
