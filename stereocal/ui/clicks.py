@@ -50,7 +50,7 @@ REFRESHED = 1.25
 def show_clicks(project: Project, measure: ClickMeasure) -> None:
     """The pictures, and all that is done in them."""
     footage = footage_of(project)
-    ask_footage(project, footage)
+    ask_footage(project, footage, measure.matching.start_frame)
     if footage is not None:
         acts = ProjectClicks(project).acts
         if acts and acts[-1].pictures != [footage.labels[camera] for camera in CAMERAS]:

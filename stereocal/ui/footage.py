@@ -62,25 +62,30 @@ def footage_of(project: Project) -> Footage | None:
     return given.footage if given else readable(partial(_own, project), told=False)
 
 
-def ask_footage(project: Project, footage: Footage | None) -> None:
-    """The uploader, which cameras the pictures are of, and when they began."""
+def ask_footage(project: Project, footage: Footage | None, usual_later: int) -> None:
+    """The uploader, which cameras the pictures are of, and when they began.
+
+    Args:
+        usual_later: by how many frames the secondary's video began later, if nothing is stated.
+    """
     used, given = "none yet", _GIVEN.get(_key(project))
     if footage is not None:
         labels = escape_markdown(", ".join(footage.labels[camera] for camera in CAMERAS))
         used = f"{labels}, {len(footage.numbers)} frames"
     with st.expander(f"Pictures: {used}", expanded=footage is None):
-        label = "Videos or photographs of both cameras, together"
-        emptied_uploader(label, None, "upload_footage", partial(_take, project))
-        field = setting(project, "clicks_later_frames", 0, Number(-10_000_000))
+        label, above = "Videos or photographs of both cameras, together", st.container()
+        field = setting(project, "clicks_later_frames", usual_later, Number(-10_000_000))
         title = "The secondary's video was started later by (frames)"
         later = field.number_input(title, help="For cameras that were started by hand.")
+        with above:
+            emptied_uploader(label, None, "upload_footage", partial(_take, project, later))
         if given is None:
             return
         if given.later_frames != later:
             with ErrorsShown():
-                _open(project, given.files, given.exchanged)
+                _open(project, given.files, given.exchanged, later)
                 st.rerun()
-        exchange = partial(_open, project, given.files, not given.exchanged)
+        exchange = partial(_open, project, given.files, not given.exchanged, later)
         label = "Exchange the cameras"
         st.button(label, "clicks_exchange", on_click=callback(exchange))
 
@@ -102,7 +107,7 @@ def _own(project: Project) -> Footage | None:
     return _OWN.once(key, lambda: of_photographs(found, labels)) if found else None
 
 
-def _take(project: Project, uploads: Sequence[Upload]) -> None:
+def _take(project: Project, later: int, uploads: Sequence[Upload]) -> None:
     with disk_errors("The files cannot be stored"):
         files = _Files()
         for number, upload in enumerate(uploads):
@@ -110,12 +115,11 @@ def _take(project: Project, uploads: Sequence[Upload]) -> None:
             path.write_bytes(upload.getvalue())
             # Both cameras may give their files the same names.
             files[f"{AGAIN}/{upload.name}" if upload.name in files else upload.name] = path
-    _open(project, files, False)
+    _open(project, files, False, later)
 
 
-def _open(project: Project, files: _Files, exchanged: bool) -> None:
+def _open(project: Project, files: _Files, exchanged: bool, later: int) -> None:
     """Read what can be known of the files without decoding them, and use them."""
-    later = int(project.settings.get("clicks_later_frames", 0))
     videos = sorted((name for name in files if files[name].suffix in SUFFIXES), key=natural)
     if not videos:
         footage = _photographs(files, exchanged)

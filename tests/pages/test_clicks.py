@@ -2,6 +2,7 @@
 
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -93,7 +94,8 @@ def test_clicks_off_the_line_and_pictures_of_another_size(app: AppTest, home: Pa
 
 def test_videos_of_cameras_started_by_hand(app: AppTest, tmp_path: Path) -> None:
     pytest.importorskip("av")
-    give_sets(begun(app), SET_2D, SET_2D)
+    counted_apart = replace(SET_2D, start_frame=3)
+    give_sets(begun(app), counted_apart, counted_apart)
     app.selectbox(key="apply_points").set_value("Click them here").run()
     widget = app.file_uploader(key=f"upload_footage_{app.session_state['upload_footage']}")
     for name in ("left.mp4", "right.mp4"):
@@ -101,7 +103,7 @@ def test_videos_of_cameras_started_by_hand(app: AppTest, tmp_path: Path) -> None
         widget.upload(name, path.read_bytes())
     app.run()
     assert "have 160x96 px" in told(app, "error")  # of other cameras, but read
-    assert any("left.mp4, right.mp4, 12 frames" in each.label for each in app.expander)
+    assert any("left.mp4, right.mp4, 9 frames" in each.label for each in app.expander)
     later = app.number_input(key="clicks_later_frames").set_value(5).run()
     assert any("left.mp4, right.mp4, 7 frames" in each.label for each in later.expander)
     app.number_input(key="clicks_later_frames").set_value(50).run()
