@@ -66,7 +66,9 @@ class _Panel:
         self.project, self.footage, self.measure = project, footage, measure
         self.store, numbers = ProjectClicks(project), footage.numbers
         own = partial(setting, project, tabs_own=True)
-        self.at: Field = own("clicks_frame", numbers[0], Number(numbers[0], numbers[-1]))
+        # A slider with other ends is another one, which would begin at its first.
+        key, ends = "clicks_frame", Number(numbers[0], numbers[-1])
+        self.at: Field = own(f"{key}_{ends.low}_{ends.high}", numbers[0], ends, name=key)
         self.named: Field = own("clicks_track", "point 1", _track_name)
         self.to: Field = own("clicks_to", WAYS[0], one_of(WAYS))
 
