@@ -1,16 +1,18 @@
 """Boards before two cameras with one thing wrong, and sound ones: what is named, what is silent.
 
-    python -m benchmarks.wrong_boards [wrong|sound|late|real] [--trials 4]
+    python -m benchmarks.wrong_boards [wrong|sound|wide|wide-sound|late|real] [--trials 4]
 
 Pairs of unlike cameras and boards of several sizes (`tests.rigs.board_pairs`), 20 frames, bent by
-0.4 % of their width or not, noise of 0.1 to 0.5 px. `real` puts each kind into OpenCV's sample of
-13 pairs of photographs, but the two that need the truth. Wrong is a file whose 95 % length error on
-40 further boards is more than 3 times what it states, or whose baseline is more than 5 % off.
+0.4 % of their width or not, noise of 0.1 to 0.5 px; `wide`: before fisheyes. `real` puts each kind
+into OpenCV's sample of 13 pairs of photographs, but the two that need the truth. Wrong is a file
+whose 95 % length error on 40 further boards is more than 3 times what it states, or whose baseline
+is more than 5 % off.
 """
 
 import os
 import time
 from collections import Counter
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -22,12 +24,22 @@ from benchmarks.said import said_of as said_of_dataset
 from benchmarks.studies import run_studies
 from stereocal.intrinsics.stereo_boards import recording_of
 from stereocal.refined.free_baseline import with_baseline_found
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.workflow import Run
 from tests.rigs.board_mistakes import MISTAKES, BoardMistake
-from tests.rigs.board_pairs import BoardPair, draw_placings, images_of, sound, true_corners, waved
+from tests.rigs.board_pairs import (
+    BoardPair,
+    draw_placings,
+    images_of,
+    lens,
+    sound,
+    true_corners,
+    waved,
+    wide_lens,
+)
 
 SUBSET, FURTHER = 20, 40
+Draw = Callable[[np.random.Generator], Camera]
 
 
 def said_of(pair: BoardPair) -> Said:
@@ -53,22 +65,22 @@ def spoiled(mistake: BoardMistake, pair: BoardPair, rng: np.random.Generator) ->
     return judged(said_of(mistake.spoil(pair, rng)), mistake.words)
 
 
-def wrong(trials: int) -> None:
+def wrong(trials: int, draw: Draw = lens) -> None:
     """Each kind of mistake."""
     for name, mistake in MISTAKES.items():
         begun = time.monotonic()
         found = Counter(
-            spoiled(mistake, sound(n, baseline="square" in name), np.random.default_rng([n, 5]))
+            spoiled(mistake, sound(n, 20, "square" in name, draw), np.random.default_rng([n, 5]))
             for n in range(trials)
         )
         _print(name, found, begun)
 
 
-def sound_pairs(trials: int) -> None:
+def sound_pairs(trials: int, draw: Draw = lens) -> None:
     """Nothing wrong: a third of them with a measured baseline."""
     accused, far_off = {}, []
     for number in range(trials):
-        said = said_of(sound(1000 + number, baseline=number % 3 == 0))
+        said = said_of(sound(1000 + number, 20, number % 3 == 0, draw))
         if said.accusations:
             accused[1000 + number] = said.accusations
         if said.error is None or said.error > MOST:
@@ -114,7 +126,14 @@ def _print(name: str, found: Counter[str], begun: float) -> None:
     print(f"  {name}: {in_words(found)} ({time.monotonic() - begun:.0f} s)", flush=True)
 
 
-STUDIES = {"wrong": (wrong, 4), "sound": (sound_pairs, 60), "late": (late, 3), "real": (real, 1)}
+STUDIES: dict[str, tuple[Callable[[int], None], int]] = {
+    "wrong": (wrong, 4),
+    "sound": (sound_pairs, 60),
+    "wide": (partial(wrong, draw=wide_lens), 2),
+    "wide-sound": (partial(sound_pairs, draw=wide_lens), 60),
+    "late": (late, 3),
+    "real": (real, 1),
+}
 
 
 if __name__ == "__main__":

@@ -60,7 +60,7 @@ ALIKE, MOST_ALIKE = 0.2, 0.8
 """Share of it by which frames of one board differ, and share of its frames that do not differ more.
 """
 WORSE = 4.0
-"""Times the residuals of the others, up to which frames may be of another board."""
+"""Times by which the residuals may differ of frames that show one board and another."""
 MOST_NAMED = 10
 
 
@@ -212,10 +212,10 @@ def other_size(fit: RefinedResult, least: float = 0.0) -> str:
     if np.count_nonzero(others) < max(FEWEST, least * len(fit.frames)):
         return ""
     residuals = np.abs(fit.standardised_residuals)
-    of_these, of_kept = (
+    of_both = [
         float(np.median(residuals[np.isin(rows.frame, frames[own])])) for own in (others, ~others)
-    )
-    if of_these > WORSE * of_kept:
+    ]
+    if max(of_both) > WORSE * min(of_both):
         return ""
     factor = float(np.exp(np.median(sizes[others]) - np.median(sizes[~others])))
     named = ", ".join(map(str, frames[others][:MOST_NAMED]))

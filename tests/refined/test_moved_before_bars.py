@@ -31,7 +31,7 @@ def said_of(data: Dataset) -> str:
 
 @pytest.mark.parametrize(
     ("kind", "degrees", "frames"),
-    [("like cameras", 2.0, 25), ("balls", 0.3, 60), ("fisheyes", 1.0, 40)],
+    [("like cameras", 2.0, 25), ("balls", 0.3, 60), ("fisheyes", 1.0, 40), ("tags", 2.0, 30)],
 )
 def test_a_camera_that_moved_is_told_with_its_frame(kind: str, degrees: float, frames: int) -> None:
     """Measured: the frame itself; where few points tell, the one before or after."""

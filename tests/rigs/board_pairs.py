@@ -1,5 +1,6 @@
 """A board before two cameras as a recording: sound ones of unlike cameras, and one thing wrong."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -13,6 +14,7 @@ from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.simulation.simulate import lens_off_by
+from tests.fisheye_rig import fisheye
 
 SIZES = ((9, 6), (7, 5), (11, 8), (8, 6))
 MARGIN_PX = 8.0
@@ -70,9 +72,17 @@ def lens(rng: np.random.Generator) -> Camera:
     )
 
 
-def drawn_rig(rng: np.random.Generator) -> tuple[Rig, float]:
+def wide_lens(rng: np.random.Generator) -> Camera:
+    """A fisheye of 120 to 175 degrees, its centre off that of the image."""
+    camera = fisheye(float(rng.uniform(120.0, 175.0)), float(rng.uniform(0.6, 1.1)))
+    return lens_off_by(camera, 0.0, tuple(20.0 * rng.standard_normal(2)))
+
+
+def drawn_rig(
+    rng: np.random.Generator, draw: Callable[[np.random.Generator], Camera] = lens
+) -> tuple[Rig, float]:
     """Two unlike cameras that look at one place, the secondary rolled; and how far that is."""
-    one, two = lens(rng), lens(rng)
+    one, two = draw(rng), draw(rng)
     far = rng.uniform(0.6, 2.0)
     turn = rng.uniform(0.15, 0.8) * rng.choice([-1, 1])
     R = (
@@ -155,11 +165,16 @@ def waved_placings(
     return tuple(found[:frames])
 
 
-def sound(number: int, frames: int = 20, baseline: bool = False) -> BoardPair:
+def sound(
+    number: int,
+    frames: int = 20,
+    baseline: bool = False,
+    draw: Callable[[np.random.Generator], Camera] = lens,
+) -> BoardPair:
     """A sound pair, asymmetric in everything; bent a bit; noise of 0.1 to 0.5 px."""
     for attempt in range(50):
         rng = np.random.default_rng([number, attempt, 0xB0A])
-        rig, far = drawn_rig(rng)
+        rig, far = drawn_rig(rng, draw)
         columns, rows = SIZES[rng.integers(len(SIZES))]
         focal = rig.primary.K[0, 0]
         # The board fills a third of the image at the middle distance.
@@ -191,7 +206,7 @@ def seen_by(
     for camera in (rig.primary, rig.secondary):
         off = lens_off_by(camera, focal * rng.normal(), tuple(centre * rng.normal(size=2)))
         focal_px = focal * camera.K[0, 0]
-        sigma = LensUncertainty(focal_px, focal_px, centre, centre, np.zeros(5))
+        sigma = LensUncertainty(focal_px, focal_px, centre, centre, 0.0 * camera.distortion)
         cameras.append(replace(off, uncertainty=sigma) if rng.random() < 0.5 else off)
     stated = rig.pose.baseline + 0.001 * rng.normal() if baseline else None
     return BoardPair((cameras[0], cameras[1]), board, points, stated, rig, placings, noise_px)

@@ -263,13 +263,13 @@ FOCAL = "focal length", "primary focal", "secondary focal", "focal lengths"
 MISTAKES: Mapping[str, Mistake] = {
     "one camera mirrored": Mistake(mirrored, ("mirrored",)),
     "one camera counted from below": Mistake(partial(mirrored, axis=1), ("from below",)),
-    "a crop of an eighth on each side": Mistake(cropped, ("image centre",), 70),
+    "a crop of an eighth on each side": Mistake(cropped, ("image centre", "principal point"), 70),
     "a wand table camera by camera": Mistake(camera_by_camera, ("camera by camera",), kinds=LIKE),
     "frames in the order of words": Mistake(reordered(lexical), ("order of words",)),
     "one frame less": Mistake(reordered(slipped), ("counted 1 apart",)),
     "a fifth of the frames copied": Mistake(copied, ("copied",)),
     "half of the frames copied": Mistake(partial(copied, share=0.5), ("copied",)),
-    "camera files exchanged": Mistake(files_exchanged, ("exchanged",), kinds=UNLIKE),
+    "camera files exchanged": Mistake(files_exchanged, ("exchanged", *OF_FISHEYES), kinds=UNLIKE),
     "file of another zoom": Mistake(zoomed, ("focal length",)),
     "0.3 frames late": Mistake(None, ("out of step", "same moment")),
     "0.3 frames late, every tenth frame kept": Mistake(None, ("out of step",), every=10),
@@ -293,7 +293,7 @@ MISTAKES: Mapping[str, Mistake] = {
         of_lenses(partial(scaled, factor=0.5)), ("times as large", "matrix K", *OF_FISHEYES, *FOCAL)
     ),
     "K of twice the image": Mistake(
-        of_lenses(partial(scaled, factor=2.0)), ("times as large", "matrix K", *FOCAL)
+        of_lenses(partial(scaled, factor=2.0)), ("times as large", "matrix K", *OF_FISHEYES, *FOCAL)
     ),
     "distortion of one camera of the other sign": Mistake(
         of_lenses(flipped), ("distortion", *OF_FISHEYES)
@@ -308,7 +308,9 @@ MISTAKES: Mapping[str, Mistake] = {
     "bar 2 % too long": Mistake(sure(lengths(bar=1.02)), ("baseline", "distance")),
     "baseline in cm": Mistake(lengths(100.0), ("centimetres", "millimetres")),
     "bar in mm": Mistake(lengths(bar=1000.0), ("millimetres",)),
-    "one file for both cameras": Mistake(file_twice, ("same lens", *FOCAL), kinds=UNLIKE),
+    "one file for both cameras": Mistake(
+        file_twice, ("same lens", *OF_FISHEYES, *FOCAL), kinds=UNLIKE
+    ),
     "the same points in both cameras": Mistake(points_twice, ("same points",), kinds=LIKE),
     "targets exchanged in one camera": Mistake(targets_exchanged, ("A and B seem",)),
     "a camera moved half-way": Mistake(moved, ("moved",)),
