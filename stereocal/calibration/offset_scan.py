@@ -59,12 +59,13 @@ def common_points(
     primary: Track, secondary: Track, offset: int, most: int
 ) -> tuple[IntArray, FloatArray]:
     """Of the points that both see at an offset, some at places that differ, spread over the time:
-    their indices of frame and target in the primary, (n, 2), and their rays (4, n)."""
+    their index of the frame and of the target in the primary, and the cells of the grid of both,
+    (n, 4); and their rays (4, n)."""
     marks, pairs = np.empty((most, 4), dtype=np.int64), np.empty((most, 4))
     used = np.zeros((2, CELLS * CELLS), dtype=np.int64)
     tracks = primary.rays, secondary.rays, primary.cells, secondary.cells
     n = _choose(*tracks, offset + secondary.first - primary.first, used, marks, pairs)
-    return marks[:n, :2], np.ascontiguousarray(pairs[:n].T)
+    return marks[:n], np.ascontiguousarray(pairs[:n].T)
 
 
 @compiled

@@ -36,6 +36,9 @@ as much: chance fits few moments at one of many offsets, more rarely so that len
 LENGTHS_AGREE = 0.1
 """Largest median deviation of reconstructed lengths from their median, as a fraction of it."""
 FEWEST_LENGTHS = 15
+FREEDOM, LEAST_PX, RIVAL = 8, 1e-3, 0.5
+"""Places that any fit fits; the least distance that counts; and the part of the evidence for the
+best offset from which another is its rival."""
 CANDIDATES, FINALISTS, FEWEST_OTHERS = 30, 4, 8
 APART, NEAR = 2.0, 0.6
 """Frames between candidates; and between the best one and the fit of the motion there."""
@@ -179,12 +182,22 @@ class _Candidate:
     """Median deviation of the lengths of what is held, as a fraction; NaN without enough."""
     frames: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     """The moments that tell it: numbers of frames of the first camera."""
+    places: int = 0
+    """At so many places of the image that differ, in each camera."""
 
     @property
     def score(self) -> float:
         """The distance, larger where the lengths contradict each other."""
         known = self.lengths if self.lengths >= 0.0 else 0.0
         return self.px * (1.0 + min(known, 1e9) / LENGTHS_AGREE)
+
+    def evidence(self, usual_px: float) -> float:
+        """The logarithm of how unlikely chance fits so many places so well.
+
+        Args:
+            usual_px: distance from the epipolar lines at wrong offsets.
+        """
+        return (self.places - FREEDOM) * float(np.log(usual_px / max(self.score, LEAST_PX)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,6 +256,7 @@ class _Seen:
         one, other = self.track(0), self.track(1, offset - whole)
         places, rays = common_points(one, other, whole, JUDGED)
         frames = np.unique(places[:, 0])
+        differing = min(len(np.unique(places[:, camera])) for camera in (2, 3))
         pose = robust_pose(self.cameras, rays) if len(frames) >= FEWEST else None
         if pose is None:
             return _Candidate(offset)
@@ -251,13 +265,13 @@ class _Seen:
         ends = np.concatenate([one.rays[frames], other.rays[frames - shift]], axis=2)[:, [0, -1]]
         ends = ends[np.isfinite(ends).all(axis=(1, 2))]
         if one.rays.shape[1] < 2 or len(ends) < FEWEST_LENGTHS:
-            return _Candidate(offset, px, frames=frames + one.first)
+            return _Candidate(offset, px, np.nan, frames + one.first, differing)
         rays_of_ends = (np.ascontiguousarray(ends[:, k].T) for k in (0, 1))
         first, last = (triangulate_rays(pose.R, pose.T, each) for each in rays_of_ends)
         found = np.nan_to_num(np.linalg.norm(first - last, axis=1), nan=np.inf)
         middle = np.median(found)
         off = float(np.median(np.abs(found / middle - 1.0))) if middle < np.inf else np.inf
-        return _Candidate(offset, px, off, frames + one.first)
+        return _Candidate(offset, px, off, frames + one.first, differing)
 
     def nearby(self, candidate: _Candidate) -> _Candidate:
         """The best at parts of a frame next to it."""
@@ -292,18 +306,28 @@ def _two_best(
 ) -> tuple[_Candidate, _Candidate]:
     """The offset that stands out, and the best of the others."""
     judged = [seen.at(offset) for offset in _valleys(offsets, errors)]
-    judged = sorted((each for each in judged if each.px < np.inf), key=lambda each: each.score)
+    judged = [each for each in judged if each.px < np.inf]
     if len(judged) < FEWEST_OTHERS:
         raise StereocalError(
             f"{_named(pair)}: at no more than {len(judged)} offsets do both cameras see "
             f"{FEWEST} moments of a motion, so none stands out. Record both cameras for longer "
             "while the object moves through what both see; one at rest tells nothing."
         )
-    finalists = [seen.nearby(each) for each in judged[:FINALISTS]]
-    best = min(finalists, key=lambda each: each.score)
+    usual = float(np.nanmedian(errors))
+
+    def unlikely(each: _Candidate) -> float:
+        return each.evidence(usual)
+
+    # Short arcs of a motion fit well at wrong offsets too, near the ends of the recordings.
+    likely = sorted(judged, key=unlikely, reverse=True)[:FINALISTS]
+    near = sorted(judged, key=lambda each: each.score)[:FINALISTS]
+    judged += [seen.nearby(each) for each in {*likely, *near}]
+    best = max(judged, key=unlikely)
     low, high = _valley(offsets, errors, best.offset)
-    others = [each for each in (*finalists, *judged) if not low <= each.offset <= high]
+    others = [each for each in judged if not low <= each.offset <= high]
     other = min(others, key=lambda each: each.score, default=_Candidate(np.nan))
+    rivals = [each for each in others if unlikely(each) > RIVAL * unlikely(best)]
+    rival = min(rivals, key=lambda each: each.score, default=_Candidate(np.nan))
     limit = FITTING * min(float(np.hypot(*camera.image_size)) for camera in seen.cameras)
     if best.px > limit:
         raise StereocalError(
@@ -313,11 +337,11 @@ def _two_best(
         )
     further = FURTHER_WITH_LENGTHS if best.lengths < LENGTHS_AGREE else FURTHER
     need = STANDS_OUT * (1.0 + further / (len(best.frames) - TOO_FEW))
-    if not other.score >= need * best.score:
+    if not rival.score >= need * best.score:
         raise StereocalError(
             f"{_named(pair)}: two offsets fit nearly as well, {best.offset:g} frames "
-            f"({rounded(best.px)} px from the epipolar lines) and {other.offset:g} "
-            f"({rounded(other.px)} px): the motion repeats itself, or is too short. A longer "
+            f"({rounded(best.px)} px from the epipolar lines) and {rival.offset:g} "
+            f"({rounded(rival.px)} px): the motion repeats itself, or is too short. A longer "
             "recording of an irregular motion decides, or an offset that you know to a few frames."
         )
     return best, other

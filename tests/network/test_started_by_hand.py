@@ -10,6 +10,9 @@ from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
 from stereocal.network.started_by_hand import bring_into_step, offset_of_pair
 from stereocal.rig.recording import Recording
+from stereocal.rig.rigid_object import RigidObject
+from stereocal.simulation.simulate import field_rig
+from tests.rigs.moving_bar import move_bar
 
 PAIR = ("1", "2")
 
@@ -85,3 +88,33 @@ def test_a_long_rest_before_and_after_does_no_harm() -> None:
     rested = _joined(_resting(300, 0, 300), _window(300, 420), _resting(419, 420, 300))
     found = offset_of_pair(rested.counted_from({"2": -77}), PAIR)
     assert found.measured.frames == pytest.approx(77, abs=0.02)
+
+
+def test_short_arcs_at_the_ends_of_a_smooth_motion_do_not_hide_the_offset() -> None:
+    """Of 60 frames a second, 50 at an end of the recordings fit at a wrong offset, to the noise."""
+    rng = np.random.default_rng(2)
+    bar = move_bar(field_rig(), rng, 1200, 0.9, frames_between=60)
+    rig, start = bar.rig, 200.4
+    rows = []
+    for number, (camera, times) in enumerate(
+        ((rig.primary, np.arange(1000)), (rig.secondary, start + np.arange(900)))
+    ):
+        for target, points in enumerate(bar.ends_m(times).transpose(1, 0, 2)):
+            seen = camera.project(points if number == 0 else rig.pose.apply(points))
+            seen += rng.normal(0.0, 0.2, seen.shape)
+            inside = ((seen > 0) & (seen < np.array(camera.image_size) - 1)).all(axis=1)
+            for frame in np.flatnonzero(inside):
+                rows.append((frame, number, target, *seen[frame]))
+    frame, camera_of, target_of, u, v = np.array(rows).T
+    counted = Recording(
+        "smooth",
+        {"left": rig.primary, "right": rig.secondary},
+        RigidObject.bar(0.9, 0.001),
+        frame.astype(np.int64),
+        camera_of.astype(np.int64),
+        target_of.astype(np.int64),
+        np.column_stack([u, v]),
+        np.full(len(u), np.nan),
+    )
+    found = offset_of_pair(counted, ("left", "right"))
+    assert abs(found.measured.frames - start) < 4 * found.measured.sigma < 0.1
