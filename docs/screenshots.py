@@ -7,9 +7,11 @@ second sample. The figures of the story on the Start page are taken by themselve
 
 import argparse
 import io
+import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import product
 from pathlib import Path
 from typing import Literal
 
@@ -24,8 +26,14 @@ from stereocal.figures.story import (
     plot_two_rays,
     read_story,
 )
+from stereocal.matching.clicks import Click
+from stereocal.projects.clicks import Act, ProjectClicks
+from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
+from stereocal.ui.apply_points import CLICKED
 from tests.browser.conftest import FLAGS, LONGEST_MS, ROOT, chromium, results_shown, serve
 
+FLIGHT = ROOT / "sample_data" / "flight"
 PICTURES = ROOT / "docs" / "pictures"
 PAGES = ("start", "data", "calibrate", "validate", "apply", "check", "plan", "cameras")
 STORY: Mapping[str, Callable[[Story], go.Figure]] = {
@@ -116,6 +124,29 @@ def project_of_photographs(page: Page, url: str) -> str:
     return query
 
 
+def project_of_flight(page: Page, url: str, home: Path, query: str) -> None:
+    """Calibrate the sample photographs, and click what flies in five frames of its videos."""
+    page.goto(f"{url}/calibrate?{query}")
+    settle(page)
+    page.get_by_role("button", name="Calibrate", exact=True).click()
+    results_shown(page, 10 * LONGEST_MS)
+    project = Project.open(home, query.split("project=")[1][:32])
+    project.keep_settings({"apply_points": CLICKED, "clicks_track": "tail", "clicks_frame": 6})
+    page.goto(f"{url}/apply?{query}")
+    settle(page)
+    page.get_by_text("Pictures: ").first.click()
+    uploader = page.locator("[class*=st-key-upload_footage] input[type=file]")
+    uploader.set_input_files([FLIGHT / f"{camera}.mp4" for camera in CAMERAS])
+    expect(page.get_by_text("primary.mp4, secondary.mp4, 10 frames")).to_be_visible()
+    truth = json.loads((FLIGHT / "truth.json").read_text())
+    for frame, camera, end in product(range(1, 6), CAMERAS, (0, 1)):
+        click = Click(frame, camera, ("head", "tail")[end], *truth[camera][frame - 1][end])
+        names = [f"{each}.mp4" for each in CAMERAS]
+        ProjectClicks(project).act(Act([click], [], names))
+    click = Click(6, "primary", "tail", *truth["primary"][5][1])
+    ProjectClicks(project).act(Act([click], [], names))
+
+
 def draw_story(folder: Path) -> None:
     """The figures of the story, 560 px wide at twice the resolution."""
     story = read_story(ROOT / "assets" / "story.json")
@@ -141,6 +172,7 @@ def take_pages(folder: Path) -> None:
         browser = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
         with visitor(browser, WIDTHS[0]) as page:
             photographs = project_of_photographs(page, url)
+            project_of_flight(page, url, Path(home), photographs)
             recording = project_of_recording(page, url)
         for theme in THEMES:
             for width in WIDTHS:
@@ -155,6 +187,9 @@ def take_pages(folder: Path) -> None:
                     page.get_by_text("One frame", exact=True).click()
                     settle(page)
                     take(page, folder / f"review_{width}_{theme}.png")
+                    page.goto(f"{url}/apply?{photographs}")
+                    settle(page)
+                    take(page, folder / f"clicks_{width}_{theme}.png")
         browser.close()
 
 
