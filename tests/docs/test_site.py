@@ -66,6 +66,7 @@ def test_no_link_to_a_file_is_dead() -> None:
     assert links > 100
 
 
+MORE = ("photographs", "review", "clicks")
 STORY_FILE = ROOT / "assets" / "story.json"
 SHOWN = re.compile(r"!\[([^]]*)\]\(([^)]+)\)")
 
@@ -73,7 +74,7 @@ SHOWN = re.compile(r"!\[([^]]*)\]\(([^)]+)\)")
 def test_every_picture_is_made_by_the_command() -> None:
     screens = {
         f"{page}_{width}_{theme}.png"
-        for page, width, theme in product((*SCREENS, "photographs", "review"), WIDTHS, THEMES)
+        for page, width, theme in product((*SCREENS, *MORE), WIDTHS, THEMES)
     }
     story = {f"{name}.png" for name in STORY}
     assert {path.name for path in PICTURES.glob("*.*")} == screens | story
