@@ -71,7 +71,8 @@ def scale_is_plausible(dataset: Dataset, pose: Pose) -> bool:
     """
     if not len(dataset.correspondences.bars):
         return True
-    ratio = float(np.median(dataset.bar_distances_m / dataset.reconstructed_lengths_m(pose)))
+    with np.errstate(divide="ignore"):  # both ends at one place
+        ratio = float(np.median(dataset.bar_distances_m / dataset.reconstructed_lengths_m(pose)))
     return 1 / LARGEST_SCALE_ERROR < ratio < LARGEST_SCALE_ERROR
 
 

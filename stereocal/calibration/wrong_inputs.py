@@ -97,7 +97,8 @@ def essential_fit(dataset: Dataset) -> PoseFit:
 def pose_fit(dataset: Dataset, pose: Pose) -> PoseFit:
     """The fit of a pose; `NO_FIT` if too many points are behind a camera."""
     px = reprojection_errors_of_rays(pose.R, pose.T, dataset.rays, dataset.pixel_scale).mean(axis=1)
-    logs = np.log(dataset.bar_distances_m / dataset.reconstructed_lengths_m(pose))
+    with np.errstate(divide="ignore"):  # both ends at one place
+        logs = np.log(dataset.bar_distances_m / dataset.reconstructed_lengths_m(pose))
     known = logs[np.isfinite(logs)]
     if np.isnan(px).mean() > MAXIMUM_BEHIND or not len(known):
         return NO_FIT

@@ -8,8 +8,10 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from stereocal.calibration.essential import Solver
+from stereocal.calibration.checks import scale_is_plausible
+from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.wrong_inputs import NO_FIT, pose_fit
 from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
@@ -176,3 +178,12 @@ def test_a_mirrored_camera_is_named(
     assert main(["import", *files, *lengths, "--out", str(tmp_path / "set")]) == 0
     assert main(["calibrate", str(tmp_path / "set"), "--out", str(tmp_path / "out")]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_bars_whose_ends_are_at_one_place_end_in_no_warning() -> None:
+    rows = SOUND.correspondences
+    one, two = (np.repeat(own[::2], 2, axis=0) for own in (rows.primary, rows.secondary))
+    data = replace(SOUND, correspondences=replace(rows, primary=one, secondary=two))
+    pose = calibrate_essential(SOUND.rays, SOUND.baseline_m).pose
+    assert not scale_is_plausible(data, pose)
+    assert pose_fit(data, pose) == NO_FIT

@@ -136,6 +136,8 @@ def draw_placings(
         tilt = Rotation.from_rotvec([*rng.normal(0, 0.35, 2), 0.0])
         half = Rotation.from_matrix(rig.pose.R.T).as_rotvec() / 2
         R = (Rotation.from_rotvec(half) * tilt * turn).as_matrix()
+        if not np.isfinite(ray).all():
+            continue  # beyond the image circle of a fisheye
         pose = Pose(R, depth * np.array([*ray, 1.0]))
         if images_of(rig, pose, corners) is not None:
             found.append(pose)
