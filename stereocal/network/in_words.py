@@ -13,6 +13,8 @@ from stereocal.system.numbers import rounded
 
 SHOWN = 8
 FLAT_M = 1e-6
+DIGITS = 3
+"""Of a time offset, in frames."""
 
 
 def rig_sentence(rig: RigFile) -> str:
@@ -101,12 +103,18 @@ def rig_notes(rig: RigFile) -> list[str]:
             "Left out, since they contradict the others and it cannot be told which camera is "
             f"wrong in them: frames {shown}."
         )
+    first = rig.names[0]
     for name, offset in rig.time_offsets.items():
-        if offset:
+        if apart := rig.start_frames.get(name, 0) - rig.start_frames.get(first, 0):
+            notes.append(
+                f"The camera {name} counts its frames {abs(apart)} apart from {first}: its frame "
+                f"{max(-apart, 0)} is of the same moment as frame {max(apart, 0)} of {first}."
+            )
+        if round(offset, DIGITS):
             error = rig.standard_errors[name]["time_offset"]
             notes.append(
-                f"The camera {name} takes its frames {offset:+.3f} ± {error:.3f} frame intervals "
-                f"after the camera {rig.names[0]}."
+                f"The camera {name} takes its frames {offset:+.{DIGITS}f} ± {error:.{DIGITS}f} "
+                f"frame intervals after the camera {first}."
             )
     return notes
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from stereocal.errors import StereocalError
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
-from stereocal.network.in_words import rig_sentence
+from stereocal.network.in_words import rig_notes, rig_sentence
 from stereocal.network.rig_file import rig_file
 from stereocal.network.wrong_inputs import _fewer_points, noise_of_rig
 from stereocal.rig.camera import Camera
@@ -247,3 +247,9 @@ def test_cameras_out_of_step_have_their_offsets(asked: bool | None) -> None:
 def test_cameras_in_step_have_no_offsets() -> None:
     _, recording = wave_wand(6, np.zeros(3), 120, misfit_px=0.3)
     assert not calibrate_rig(recording).time_offsets.any()
+
+
+def test_frames_that_are_counted_apart_are_said_where_they_were_brought_into_step() -> None:
+    rig = rig_file(calibrate_rig(MISTAKES["frames shifted by one"]("3 cameras", 7000)))
+    (note,) = rig_notes(rig)
+    assert "c2 counts its frames 1 apart from c1: its frame 1 is of the same moment as" in note
