@@ -36,9 +36,9 @@ as much: chance fits few moments at one of many offsets, more rarely so that len
 LENGTHS_AGREE = 0.1
 """Largest median deviation of reconstructed lengths from their median, as a fraction of it."""
 FEWEST_LENGTHS = 15
-FREEDOM, LEAST_PX, RIVAL = 8, 1e-3, 0.5
+FREEDOM, LEAST_PX, RIVAL, ENOUGH = 8, 1e-3, 0.5, 200.0
 """Places that any fit fits; the least distance that counts; and the part of the evidence for the
-best offset from which another is its rival."""
+best offset from which another is its rival, if that is enough; else all are (one wrong had 64)."""
 CANDIDATES, FINALISTS, FEWEST_OTHERS = 30, 4, 8
 APART, NEAR = 2.0, 0.6
 """Frames between candidates; and between the best one and the fit of the motion there."""
@@ -326,7 +326,8 @@ def _two_best(
     low, high = _valley(offsets, errors, best.offset)
     others = [each for each in judged if not low <= each.offset <= high]
     other = min(others, key=lambda each: each.score, default=_Candidate(np.nan))
-    rivals = [each for each in others if unlikely(each) > RIVAL * unlikely(best)]
+    least = RIVAL * unlikely(best) if unlikely(best) > ENOUGH else -np.inf
+    rivals = [each for each in others if unlikely(each) > least]
     rival = min(rivals, key=lambda each: each.score, default=_Candidate(np.nan))
     limit = FITTING * min(float(np.hypot(*camera.image_size)) for camera in seen.cameras)
     if best.px > limit:
