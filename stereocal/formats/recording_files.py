@@ -13,6 +13,7 @@ import pandas as pd
 from stereocal.errors import RefusedRowsError, StereocalError, naming
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import codes_of
+from stereocal.network.frame_rates import RATES, at_stated_rates
 from stereocal.network.started_by_hand import bring_into_step
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.compiled import IntArray
@@ -182,6 +183,8 @@ def parse_recording(
         baseline_sigma_m=found.optional_length("baseline_sigma_m"),
         notes=found.notes,
     )
+    if not found.counts_own_frames and found.entries.get(RATES) is not None:
+        raise StereocalError(f'{found.where}: "{RATES}" is for cameras with "frames": "own".')
     return _in_step(found, recording) if with_points and found.counts_own_frames else recording
 
 
@@ -216,10 +219,12 @@ def _points(
 def _in_step(found: Description, recording: Recording) -> Recording:
     """The recording with one count of frames, that of its first camera."""
     with naming(found.source):
+        recording = at_stated_rates(recording, found.entries.get(RATES))
         starts = found.entries.get(STARTS)
         if starts is None:
             brought = bring_into_step(recording)
-            return replace(brought.recording, step_notes=tuple(brought.sentences()))
+            notes = (*recording.step_notes, *brought.sentences())
+            return replace(brought.recording, step_notes=notes)
         try:
             known = of_plain(starts, dict[str, int])
         except ValueError as error:

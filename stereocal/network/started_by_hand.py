@@ -7,6 +7,7 @@ fraction of the one that stands out.
 
 import hashlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from stereocal.calibration.offset_scan import FEWEST, Track, common_points, scan
 from stereocal.calibration.readings import FITTING
 from stereocal.errors import StereocalError
+from stereocal.network.frame_rates import at_slowest
 from stereocal.network.pairs import reached
 from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.refine import robust_pose
@@ -147,7 +149,8 @@ def _brought_into_step(recording: Recording) -> BroughtIntoStep:
             failed[pair] = str(error)
     lost = [name for name in names if name not in reached(names, found)]
     if lost or not found:
-        raise StereocalError(next(told for pair, told in failed.items() if {*pair} & {*names}))
+        told = failed[pair := next(pair for pair in failed if not lost or {*pair} & {*lost})]
+        raise StereocalError(told + _rates_that_fit(recording, pair))
     rows = np.array([[(name == b) - (name == a) for name in names[1:]] for a, b in found], float)
     values = np.array([each.measured.frames for each in found.values()])
     sigmas = np.array([max(each.measured.sigma, LEAST_SIGMA) for each in found.values()])
@@ -169,6 +172,22 @@ def _brought_into_step(recording: Recording) -> BroughtIntoStep:
     whole = {name: round(value) for name, (value, _) in offsets.items()}
     counted = replace(recording.counted_from(whole), start_frames=whole)
     return BroughtIntoStep(counted, offsets, found)
+
+
+def _rates_that_fit(recording: Recording, pair: CameraPair) -> str:
+    """A sentence, if an offset stands out where a camera takes two frames for each of the other."""
+    two = recording.of_cameras(pair)
+    for slow, fast in (pair, pair[::-1]):
+        rates = {slow: 30, fast: 60}
+        with suppress(StereocalError):
+            found = offset_of_pair(at_slowest(two, rates), pair)
+            stated = ", ".join(f'"{name}": {rates[name]}' for name in pair)
+            return (
+                f" With two frames of {fast} for each of {slow}, the points do fit, "
+                f"{rounded(found.px)} px from their lines: state the frame rates in dataset.json, "
+                f'such as "frame_rates": {{{stated}}}.'
+            )
+    return ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,6 +69,31 @@ def test_a_table_for_each_camera_is_read(by_hand: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.points, whole.points[by_camera])
 
 
+def test_frame_rates_that_are_stated_are_used(by_hand: Path, tmp_path: Path) -> None:
+    """Camera 2 took every second frame; the common count is its own."""
+    for name in ("camera_1.yaml", "camera_2.yaml"):
+        (tmp_path / name).write_bytes((by_hand / name).read_bytes())
+    table = pd.read_csv(by_hand / "points.csv")
+    counted, second = table["camera_frame"], table["camera"] == 2
+    table = table[~second | (counted % 2 == 1)].assign(
+        camera_frame=counted.where(~second, counted // 2)
+    )
+    table.to_csv(tmp_path / "points.csv", index=False)
+    described = json.loads((by_hand / "dataset.json").read_text())
+    stated = {"frame_rates": {"1": 60, "2": 30}, "start_frames": {"1": 0, "2": 21}}
+    (tmp_path / "dataset.json").write_text(json.dumps({**described, **stated}))
+    found, whole = read_recording(tmp_path), read_recording(by_hand)
+    expected = whole.where(whole.frame % 2 == 0)
+    np.testing.assert_array_equal(2 * found.frame, expected.frame)
+    np.testing.assert_array_equal(found.points, expected.points)
+    assert any("of 1 frame 2 k" in note for note in found.step_notes)
+    for wrong in ({"1": 60}, {"1": 60, "2": 0}, {"1": 60, "2": "fast"}, 60):
+        described["frame_rates"] = wrong
+        (tmp_path / "dataset.json").write_text(json.dumps(described))
+        with pytest.raises(ValueError, match="frames per second of each camera"):
+            read_recording(tmp_path)
+
+
 def test_a_table_of_both_cameras_is_in_step_already(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
+from stereocal.network.frame_rates import at_slowest
 from stereocal.network.started_by_hand import bring_into_step, offset_of_pair
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
@@ -46,6 +47,27 @@ def test_cameras_of_a_rig_are_brought_into_step_by_all_pairs() -> None:
     assert found.recording.start_frames == truth
     np.testing.assert_array_equal(found.recording.frame, real.frame)
     assert len(found.pairs) == 3
+
+
+def test_a_camera_of_half_the_rate_is_brought_into_step_by_the_stated_rates() -> None:
+    two = _window(300, 420)
+    own = two.where((two.camera == 0) | (two.frame % 2 == 1))
+    counted = replace(own, frame=np.where(own.camera == 1, (own.frame - 301) // 2, own.frame))
+    with pytest.raises(StereocalError, match=r'state the .*"frame_rates": {"1": 60, "2": 30}'):
+        bring_into_step(counted)
+    in_step = bring_into_step(at_slowest(counted, {"1": 60.0, "2": 30.0}))
+    value, sigma = in_step.offsets["2"]
+    assert abs(value - 150.5) < 4 * sigma < 0.1
+
+
+def test_points_at_the_frames_of_the_slowest_camera_are_where_they_were_then() -> None:
+    two = _window(300, 360)
+    even = replace(two, points=np.column_stack([two.frame, 1.5 * two.frame + 50.0]))
+    found = at_slowest(even, {"1": 59.94, "2": 60.0})
+    own_frame = found.frame * np.array([1.0, 60 / 59.94])[found.camera]
+    np.testing.assert_allclose(found.points[:, 0], own_frame)
+    np.testing.assert_allclose(found.points[:, 1], 1.5 * own_frame + 50.0)
+    assert len(found.frame) > 0.9 * len(two.frame)
 
 
 def test_cameras_that_recorded_at_different_times_have_no_offset() -> None:
