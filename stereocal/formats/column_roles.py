@@ -64,6 +64,8 @@ class Role:
 
 Roles = tuple[Role, ...]
 UNUSED = Role()
+OWN_COUNT = "camera frame"
+"""A header that names the frame by the camera's own count, no camera."""
 MOST_TITLES = 4
 """Rows above the header that are looked past."""
 TAKEN = ("frame", "u", "v", "point")
@@ -242,7 +244,9 @@ def _likeliest(names: list[tuple[str, str]], free: Iterable[int], kind: Kind) ->
         (rank, k)
         for k in free
         for rank, word in enumerate(_WORDS[kind])
-        if not names[k][0] and word in names[k][1].lower().split()
+        if not names[k][0]
+        and word in names[k][1].lower().split()
+        and (kind == "frame" or names[k][1].lower() != OWN_COUNT)
     ]
     return min(ranked)[1] if ranked else None
 

@@ -15,6 +15,7 @@ from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of
 HEAD_BYTES = 200_000
 OURS = "stereocal"
 OWN, TRACKTOR = ("frame", "u", "v"), ("frame", "pos_x", "pos_y")
+COUNTED = ("camera_frame", "u", "v")
 ASK_LOWER_LEFT = (
     "Are the points counted from the lower left, v' = h - v, with the image height h? Some "
     "programs take h - 1 or h + 1, newer ones count from the upper left."
@@ -257,7 +258,9 @@ LAYOUTS: Mapping[str, Guess] = {
         "Is the first pixel (1, 1), at the upper left, as in DLTdv8?",
     ),
     "argus": lambda rows: _paired(rows, "Argus", ARGUS, "xy", LOWER_LEFT, ASK_LOWER_LEFT),
-    "table": lambda rows: _one_camera(rows, OURS, OWN) or guess_by_roles(rows),
+    "table": lambda rows: (
+        _one_camera(rows, OURS, OWN) or _one_camera(rows, OURS, COUNTED) or guess_by_roles(rows)
+    ),
     "wand": _wand,
 }
 """Layouts by name, in the order in which they are tried."""

@@ -13,6 +13,7 @@ import pandas as pd
 from stereocal.errors import RefusedRowsError, StereocalError, naming
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import codes_of
+from stereocal.matching.point_table import OWN_FRAME
 from stereocal.network.frame_rates import RATES, at_stated_rates
 from stereocal.network.started_by_hand import bring_into_step
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
@@ -35,8 +36,8 @@ LARGEST_DESCRIPTION = 4_000_000
 POINTS = "points.csv"
 REQUIRED = ("frame", "camera", "target", "u", "v")
 SIGMA = "sigma_px"
-OWN_FRAME, STARTS = "camera_frame", "start_frames"
-"""The column of a camera's own count, and the entry that says which frame was 0 of each camera."""
+STARTS = "start_frames"
+"""The entry that says which frame was 0 of each camera that counted its own."""
 NUMBERS = (
     Column("frame", is_whole=True),
     Column(OWN_FRAME, is_whole=True),

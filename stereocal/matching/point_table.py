@@ -5,10 +5,10 @@
     for frame, rows in table.frames():
         ...
 
-A table has a column `frame` and columns of numbers, perhaps `SIGMAS`; all further columns are
-passed through. Rows without any of the numbers (empty or NaN) are left out. If the rows are in the
-order of the frames, only a block of whole frames is in memory at a time; otherwise the table is
-read whole and sorted. Parquet needs the optional package pyarrow.
+A table has a column `frame` (or, without it, `camera_frame`) and columns of numbers, perhaps
+`SIGMAS`; all further columns are passed through. Rows without any of the numbers (empty or NaN) are
+left out. If the rows are in the order of the frames, only a block of whole frames is in memory at a
+time; otherwise the table is read whole and sorted. Parquet needs the optional package pyarrow.
 """
 
 import csv
@@ -43,7 +43,7 @@ BLOCK_CELLS = 5_000_000
 WRITTEN_ROWS = 50_000
 """Rows that are written at once."""
 POINT = ("u", "v")
-SIGMA = "sigma_px"
+OWN_FRAME, SIGMA = "camera_frame", "sigma_px"
 PAIR_SIGMAS = ("sigma_primary_px", "sigma_secondary_px")
 SIGMAS = (SIGMA, *PAIR_SIGMAS)
 """Columns for the standard deviation of a point's coordinates, of one camera and of pairs."""
@@ -92,6 +92,8 @@ class PointTable:
             reason = getattr(error, "strerror", None) or error
             raise StereocalError(f"{self.label}: the file cannot be read ({reason}).") from error
         self.names = tuple(name.strip() for name in names)
+        if "frame" not in self.names:  # numbered by the camera's own count
+            self.names = tuple("frame" if n == OWN_FRAME else n for n in self.names)
         check_names(self.names, ("frame", *self.numbers), self.names, self.label)
         self.sigmas = tuple(n for n in self.names if n in SIGMAS)
         known = ("frame", *self.numbers, *self.sigmas)

@@ -11,6 +11,8 @@ import pytest
 from stereocal.errors import StereocalError
 from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.formats.dataset_files import read_recording
+from stereocal.formats.point_answers import layout_of
+from stereocal.formats.point_layouts import OURS
 from stereocal.matching.counts import counted_alike
 from stereocal.matching.in_step import points_in_step
 from stereocal.matching.match_tables import match_tables
@@ -107,10 +109,14 @@ def test_pairs_are_measured_as_they_were_counted(later: int) -> None:
     assert np.median(errors) < 1.0
 
 
-def test_tables_of_the_calibrated_recording_are_matched_by_its_count(tmp_path: Path) -> None:
+@pytest.mark.parametrize("column", ["frame", "camera_frame"])
+def test_tables_of_the_calibrated_recording_are_matched_by_its_count(
+    tmp_path: Path, column: str
+) -> None:
     paths = [tmp_path / "primary.csv", tmp_path / "secondary.csv"]
     for path, table in zip(paths, _tables(later=1), strict=True):
-        table.to_csv(path, index=False)
+        table.rename(columns={"frame": column}).to_csv(path, index=False)
+        assert layout_of(path.read_bytes(), path.name).program == OURS
     read = [PointTable(path) for path in paths]
     tables: dict[str, PointTable] = dict(zip(CAMERAS, read, strict=True))
     report = match_tables(_parameters(), tables, tmp_path / "pairs.csv", Stated(2.0))
