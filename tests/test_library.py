@@ -165,6 +165,8 @@ def test_tables_in_memory_are_a_recording(run: CalibrationRun) -> None:
         ({"frame": 1.5}, "whole"),
         ({"frame": 1}, "twice"),
         ({"u_primary": 99_999.0}, "outside"),
+        ({"u_primary": "x"}, "number"),
+        ({"frame": "x"}, "number"),
     ],
 )
 def test_a_wrong_table_is_refused(run: CalibrationRun, changes: dict[str, Any], said: str) -> None:
@@ -182,6 +184,32 @@ def test_frames_without_common_points_match_nothing(run: CalibrationRun) -> None
     assert len(stereocal.reconstruct(run.sets["3d"], pairs)) == 0
 
 
+def test_points_counted_apart_are_matched_without_a_common_number(run: CalibrationRun) -> None:
+    """Frames of cameras started by hand may have no number in common at all."""
+    primary, secondary = _views(run.dataset)
+    later = int(primary["frame"].max()) + 100
+    rig = replace(run.sets["2d"], start_frame=-later)
+    pairs = stereocal.match(rig, primary, secondary.assign(frame=secondary["frame"] + later))
+    assert len(pairs) == len(stereocal.match(run.sets["2d"], primary, secondary)) > 0
+    assert len(stereocal.match(rig, primary.iloc[:0], secondary)) == 0
+
+
+def test_cameras_are_read_from_paths_and_called_by_numbers(tmp_path: Path) -> None:
+    """As a table of pandas has them: whole numbers, and NumPy's lengths."""
+    path = ROOT / "sample_data" / "field" / "primary.json"
+    camera = stereocal.read_camera(path)
+    assert np.array_equal(camera.K, stereocal.read_camera(path.read_bytes(), "lens").K)
+    with pytest.raises(stereocal.StereocalError, match="no such file"):
+        stereocal.read_camera(tmp_path / "nothing.json")
+    table = pd.DataFrame({"frame": 0, "camera": [1, 2], "target": "A", "u": 9.0, "v": 9.0})
+    cameras: dict[Any, Any] = {1: camera, 2: camera}
+    apart: Any = np.float32(4.5)
+    found = stereocal.Recording.from_dataframe(table, cameras, 0.9, apart)
+    assert [*found.cameras] == ["1", "2"]
+    with pytest.raises(stereocal.StereocalError, match="read_camera"):
+        stereocal.Recording.from_dataframe(table, cameras | {2: path}, 0.9)
+
+
 def test_cameras_started_by_hand_are_brought_into_step() -> None:
     recording = stereocal.read(ROOT / "sample_data" / "rig")
     assert isinstance(recording, stereocal.Recording)
@@ -190,6 +218,7 @@ def test_cameras_started_by_hand_are_brought_into_step() -> None:
     shifted = some.camera == 1
     found = stereocal.sync(replace(some, frame=some.frame - 41 * shifted))
     np.testing.assert_array_equal(found.recording.frame, some.frame)
+    assert found.to_dataframe()["frames"].to_numpy() == pytest.approx([41.0], abs=0.1)
     assert len(found.plot().data) > 0
 
 

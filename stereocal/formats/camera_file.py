@@ -9,6 +9,7 @@ import re
 from codecs import BOM_UTF8
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -207,14 +208,16 @@ def agreed_size(
 
 
 def read_camera(
-    content: bytes,
-    source: str,
+    content: bytes | str | Path,
+    source: str = "",
     lens_model: LensModel | None = None,
     image_size: tuple[int, int] | None = None,
 ) -> Camera:
     """The camera in a file; the format is determined from the content.
 
     Args:
+        content: the file's bytes; or its path.
+        source: what messages call the file; empty: its path.
         lens_model: meaning of four coefficients if the file does not state it.
         image_size: of its images if the file does not state it.
 
@@ -223,6 +226,11 @@ def read_camera(
         ImageSizeError: the image size is not stated.
         StereocalError: an empty file, an unknown format, or an invalid camera.
     """
+    if not isinstance(content, bytes):
+        source = source or str(content)
+        if not Path(content).is_file():
+            raise StereocalError(f"{content}: there is no such file.")
+        content = Path(content).read_bytes()
     refuse_other_camera(content, source)
     file, start = ForeignFile(source, content), content.removeprefix(BOM_UTF8).lstrip()
     start = start if encoding_of(content) == "utf-8-sig" else file.text.lstrip().encode()

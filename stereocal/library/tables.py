@@ -118,9 +118,10 @@ def match(
         _refuse_missing(f"The {which} table", table, ("frame", *POINT))
         if not np.isfinite(table[["frame", *POINT]].to_numpy(dtype=np.float64)).all():
             raise StereocalError(f"The {which} table has a number that is not finite.")
-    two = isinstance(rig, RigParameters) and len(tables) == 2
     first, last = (tables[name]["frame"] for name in (min(tables), max(tables)))
-    if two and not len(np.intersect1d(first, last)):
+    two = isinstance(rig, RigParameters) and len(tables) == 2
+    apart = isinstance(rig, RigParameters) and rig.start_frame and len(first) and len(last)
+    if two and not apart and not len(np.intersect1d(first, last)):
         further = further_names(*map(tuple, tables.values()))
         columns = [*PAIR_COLUMNS, *(name for own in further for name in own.values())]
         return Pairs.of(pd.DataFrame(columns=columns), NOTHING)

@@ -24,6 +24,7 @@ STANDS_OUT = 1.5
 FRAMES, FEWEST, APART = 40, 8, 2
 """Frames that an offset is judged by, at least so many; and frames between offsets that compete."""
 MOST_OFFSETS = 20_000
+CALLED = "the primary", "the secondary"
 
 
 def tables_alike(
@@ -36,17 +37,24 @@ def tables_alike(
         pair = rig.pair(first, name) if isinstance(rig, RigFile) else rig
         if not pair.start_frame:
             continue
-        both = [pd.concat(list(tables[each].blocks())) for each in (first, name)]
-        points, note = counted_alike(pair, *both)
+        one, other = (pd.concat(list(tables[each].blocks())) for each in (first, name))
+        called = (first, name) if isinstance(rig, RigFile) else CALLED
+        points, note = counted_alike(pair, one, other, called)
         found[name] = PointTable(points, tables[name].numbers, tables[name].label)
         notes.append(f"{tables[name].label}: {note}")
     return found, notes
 
 
 def counted_alike(
-    rig: RigParameters, primary: pd.DataFrame, secondary: pd.DataFrame
+    rig: RigParameters,
+    primary: pd.DataFrame,
+    secondary: pd.DataFrame,
+    called: tuple[str, str] = CALLED,
 ) -> tuple[pd.DataFrame, str]:
     """The points of the secondary with their frames numbered as the primary's, and a sentence.
+
+    Args:
+        called: the names of both cameras in the sentence.
 
     Raises:
         StereocalError: the points do not tell by how much the cameras were counted apart.
@@ -64,8 +72,8 @@ def counted_alike(
     if not offset:
         return secondary, "by these points, both cameras counted their frames alike."
     note = (
-        f"by these points, the secondary's frame 0 is the primary's frame {offset}: they are "
-        "paired like this, with the primary's numbers."
+        f"by these points, frame 0 of {called[1]} is frame {offset} of {called[0]}: they are "
+        f"paired like this, with the numbers of {called[0]}."
     )
     return secondary.assign(frame=secondary["frame"] + offset), note
 

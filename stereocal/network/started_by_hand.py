@@ -353,7 +353,8 @@ def _two_best(
         raise StereocalError(
             f"{_named(pair)}: at no offset do their points fit together; at the best, "
             f"{best.offset:g} frames, they lie {rounded(best.px)} px from their epipolar lines. "
-            "Check that both saw the same motion at the same time, and their camera files."
+            "Check that both saw the same motion at the same time, with as many frames a second, "
+            "and their camera files."
         )
     further = FURTHER_WITH_LENGTHS if best.lengths < LENGTHS_AGREE else FURTHER
     need = STANDS_OUT * (1.0 + further / (len(best.frames) - TOO_FEW))

@@ -4,6 +4,7 @@ import math
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import Any
 from unicodedata import category
 
 import numpy as np
@@ -158,18 +159,16 @@ class Recording(TableAnswer):
             StereocalError: a name is unknown, a point is twice, not finite or outside its image,
                 or a length is impossible.
         """
-        rigid_object, pixels = (
-            RigidObject.of(held),
-            np.array(points, dtype=np.float64).reshape(-1, 2),
-        )
-        numbers = np.asarray(frame, dtype=np.float64)
+        rigid_object, cameras = RigidObject.of(held), _by_name(cameras)
+        pixels = _numbers("image point", points).reshape(-1, 2)
+        numbers = _numbers("frame", frame)
         refuse(
             (not np.isfinite(pixels).all(), "An image point is not a finite number."),
             (not (numbers == np.round(numbers)).all(), "A frame is not a whole number."),
         )
         found = cls(
             name,
-            dict(cameras),
+            cameras,
             rigid_object,
             numbers.astype(np.int64),
             _codes("camera", camera, [*cameras]),
@@ -189,8 +188,8 @@ class Recording(TableAnswer):
             )
         check_length("longest distance between points of the object", rigid_object.longest_m)
         check_uncertainty("object", rigid_object.sigma_m, rigid_object.longest_m)
-        if isinstance(baselines_m, int | float):
-            baselines_m = {"-".join(found.pairs[0]): baselines_m}
+        if baselines_m is not None and not isinstance(baselines_m, Mapping):
+            baselines_m = {"-".join(found.pairs[0]): float(baselines_m)}
         measured = {found.pair_named(pair): value for pair, value in (baselines_m or {}).items()}
         for pair, value in measured.items():
             check_length(f"baseline {'-'.join(pair)}", value)
@@ -367,6 +366,25 @@ class Recording(TableAnswer):
         _, one, other = np.intersect1d(of_first, of_second, True, return_indices=True)
         order = np.argsort(one)
         return rows[0][one[order]], rows[1][other[order]]
+
+
+def _by_name(cameras: Mapping[Any, Camera]) -> dict[str, Camera]:
+    """The cameras by names that are text; refuses what is not read yet, such as a path."""
+    for name, camera in cameras.items():
+        if not isinstance(camera, Camera):
+            raise StereocalError(
+                f"The camera {name} is given as {type(camera).__name__}: read its file first, "
+                "with `read_camera(path)`."
+            )
+    return {str(name): camera for name, camera in cameras.items()}
+
+
+def _numbers(what: str, values: npt.ArrayLike) -> FloatArray:
+    """The values as numbers."""
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise StereocalError(f"Not every {what} is a number: {error}.") from None
 
 
 def _refuse_missing(table: pd.DataFrame, columns: Iterable[str]) -> None:

@@ -120,5 +120,5 @@ def test_tables_of_the_calibrated_recording_are_matched_by_its_count(
     read = [PointTable(path) for path in paths]
     tables: dict[str, PointTable] = dict(zip(CAMERAS, read, strict=True))
     report = match_tables(_parameters(), tables, tmp_path / "pairs.csv", Stated(2.0))
-    assert any("frame 0 is the primary's frame -1" in note for note in report.notes)
+    assert any("frame 0 of the secondary is frame -1" in note for note in report.notes)
     assert len(pd.read_csv(tmp_path / "pairs.csv")) > 150
