@@ -34,6 +34,8 @@ class Track:
     def cells(self) -> IntArray:
         """(n, k): the cell of the grid over what this camera saw; -1 where not seen."""
         seen = np.isfinite(self.rays[..., 0])
+        if not seen.any():
+            return np.full(seen.shape, -1)
         low, high = (np.percentile(self.rays[seen], q, axis=0) for q in (1, 99))
         width = max(float((high - low).max()), 1e-12) / CELLS
         at = np.clip(np.nan_to_num((self.rays - low) / width), 0, CELLS - 1).astype(np.int64)

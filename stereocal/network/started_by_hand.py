@@ -379,7 +379,9 @@ def _distances(E: FloatArray, rays: FloatArray) -> FloatArray:
 def _valleys(offsets: FloatArray, errors: FloatArray) -> list[float]:
     """The offsets with the smallest errors, each some frames from the others."""
     left, found = np.nan_to_num(errors, nan=np.inf), list[float]()
-    while len(found) < CANDIDATES and (at := int(left.argmin()), left[at] < np.inf)[1]:
+    while (
+        len(left) and len(found) < CANDIDATES and (at := int(left.argmin()), left[at] < np.inf)[1]
+    ):
         found.append(float(offsets[at]))
         left[np.abs(offsets - offsets[at]) <= APART] = np.inf
     return found

@@ -106,6 +106,12 @@ def test_an_object_at_rest_tells_no_offset() -> None:
         offset_of_pair(_resting(300, 0, 200), PAIR)
 
 
+@pytest.mark.parametrize("frames", [1, 2, 20, 30])
+def test_a_recording_that_is_too_short_tells_no_offset(frames: int) -> None:
+    with pytest.raises(StereocalError, match=r"both cameras see 25 moments|saw no points"):
+        bring_into_step(_window(300, 300 + frames))
+
+
 def test_a_long_rest_before_and_after_does_no_harm() -> None:
     rested = _joined(_resting(300, 0, 300), _window(300, 420), _resting(419, 420, 300))
     found = offset_of_pair(rested.counted_from({"2": -77}), PAIR)
