@@ -1,12 +1,14 @@
 """Are real cameras that were started by hand brought into step, and is what is not certain open?
 
-    python -m benchmarks.by_hand [--cases 300] [--seed 0]
+    python -m benchmarks.by_hand [--cases 300] [--seed 0] [--half 0]
 
 Windows of 60 to 400 frames of the real recordings ewand12 and ewand123 (`STEREOCAL_REAL_DATA`), the
 second camera's frames counted by itself: offsets of 0 to 10,000 frames and a part of a frame, its
 clock 0 to 50 ppm off (both put in by interpolation), 50 to 100 % of the moments in common. Of every
 second case noise of 0 to 2 px is added and up to 30 % of the points are missing; of every fifth one
 the second camera recorded something else: half a minute later, nothing is in common.
+
+With `--half 1` one of the cameras took every second frame only, and its rate is stated.
 
 Printed: right, open and wrong whole offsets, and how many fractions are in their 95 % intervals.
 """
@@ -21,6 +23,7 @@ import numpy as np
 from benchmarks.studies import exact_interval, numbers_asked
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset, read_recording
+from stereocal.network.frame_rates import at_slowest
 from stereocal.network.started_by_hand import OffsetOfPair, offset_of_pair
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import CameraPair, Recording
@@ -90,6 +93,17 @@ def case_of(whole: Recording, pair: CameraPair, rng: np.random.Generator, number
     return Case(recording, pair, start, drift, common)
 
 
+def halved(case: Case, number: int, rng: np.random.Generator) -> Case:
+    """One camera took every second frame; all are brought to its frames by the rates."""
+    slow = number % 2
+    two, phase = case.recording.of_cameras(case.pair), int(rng.integers(0, 2))
+    two = two.where((two.camera != slow) | (two.frame % 2 == phase))
+    own = np.where(two.camera == slow, (two.frame - phase) // 2, two.frame)
+    rates = {case.pair[slow]: 30.0, case.pair[1 - slow]: 60.0}
+    start = (case.start + phase * (1 + case.drift) if slow else case.start - phase) / 2
+    return replace(case, recording=at_slowest(replace(two, frame=own), rates), start=start)
+
+
 def _resampled(own: Recording, part: float, drift: float) -> Recording:
     """The points of a camera whose frame k is taken at k + part + drift k."""
     late: FloatArray = part + drift * own.frame.astype(np.float64)
@@ -115,13 +129,14 @@ def judged(case: Case, found: OffsetOfPair) -> tuple[str, float]:
 
 def main() -> None:
     """All cases."""
-    asked = numbers_asked(__doc__, cases=300, seed=0)
+    asked = numbers_asked(__doc__, cases=300, seed=0, half=0)
     counts: Counter[str] = Counter()
     scores: list[float] = []
     every = recordings()
     for number in range(asked.cases):
         rng = np.random.default_rng([asked.seed, number])
         case = case_of(*every[number % len(every)], rng, number)
+        case = halved(case, number, rng) if asked.half else case
         kind = "in common" if case.common else "apart"
         try:
             told, score = judged(case, offset_of_pair(case.recording, case.pair))
