@@ -54,6 +54,10 @@ BETTER_BARS, APART = 2.5, 2.5
 Parts of real recordings that stood still: (1.6, 1.9) and (2.2, 1.2) at most; simulated ones with
 lenses off by up to 1 px: (1.6, 0.3) and (1.2, 4.2); turned by 0.2 degrees, with 60 frames and more:
 2.6 and 2.8 at least."""
+OF_PART, BY_ITSELF, APART_PART = 0.7, 0.2, 5.0
+"""Or: least share of the frames of a part that are left out of the whole, largest share by itself,
+and then as `APART`. The real recording: turned by 0.3 or 1 degree before its last or first 31 to 88
+frames 1.0, at most 0.02 and at least 6.8; no part of it as it is has more than 0.1 and 3.7."""
 OTHER_SIZE = 0.02
 """Least difference of the size of a board, in logarithms."""
 ALIKE, MOST_ALIKE = 0.2, 0.8
@@ -116,13 +120,32 @@ def _moved_before_bars(fit: RefinedResult) -> str:
         return ""
     for first in _steps_of_bars(fit):
         parts = _parts(fit, first)
-        if _fits_better(fit, parts, BETTER_BARS) and _predict_each_other(fit, parts) > APART:
+        least = APART if _fits_better(fit, parts, BETTER_BARS) else APART_PART
+        if least == APART_PART and not _left_out_as_one(fit, parts):
+            continue
+        if _predict_each_other(fit, parts) > least:
             one, other = (part.pose for part in parts)
             turn = Rotation.from_matrix(other.R @ one.R.T).as_rotvec()
             first = _first_after(fit, parts)
             last = int(frames[frames < first][-1])
             return _moved(last, first, turn, other.T - one.T)
     return ""
+
+
+def _left_out_as_one(fit: RefinedResult, parts: Sequence[RefinedResult]) -> bool:
+    """Whether nearly all frames of a part are left out of the whole, and fit as well by themselves
+    as the others do."""
+    for part in parts:
+        of_whole = float(fit.outlying[np.isin(fit.frames, part.frames)].mean())
+        noise = part.sigma_px.value / fit.sigma_px.value
+        if (
+            of_whole > OF_PART
+            and part.outlying.mean() < BY_ITSELF
+            and noise < 2.0
+            and len(part.frames) >= FEWEST_BARS
+        ):
+            return True
+    return False
 
 
 def _steps_of_bars(fit: RefinedResult) -> Iterator[int]:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
@@ -32,6 +33,21 @@ def test_moved_camera_is_told_with_its_frame() -> None:
     spoiled = moved(PAIR, np.random.default_rng(2), 1.0)
     with pytest.raises(StereocalError, match=r"A camera moved between frames [789] "):
         screened(data(spoiled), CalibrationSettings())
+
+
+def test_few_bars_after_a_movement_are_not_left_out_unsaid() -> None:
+    """Nearly all of those bars were left out as contradicting the others, without a cause."""
+    data = rig.dataset(120, 0.2)
+    rows = data.correspondences
+    turned, first = rows.secondary.copy(), int(rows.frames[-20])
+    after = rows.frame >= first
+    turn = Rotation.from_euler("y", 0.5, degrees=True).as_matrix()
+    rays = np.column_stack([data.secondary.undistort(turned[after]), np.ones(after.sum())])
+    turned[after] = data.secondary.project(rays @ turn.T)
+    with pytest.raises(StereocalError, match=f"A camera moved between frames .* and {first}:"):
+        screened(
+            replace(data, correspondences=replace(rows, secondary=turned)), CalibrationSettings()
+        )
 
 
 def test_another_board_is_told() -> None:
