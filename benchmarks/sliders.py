@@ -59,7 +59,7 @@ def busy(processes: int) -> Iterator[None]:
 
 def move(page: Page, key: str, way: str) -> tuple[float, float, str]:
     """Seconds from a key on a slider to another figure and to all runs, and what was said first."""
-    page.locator(f".st-key-{key} input").first.focus()
+    page.locator(f"[class*=st-key-{key}] input").first.focus()
     page.evaluate(f"() => {{ window.followed = ({WATCH})() }}")
     start = time.perf_counter()
     page.keyboard.press(way)

@@ -325,7 +325,7 @@ def _choose_frame(store: ProjectApplication, outcome: Outcome, frames: list[int]
         st.session_state[_PLAYING] = time.monotonic()
         field.show(frames[at])
     slider, buttons = st.columns([3, 2], vertical_alignment="bottom")
-    slider.slider("Frame", frames[0], frames[-1], **field.widget())
+    field.slider("Frame", slider)
     frame = int(field.value())
 
     def play() -> None:

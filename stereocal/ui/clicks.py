@@ -66,9 +66,7 @@ class _Panel:
         self.project, self.footage, self.measure = project, footage, measure
         self.store, numbers = ProjectClicks(project), footage.numbers
         own = partial(setting, project, tabs_own=True)
-        # A slider with other ends is another one, which would begin at its first.
-        key, ends = "clicks_frame", Number(numbers[0], numbers[-1])
-        self.at: Field = own(f"{key}_{ends.low}_{ends.high}", numbers[0], ends, name=key)
+        self.at: Field = own("clicks_frame", numbers[0], Number(numbers[0], numbers[-1]))
         self.named: Field = own("clicks_track", "point 1", _track_name)
         self.to: Field = own("clicks_to", WAYS[0], one_of(WAYS))
 
@@ -133,9 +131,9 @@ class _Panel:
     def _choose(self) -> None:
         """The frame, the track, and the buttons."""
         at, named, to = st.columns([2, 1, 1])
-        numbers, widget = self.footage.numbers, self.at.widget()
+        numbers = self.footage.numbers
         if len(numbers) > 1:
-            at.slider("Frame", numbers[0], numbers[-1], **widget)
+            self.at.slider("Frame", at)
         own = {"accept_new_options": True, **self.named.widget()}
         named.selectbox("Track (type a new name)", list(self.colours), **own)
         self.to.menu("A click goes to", to)

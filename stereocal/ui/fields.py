@@ -10,7 +10,7 @@ on the next, where the widget starts at its minimum. So the value is written to 
 import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Protocol
 
@@ -23,6 +23,8 @@ from stereocal.ui.messages import callback
 Fit = Callable[[Any], Any]
 """Converts a stored value for display; ValueError or TypeError if the field cannot show it."""
 _SHOWN, _DRAWN, _BEFORE = "fields_shown", "fields_drawn", "fields_drawn_before"
+_GIVEN = "fields_given"
+"""By key, the value that each widget was given, or has told since."""
 
 
 class Values(Protocol):
@@ -69,6 +71,7 @@ class Field:
         if not _is_drawn(self.key) or st.session_state.get(self.key) != value:
             st.session_state[self.key] = value
         shown[self.name] = value
+        st.session_state.setdefault(_GIVEN, {})[self.key] = value
         st.session_state.setdefault(_DRAWN, set()).add(self.key)
         return {"key": self.key, "on_change": self.changed}
 
@@ -101,6 +104,17 @@ class Field:
         draw: Any = place or st
         return draw.number_input(title, low, high, **empty, **shown)
 
+    def slider(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
+        """As `number_input`, a slider between ends that depend on the data.
+
+        To Streamlit, a slider with other ends is another widget, which would begin at its lowest,
+        and store that: so it has another key.
+        """
+        assert isinstance(self.fit, Number)
+        low, high = self.fit.low, self.fit.high
+        own = replace(self, key=f"{self.key}_{low}_{high}")
+        return (place or st).slider(title, low, high, **widget, **own.widget())
+
     def menu(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
         """As `number_input`, a menu of the options of `fit`."""
         assert isinstance(self.fit, Options)
@@ -119,8 +133,14 @@ class Field:
         @callback
         def keep() -> None:
             # Another callback of the same click may have emptied the session, for another project.
+            # Streamlit also calls when a browser first tells what it was given to show, which may
+            # be the default in place of a stored value that does not fit these data.
+            given: dict[str, Any] = st.session_state.setdefault(_GIVEN, {})
             if self.key in st.session_state:
-                self.set(st.session_state[self.key])
+                value = st.session_state[self.key]
+                if self.key not in given or given[self.key] != value:
+                    given[self.key] = value
+                    self.set(value)
 
         return keep
 

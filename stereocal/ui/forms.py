@@ -32,13 +32,9 @@ def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
     """Show the form; the settings of the calibration."""
     frames = len(dataset.correspondences.frames)
     if frames > 1:
-        st.slider(
-            "Frames to calibrate with (the others test the result)",
-            1,
-            frames,
-            **_frames_field(project, frames).widget(),
-            help=f"All {frames}, or fewer, drawn at random. Paper: 20 of 25.",
-        )
+        title = "Frames to calibrate with (the others test the result)"
+        told = f"All {frames}, or fewer, drawn at random. Paper: 20 of 25."
+        _frames_field(project, frames).slider(title, help=told)
     fields, columns = _search_fields(project), cycle(st.columns(3))
     for name, field in fields.items():
         if name != "time_drift" or fields["time_offset"].value():

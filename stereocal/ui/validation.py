@@ -68,38 +68,35 @@ def chosen_data(project: Project, own: Dataset) -> list[Dataset]:
 def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
     """The form of the protocol: number of runs and of frames."""
     with project.database.reading():  # each of the fields reads its value several times
-        runs, frames, splits, bounds = _protocol_fields(project, datasets)
+        runs, frames, splits = _protocol_fields(project, datasets)
         left, right = st.columns(2)
         about = ABOUT["runs"]
         left.slider(about.title, *RUNS, step=10, help=about.help, **runs.widget())
         about = ABOUT["calibration_frames"]
-        right.slider(about.title, *bounds, help=about.help, **frames.widget())
+        frames.slider(about.title, right, help=about.help)
         ask(st.container(), ABOUT["splits"], splits)
         search_form(project)
         return _protocol(project, datasets, runs, frames, splits)
 
 
-def _protocol_fields(
-    project: Project, datasets: Sequence[Dataset]
-) -> tuple[Field, Field, Field, tuple[int, int]]:
-    """Fields of runs, calibration frames and splits, and the bounds of the frames."""
+def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Field, Field, Field]:
+    """Fields of runs, calibration frames and splits."""
     if not any(map(is_long, datasets)):
         screenings = screenings_of(datasets, CalibrationSettings.from_json(search_values(project)))
         datasets = [each.dataset for each in screenings]
     fewest = min(len(each.correspondences.frames) for each in datasets)
     most = max(fewest - 2, 2)
-    bounds = min(FEWEST_FRAMES, most), most
+    bounds = Number(min(FEWEST_FRAMES, most), most)
     return (
         setting(project, "validate_runs", ABOUT["runs"].default, Number(*RUNS)),
-        setting(project, "validate_frames", min(usual_frames(fewest), most), Number(*bounds)),
+        setting(project, "validate_frames", min(usual_frames(fewest), most), bounds),
         field_of(project, "validate_splits", ABOUT["splits"]),
-        bounds,
     )
 
 
 def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
     """The protocol in the form, also for pages that do not show it."""
-    return _protocol(project, datasets, *_protocol_fields(project, datasets)[:3])
+    return _protocol(project, datasets, *_protocol_fields(project, datasets))
 
 
 def _protocol(

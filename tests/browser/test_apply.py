@@ -28,7 +28,7 @@ def test_frames_play_and_stop_by_keyboard(page: Page, app_url: str, settled: Set
         timeout=LONGEST_MS
     )
     settled(page)
-    slider = page.locator(".st-key-apply_frame input")
+    slider = page.locator("[class*=st-key-apply_frame_] input")
     slider.focus()
     page.keyboard.press("ArrowRight")
     expect(page.get_by_text("Frame 1: 1 pair").first).to_be_visible()

@@ -52,7 +52,7 @@ def test_sample_to_result_and_back_in_a_new_session(app: AppTest, home: Path) ->
     assert "50 pairs of points in 25 frames" in messages(app)
     app.switch_page("pages/calibrate.py").run()
     assert "No result yet" in messages(app)
-    app.slider(key="calibration_frames").set_value(20).run()
+    app.slider(key="calibration_frames_1_25").set_value(20).run()
     app.button(key="run").click().run()
     assert "Use the refined set for both" in messages(app)
     result = project_of(app, home).calibration
@@ -60,7 +60,7 @@ def test_sample_to_result_and_back_in_a_new_session(app: AppTest, home: Path) ->
 
     tab = again(app, "calibrate")
     assert "Use the refined set for both" in messages(tab)
-    assert tab.slider(key="calibration_frames").value == 20
+    assert tab.slider(key="calibration_frames_1_25").value == 20
 
 
 def test_real_recording_with_its_middle_marker_to_apply(app: AppTest, home: Path) -> None:
