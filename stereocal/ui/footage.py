@@ -1,6 +1,7 @@
 """The pictures in which points are clicked: videos or photographs given for it, which are stored
 nowhere, else the project's own photographs."""
 
+import filecmp
 import shutil
 import tempfile
 import weakref
@@ -132,8 +133,26 @@ def _open(project: Project, files: _Files, exchanged: bool, later: int) -> None:
         names = videos if len(sides) < 2 else [sides[camera] for camera in CAMERAS]
         labels = dict(zip(CAMERAS, names[::-1] if exchanged else names, strict=True))
         paths = {camera: files[name] for camera, name in labels.items()}
-        footage = of_videos(paths, labels, later)
+        footage = _videos(paths, labels, later)
     _GIVEN.keep(_key(project), _Given(files, exchanged, later, footage))
+
+
+def _videos(
+    paths: Mapping[CameraName, Path], labels: Mapping[CameraName, str], later: int
+) -> Footage:
+    first, second = (paths[camera] for camera in CAMERAS)
+    if filecmp.cmp(first, second, shallow=False):
+        raise StereocalError(
+            "Both files are the same video: give the videos of both cameras together."
+        )
+    try:
+        return of_videos(paths, labels, later)
+    except StereocalError as error:
+        stored, _, told = str(error).partition(": ")
+        names = {path.name: labels[camera] for camera, path in paths.items()}
+        if stored not in names:
+            raise
+        raise StereocalError(f"{names[stored]}: {told}") from error
 
 
 def _photographs(files: Mapping[str, Path], exchanged: bool) -> Footage:

@@ -98,8 +98,8 @@ def test_videos_of_cameras_started_by_hand(app: AppTest, tmp_path: Path) -> None
     give_sets(begun(app), counted_apart, counted_apart)
     app.selectbox(key="apply_points").set_value("Click them here").run()
     widget = app.file_uploader(key=f"upload_footage_{app.session_state['upload_footage']}")
-    for name in ("left.mp4", "right.mp4"):
-        path = write_video(tmp_path / name, [k / 25 for k in range(12)], preset="ultrafast")
+    for name, preset in (("left.mp4", "ultrafast"), ("right.mp4", "superfast")):
+        path = write_video(tmp_path / name, [k / 25 for k in range(12)], preset=preset)
         widget.upload(name, path.read_bytes())
     app.run()
     assert "have 160x96 px" in told(app, "error")  # of other cameras, but read
@@ -111,3 +111,16 @@ def test_videos_of_cameras_started_by_hand(app: AppTest, tmp_path: Path) -> None
     app.number_input(key="clicks_later_frames").set_value(0).run()
     app.button(key="clicks_exchange").click().run()
     assert any("right.mp4, left.mp4, 12 frames" in each.label for each in app.expander)
+
+
+def test_one_video_for_both_cameras_and_a_damaged_one(app: AppTest, tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    give_sets(begun(app), SET_2D, SET_2D)
+    app.selectbox(key="apply_points").set_value("Click them here").run()
+    sound = write_video(tmp_path / "left.mp4", [0.0, 0.04, 0.08], preset="ultrafast").read_bytes()
+    for right, told_of in ((sound, "the same video"), (b"no video", "right.mp4: ")):
+        widget = app.file_uploader(key=f"upload_footage_{app.session_state['upload_footage']}")
+        widget.upload("left.mp4", sound).upload("right.mp4", right)
+        app.run()
+        assert told_of in told(app, "error")
+        assert any("Pictures: none yet" in each.label for each in app.expander)
