@@ -101,7 +101,8 @@ STATED_SHOWN = {
 
 READ = """() => Object.fromEntries(
   [...document.querySelectorAll('[data-testid=stMain] [class*="st-key-"]')].flatMap(box => {
-    const key = [...box.classList].find(name => name.startsWith('st-key-')).slice(7);
+    const name = [...box.classList].find(name => name.startsWith('st-key-'));
+    const key = name.slice(7).replace(/_\\d+_\\d+$/, '');
     const seen = [
       ...[...box.querySelectorAll('input:not([type=checkbox]):not([type=radio])')]
         .map(input => input.getAttribute('aria-valuetext') || input.value),
@@ -111,7 +112,7 @@ READ = """() => Object.fromEntries(
     ];
     return seen.length ? [[key, seen.join(' | ')]] : [];
   }))"""
-"""What every keyed widget of the page shows."""
+"""What every keyed widget of the page shows; sliders have their ends in their keys."""
 
 
 def forms(page: Page, wanted: dict[str, str]) -> dict[str, str]:
