@@ -19,11 +19,12 @@ from stereocal.field.checking.repair import FrameErrors, Residuals
 from stereocal.field.planning.forecast import forecast
 from stereocal.figures.story import read_story
 from stereocal.figures.two_sets import frame_views, telling_frame
-from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.library.calibrations import calibrate
 from stereocal.matching.lengths import check_lengths
+from stereocal.network.started_by_hand import offset_of_pair
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.misfit import misfit_of
 from stereocal.refined.refine import RefinedResult, refine
@@ -114,6 +115,8 @@ def every_figure() -> dict[str, Drawn]:
         forecast(plan(name=name, bar_m=bar), rigs=16)
         for name, bar in (("one", 0.9), ("another", 0.6), ("third", 0.4))
     ]
+    rig = read_recording(ROOT / "sample_data" / "rig")
+    rig = rig.where(rig.frame < 200)
     # What a figure is drawn of, and its text, where that takes something else.
     given: dict[str, tuple[tuple[Any, ...], ...]] = {
         "accuracy": ((places, refined), (places,)),
@@ -131,6 +134,7 @@ def every_figure() -> dict[str, Drawn]:
             (pairs, {"primary": left, "secondary": right}, 1),
         ),
         "misfit": ((misfit,),),
+        "offsets": ((offset_of_pair(rig, ("1", "2")),),),
         "pair_errors": ((NEAREST, 0.8), (NEAREST, FRAMES, 0.8, CHOICE)),
         "plan_baselines": ((plans[0],),),
         "plan_depths": ((plans,),),
