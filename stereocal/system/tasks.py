@@ -107,7 +107,7 @@ def run_tasks(
                 report(done, total)
             if not ended:
                 report(done, total)
-            while begun and begun[0][1].done():
+            while begun and begun[0][1] not in at_work:  # counted and kept
                 task, future = begun.popleft()
                 yield task, _result(future)
     finally:

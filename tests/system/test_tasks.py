@@ -155,3 +155,33 @@ def test_a_server_that_ends_does_not_wait_for_its_jobs() -> None:
     )
     assert ended.stderr == ""
     assert ended.stdout in ("ending\n", "")  # the thread may not live to say it
+
+
+class EndsLate(Future[object]):
+    """Has ended, but says so only when asked again, as one that ends between two looks."""
+
+    looks = 0
+
+    def done(self) -> bool:
+        self.looks += 1
+        return self.looks > 1
+
+
+class Late(Executor):
+    """One worker, whose futures end between two looks."""
+
+    _max_workers = 1
+
+    def submit(self, function, /, *arguments, **named):  # type: ignore[no-untyped-def]
+        future = EndsLate()
+        future.set_result(function(*arguments, **named))
+        return future
+
+
+def test_what_ends_between_two_looks_is_counted_and_kept() -> None:
+    counted: list[tuple[int, int]] = []
+    kept = Kept()
+    found = run_tasks(squares(5), Late(), 5, lambda *now: counted.append(now), kept)
+    assert [result for _, result in found] == [0, 1, 4, 9, 16]
+    assert counted[-1] == (5, 5)
+    assert kept == {f"{number}": number**2 for number in range(5)}
