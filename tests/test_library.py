@@ -22,7 +22,7 @@ import stereocal
 from stereocal.library.calibrations import CalibrationRun, Look
 from stereocal.matching.application import points_by_camera
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.answers import MOST_LINES, Answer
+from stereocal.system.answers import MOST_LINES, Answer, answering
 
 ROOT = Path(__file__).parents[1]
 
@@ -106,7 +106,7 @@ def _views(dataset: stereocal.Dataset) -> list[pd.DataFrame]:
 
 
 def test_a_validation_reaches_recommendation_and_sets(run: CalibrationRun) -> None:
-    fresh = CalibrationRun.of(run)
+    fresh = answering(CalibrationRun, run)
     assert fresh.sets["2d"].to_json()["validation"] is None
     found = fresh.evaluate(runs=5)
     told = fresh.sets["2d"].validation
@@ -115,7 +115,7 @@ def test_a_validation_reaches_recommendation_and_sets(run: CalibrationRun) -> No
     assert fresh.sets["2d"].matching_threshold_px == told["threshold_px"]
     assert found.to_dataframe().loc[("all", "2d"), "threshold_px"] == told["threshold_px"]
     with pytest.raises(stereocal.StereocalError, match="validation"):
-        CalibrationRun.of(run).plot("validation")
+        answering(CalibrationRun, run).plot("validation")
 
 
 def test_a_rig_is_calibrated_matched_and_checked() -> None:

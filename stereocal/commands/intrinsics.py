@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.options import BOARD, WORKERS, pattern_of, settings_options, workers_from
-from stereocal.commands.photographs import pairing_of, take_frames, two_cameras_of, when_taken
+from stereocal.commands.photographs import pairing_of, take_frames, two_cameras_of
 from stereocal.detection.target import Board
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
@@ -41,8 +41,14 @@ from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.atomic_files import write_all, write_atomically
-from stereocal.system.photograph_files import Photographs, of_the_bar, photographs_in
+from stereocal.system.photograph_files import (
+    Photographs,
+    of_the_bar,
+    photographs_in,
+    photographs_of,
+)
 from stereocal.system.settings import asked
+from stereocal.system.taken import when_taken
 
 OPTIONS: Options = {
     "images IMAGES...": "photographs, folders, zips",
@@ -61,7 +67,8 @@ def run(parsed: argparse.Namespace) -> None:
     pattern, out = pattern_of(parsed), parsed.out
     settings = LensSettings(**{name: getattr(parsed, name) for name in asked(LensSettings)})
     with tempfile.TemporaryDirectory() as store, workers_from(parsed) as executor:
-        photographs = _photographs(parsed.images, Path(store), parsed.leave_out)
+        every = photographs_of(parsed.images, Path(store))
+        photographs = {name: path for name, path in every.items() if name not in parsed.leave_out}
         proposal = propose(when_taken(photographs))
         if not out.suffix and proposal.pairing.pairs and proposal.way != "order":
             boards = _search(photographs, pattern, proposal.pairing, executor)
@@ -79,16 +86,6 @@ def run(parsed: argparse.Namespace) -> None:
     rows = (" ".join(f"{each:>16}" for each in row) for row in table)
     notes = (*advice(lens), hint(lens), note_on_model(search, lens.settings))
     report(*refused, lens_answer(lens), *rows, notes=notes, written=[out])
-
-
-def _photographs(sources: list[Path], store: Path, leave_out: list[str]) -> dict[str, Path]:
-    found: dict[str, Path] = {}
-    for source in sources:
-        alone = source.is_file() and source.suffix.lower() != ".zip"
-        own = {source.name: source} if alone else photographs_in(source, store)
-        for name, path in own.items():
-            found[name if name not in found else str(source / name)] = path
-    return {name: path for name, path in found.items() if name not in leave_out}
 
 
 def detect_board(parsed: argparse.Namespace, target: Board) -> None:

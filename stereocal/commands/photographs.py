@@ -13,7 +13,7 @@ from stereocal.frames.proposal import WAYS, Choice, Way, propose
 from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.rig.recording import Recording
 from stereocal.system.atomic_files import write_atomically
-from stereocal.system.taken import Taken, read_taken
+from stereocal.system.taken import when_taken
 
 PAIR_BY: Options = {
     "--pair-by": {
@@ -33,18 +33,6 @@ def two_cameras_of(parsed: argparse.Namespace) -> Recording:
             "in the photographs of two."
         )
     return known
-
-
-def when_taken(photographs: Mapping[str, Path]) -> dict[str, Taken]:
-    """When each photograph was taken, by its header, its name or its file's time."""
-    found = {}
-    for name, path in photographs.items():
-        try:
-            modified = path.stat().st_mtime
-        except OSError:  # reported where the photograph is read
-            modified = None
-        found[name] = read_taken(path, name, modified)
-    return found
 
 
 def pairing_of(photographs: Mapping[str, Path], source: Path, way: Way | None = None) -> Pairing:

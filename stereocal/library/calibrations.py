@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
 import pandas as pd
@@ -35,7 +35,7 @@ from stereocal.rig.camera import LensModel
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
-from stereocal.system.answers import TableAnswer
+from stereocal.system.answers import TableAnswer, answering
 from stereocal.system.atomic_files import write_all
 from stereocal.system.executors import engine
 from stereocal.system.numbers import count
@@ -86,11 +86,6 @@ def pair_of(recording: Dataset | Recording) -> Dataset:
 @dataclass(frozen=True, eq=False, repr=False)
 class CalibrationRun(TableAnswer, Calibration):
     """The sets of all methods, which of them to use for what, and how good they are."""
-
-    @classmethod
-    def of(cls, found: Calibration) -> Self:
-        """With all that the calibration has."""
-        return cls(*(getattr(found, field.name) for field in fields(Calibration)))
 
     @cached_property
     def run(self) -> workflow.Run:
@@ -232,7 +227,7 @@ def calibrate(
     run = workflow.Run(pair_of(dataset), settings or CalibrationSettings(), refined, trace=trace)
     if progress is not None:
         run.progress = progress
-    return CalibrationRun.of(run.calibration)
+    return answering(CalibrationRun, run.calibration)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -353,4 +348,4 @@ def rig(
     """
     settings = RigSettings(baseline_sigma_m=baseline_sigma_m, time_offsets=time_offsets)
     found = rig_file(calibrate_rig(recording, settings))
-    return CalibratedRig(*(getattr(found, field.name) for field in fields(RigFile)))
+    return answering(CalibratedRig, found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -47,11 +47,11 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.nineteen import simulate_nineteen
-from stereocal.system.answers import Answer, TableAnswer
+from stereocal.system.answers import Answer, TableAnswer, answering
 from stereocal.system.executors import engine
-from stereocal.system.photograph_files import of_the_bar, photographs_in
+from stereocal.system.photograph_files import of_the_bar, photographs_in, photographs_of
 from stereocal.system.resources import ROOT
-from stereocal.system.taken import read_taken
+from stereocal.system.taken import when_taken
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -102,7 +102,7 @@ def plan(
     """
     with engine() as workers:
         found = forecast(read_plan(path, lens_model), workers, seed, rigs)
-    return Plan(*(getattr(found, field.name) for field in fields(PlanForecast)))
+    return answering(Plan, found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -148,10 +148,7 @@ def detect(
     survey = _survey(path, lens_model) if described or board is None else None
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store, engine() as workers:
         photographs = of_the_bar(photographs_in(path, Path(store)))
-        taken = {
-            name: read_taken(file, name, file.stat().st_mtime) for name, file in photographs.items()
-        }
-        pairing = propose(taken, Choice(pair_by)).pairing
+        pairing = propose(when_taken(photographs), Choice(pair_by)).pairing
         if not pairing.pairs or (pairing.ambiguous and pair_by is None):
             raise StereocalError(f"{path}: {pairing.sentence}")
         if board is None:
@@ -245,7 +242,7 @@ def sync(recording: str | Path | Recording, lens_model: LensModel | None = None)
     if not isinstance(recording, Recording):
         recording = read_as_counted(recording, lens_model)
     found = bring_into_step(recording)
-    return InStep(*(getattr(found, field.name) for field in fields(BroughtIntoStep)))
+    return answering(InStep, found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -285,16 +282,11 @@ def intrinsics(
         board = BoardPattern.parse(board, square_m or 0.0)
     several = [photographs] if isinstance(photographs, str | Path) else list(photographs)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store, engine() as workers:
-        files: dict[str, Path] = {}
-        for source in map(Path, several):
-            if source.is_file() and source.suffix.lower() != ".zip":
-                files[source.name] = source
-            else:
-                files |= photographs_in(source, Path(store))
+        files = photographs_of(map(Path, several), Path(store))
         found = calibrate_lens(
             find_boards(files, board, workers), settings or LensSettings(), workers
         )
-    return Lens(*(getattr(found, field.name) for field in fields(LensCalibration)))
+    return answering(Lens, found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

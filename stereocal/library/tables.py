@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
@@ -26,6 +26,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras
 from stereocal.system.answers import TableAnswer
+from stereocal.system.tables import refuse_missing
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -115,7 +116,7 @@ def match(
     if secondary is not None:
         tables[CAMERAS[1]] = secondary
     for which, table in tables.items():
-        _refuse_missing(f"The {which} table", table, ("frame", *POINT))
+        refuse_missing(f"The {which} table", table, ("frame", *POINT))
         if not np.isfinite(table[["frame", *POINT]].to_numpy(dtype=np.float64)).all():
             raise StereocalError(f"The {which} table has a number that is not finite.")
     first, last = (tables[name]["frame"] for name in (min(tables), max(tables)))
@@ -160,7 +161,7 @@ def reconstruct(
         StereocalError: a column is missing, or a point outside its image.
     """
     columns = pixel_columns(rig)
-    _refuse_missing("The table of pairs", pairs, ("frame", *columns))
+    refuse_missing("The table of pairs", pairs, ("frame", *columns))
     if not len(pairs):
         found, report = pd.DataFrame(columns=[*POINT_COLUMNS]), Report(0, ["No points."])
     else:
@@ -173,9 +174,3 @@ def reconstruct(
     points = Points.of(found, report)
     points.rig, points.world = rig, world
     return points
-
-
-def _refuse_missing(what: str, table: pd.DataFrame, columns: Sequence[str]) -> None:
-    missing = [name for name in columns if name not in table]
-    if missing:
-        raise StereocalError(f"{what} has no column {missing[0]}.")

@@ -20,6 +20,7 @@ from stereocal.rig.field_of_view import beyond_view
 from stereocal.rig.rigid_object import Held, RigidObject
 from stereocal.system.answers import TableAnswer
 from stereocal.system.numbers import count
+from stereocal.system.tables import refuse_missing
 
 LONGEST_NAME = 64
 LETTERS, OTHERS = "LMN", " -_."
@@ -107,7 +108,7 @@ class Recording(TableAnswer):
         """
         if "camera" not in table:
             wide = ["frame", "target", *(f"{axis}_{which}" for which in cameras for axis in "uv")]
-            _refuse_missing(table, wide)
+            refuse_missing("The table", table, wide)
             parts = [
                 table[["frame", "target"]].assign(
                     camera=which, u=table[f"u_{which}"], v=table[f"v_{which}"]
@@ -115,7 +116,7 @@ class Recording(TableAnswer):
                 for which in cameras
             ]
             table = pd.concat(parts, ignore_index=True).dropna(subset=["u", "v"])
-        _refuse_missing(table, ["frame", "camera", "target", "u", "v"])
+        refuse_missing("The table", table, ["frame", "camera", "target", "u", "v"])
         return cls.from_arrays(
             table["frame"],
             table["camera"],
@@ -385,13 +386,6 @@ def _numbers(what: str, values: npt.ArrayLike) -> FloatArray:
         return np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise StereocalError(f"Not every {what} is a number: {error}.") from None
-
-
-def _refuse_missing(table: pd.DataFrame, columns: Iterable[str]) -> None:
-    """Raise an error if the table has not all columns."""
-    for column in columns:
-        if column not in table:
-            raise StereocalError(f"The table has no column {column}.")
 
 
 def _codes(what: str, values: Iterable[Hashable], names: Sequence[str]) -> IntArray:

@@ -2,14 +2,22 @@
 
 import textwrap
 from collections.abc import Sequence
+from dataclasses import fields
 from html import escape
+from typing import Any, TypeVar
 
 import pandas as pd
 
+Kind = TypeVar("Kind")
 MOST_LINES, WIDTH = 12, 100
 """Of the text at a prompt."""
 MOST_ROWS = 8
 """Of the table in a notebook."""
+
+
+def answering(kind: type[Kind], found: Any) -> Kind:
+    """A result as one of a kind that says its answer, and has no fields of its own."""
+    return kind(*(getattr(found, field.name) for field in fields(found)))
 
 
 class Answer:

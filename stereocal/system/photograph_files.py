@@ -6,7 +6,7 @@ their content, never under their own name.
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
 from pathlib import Path, PurePosixPath
 from typing import TypeVar
@@ -64,6 +64,18 @@ def photographs_in(source: Path, store: Path, progress: Progress | None = None) 
         raise StereocalError(
             f"{source}: there is no photograph in it (PNG, JPEG, TIFF, BMP or PGM)."
         )
+    return found
+
+
+def photographs_of(sources: Iterable[Path], store: Path) -> dict[str, Path]:
+    """The photographs of files, folders and zips, those unpacked into `store`; of two with one name
+    the second has that of its source too."""
+    found: dict[str, Path] = {}
+    for source in sources:
+        alone = source.is_file() and source.suffix.lower() != ".zip"
+        own = {source.name: source} if alone else photographs_in(source, store)
+        for name, path in own.items():
+            found[name if name not in found else str(source / name)] = path
     return found
 
 

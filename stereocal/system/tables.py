@@ -114,6 +114,13 @@ def text_of(content: bytes, source: str) -> str:
     return text
 
 
+def refuse_missing(what: str, table: pd.DataFrame, columns: Sequence[str]) -> None:
+    """Raise an error if a table in memory has not all columns."""
+    missing = [name for name in columns if name not in table]
+    if missing:
+        raise StereocalError(f"{what} has no column {missing[0]}.")
+
+
 def check_names(
     names: Sequence[str], required: Sequence[str], known: Sequence[str], source: str
 ) -> None:

@@ -142,3 +142,15 @@ def _text(value: Any) -> str:
     if isinstance(value, bytes):
         value = value.decode("ascii", "ignore")
     return "" if value is None else str(value).strip("\0 ")
+
+
+def when_taken(photographs: Mapping[str, Path]) -> dict[str, Taken]:
+    """When each photograph was taken, by its header, its name or its file's time."""
+    found = {}
+    for name, path in photographs.items():
+        try:
+            modified = path.stat().st_mtime
+        except OSError:  # reported where the photograph is read
+            modified = None
+        found[name] = read_taken(path, name, modified)
+    return found
