@@ -9,6 +9,7 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
+from stereocal.evaluation import evaluate as evaluation
 from stereocal.formats import correspondences_csv
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.frames.frame import correspondences_of
@@ -152,6 +153,29 @@ def test_a_calibration_in_hand_is_not_read_back_and_a_stored_one_not_fitted_agai
     assert calibration is not None and calibration.refined is not None
     again = refine(calibration.fitted, calibration.refined.settings)
     assert np.array_equal(again.p_covariance, calibration.refined.p_covariance)
+
+
+def test_a_move_of_a_slider_computes_the_methods_of_the_paper_once(
+    pressed: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = go(pressed, "validate")
+    app.slider(key="validate_runs").set_value(10).run()
+    ended(project_of(app, home), "evaluation")
+    searched: list[int] = []
+    original = evaluation.paper_angles
+
+    def count(dataset: Any, rows: Any, settings: Any, *seeds: Any) -> Any:
+        if settings.search.maximum_moves > 1:
+            searched.append(1)
+        return original(dataset, rows, settings, *seeds)
+
+    monkeypatch.setattr(evaluation, "paper_angles", count)
+    for key, value in (("acceptance", 0.3), ("validate_frames", 15)):
+        (slider,) = [one for one in app.slider if one.key and one.key.startswith(key)]
+        slider.set_value(value).run()
+        ended(project_of(app, home), "evaluation")
+        assert len(searched) == 10
+        searched.clear()
 
 
 def click_meanwhile(monkeypatch: pytest.MonkeyPatch, function: str) -> list[object]:
