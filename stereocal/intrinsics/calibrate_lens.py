@@ -31,6 +31,7 @@ from stereocal.intrinsics.lens_fit import (
     LensSettings,
     boards_of,
     camera_of,
+    least_squares_errors,
     residuals_of,
     rms_px,
     solve_lens,
@@ -99,7 +100,12 @@ class LensCalibration:
         views, repeats = len(self.search.views), len(self.drawn)
         variance = self.spread**2
         jackknife = self.per_draw / (views - self.per_draw) * variance
-        return np.asarray(np.sqrt(jackknife + MEDIAN_OVER_MEAN * variance / repeats))
+        sigma = np.asarray(np.sqrt(jackknife + MEDIAN_OVER_MEAN * variance / repeats))
+        if views >= FEWEST_VIEWS:
+            return sigma
+        own = self.search
+        least = least_squares_errors(own.pattern, own.views, own.image_size, self.settings)
+        return np.asarray(np.maximum(sigma, least))
 
     @cached_property
     def correlation(self) -> FloatArray:
@@ -255,13 +261,12 @@ def _draw_size(search: BoardSearch, settings: LensSettings) -> int:
     views = len(search.views)
     if views > settings.subset:
         return settings.subset
-    if views >= FEWEST_VIEWS:
-        return 2 * views // 3
+    if views > MINIMUM_VIEWS:
+        return max(MINIMUM_VIEWS, 2 * views // 3)
     photographs = views + len(search.refused)
     of_all = f"{views} of {photographs}" if search.refused else str(views)
     there = "1 photograph" if photographs == 1 else f"{of_all} photographs"
-    few = f" Or draw fewer than {views} each time." if views > MINIMUM_VIEWS else ""
     raise StereocalError(
-        f"The board was found in {there}: at least {FEWEST_VIEWS} are needed; about "
-        f"{RECOMMENDED_VIEWS} are recommended.{few}"
+        f"The board was found in {there}: at least {MINIMUM_VIEWS + 1} are needed; about "
+        f"{RECOMMENDED_VIEWS} are recommended."
     )

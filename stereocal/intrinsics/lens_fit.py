@@ -20,7 +20,7 @@ from stereocal.system.settings import Settings, described
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 """For the usual lens; a fisheye has `FISHEYE_UNKNOWNS`, and a ninth that is not used."""
 FEWEST_VIEWS = 8
-"""Photographs below which draws are not made smaller unasked, and models not compared."""
+"""Photographs below which models are not compared, and draws alone do not tell the errors."""
 MINIMUM_VIEWS = 3
 """Two photographs give four equations for the four parameters of K, and nothing to check them."""
 SMALLEST_BOARD = 4
@@ -104,6 +104,26 @@ def solve_lens(
         cv2.setNumThreads(1)
     if settings.model == "fisheye":
         return fit_fisheye(boards_of(pattern, views), image_size, start)
+    return _usual_lens(pattern, views, image_size, settings)[0]
+
+
+def least_squares_errors(
+    pattern: BoardPattern,
+    views: Sequence[BoardView],
+    image_size: tuple[int, int],
+    settings: LensSettings,
+) -> FloatArray:
+    """(9,): standard errors of `PARAMETERS` of the usual lens by the residuals of the corners."""
+    return _usual_lens(pattern, views, image_size, settings)[1]
+
+
+def _usual_lens(
+    pattern: BoardPattern,
+    views: Sequence[BoardView],
+    image_size: tuple[int, int],
+    settings: LensSettings,
+) -> tuple[FloatArray, FloatArray]:
+    """(9,): `PARAMETERS`, and (9,): their standard errors as OpenCV has them."""
     boards = (
         [pattern.points[view.ids].astype("f4") for view in views],
         [view.corners.astype("f4") for view in views],
@@ -112,12 +132,13 @@ def solve_lens(
     flags = cv2.CALIB_FIX_K3 * settings.fix_k3
     flags += cv2.CALIB_ZERO_TANGENT_DIST * settings.zero_tangential
     try:
-        _, K, distortion, *_ = cv2.calibrateCamera(
+        _, K, distortion, _, _, sigma, *_ = cv2.calibrateCameraExtended(
             *boards, np.eye(3), np.zeros(5), flags=flags, criteria=CRITERIA
         )
     except cv2.error as error:
         raise StereocalError(UNDETERMINED) from error
-    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(distortion)[:5]])
+    values = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(distortion)[:5]])
+    return values, np.asarray(sigma, dtype=np.float64).ravel()[: len(PARAMETERS)]
 
 
 def held_out_px(search: BoardSearch, settings: LensSettings) -> dict[LensModel, FloatArray]:
