@@ -6,30 +6,31 @@ chance: of lenses of 9 degrees the essential matrix hardly fixes the lengths. So
 are suspects; `refined.best_reading` judges them, with all the images and lengths in one fit.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from stereocal.calibration.essential import calibrate_essential
-from stereocal.calibration.readings import (
-    ONE_OR_BOTH,
-    Reading,
-    changed,
+from stereocal.calibration.corrections import (
+    Given,
+    cameras_of,
     fitting_px,
-    readings_of_cameras,
     same_lens,
     scaled,
     whose,
+    with_changed,
 )
+from stereocal.calibration.essential import calibrate_essential
+from stereocal.calibration.readings import Group, Reading
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import Camera, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
+from stereocal.rig.recording import Recording
 from stereocal.system.numbers import rounded
 
 MINIMUM_BARS = 10
@@ -108,26 +109,28 @@ def pose_fit(dataset: Dataset, pose: Pose) -> PoseFit:
     return PoseFit(float(np.nanmedian(px)), spread, float(np.exp(median)), free)
 
 
-def suspects(dataset: Dataset, of: Sequence[CameraName] | None = None) -> list[Reading]:
-    """The readings of the camera files and of the labels that seem to fit better; all of them where
-    the points do not fit as they are given.
+def suspects(
+    shown: Dataset, readings: Iterable[Reading[Given]], seen: Callable[[Given], Dataset]
+) -> list[Reading[Given]]:
+    """The readings that seem to fit better; all of them where the points do not fit as they are
+    given.
 
     Args:
-        of: only readings that change these cameras and no other; None: all.
+        shown: two cameras, by which the readings are judged.
+        seen: these two, of corrected data.
     """
-    found: list[Reading] = []
-    if len(dataset.correspondences.bars) < MINIMUM_BARS:
+    found: list[Reading[Given]] = []
+    if len(shown.correspondences.bars) < MINIMUM_BARS:
         return found
-    nominal = essential_fit(dataset)
-    readings = [it for it in readings_of_cameras(dataset) if of is None or it.cameras == tuple(of)]
-    if not (nominal.px < fitting_px(dataset) and nominal.spread < LENGTH_TOLERANCE):
-        return readings
+    nominal = essential_fit(shown)
+    if not (nominal.px < fitting_px(shown) and nominal.spread < LENGTH_TOLERANCE):
+        return list(readings)
     for reading in readings:
         if reading.is_likely:
             found.append(reading)
             continue
         with suppress(StereocalError):
-            gains = _gains(nominal, essential_fit(reading.corrected()))
+            gains = _gains(nominal, essential_fit(seen(reading.corrected())))
             if min(gains) > 1.0 and max(gains) > POSSIBLE_GAIN:
                 found.append(reading)
     return found
@@ -140,31 +143,27 @@ def _gains(nominal: PoseFit, reading: PoseFit) -> tuple[float, float]:
     return nominal.px / max(reading.px, 1e-9), nominal.spread / max(reading.spread, 1e-9)
 
 
-def scaled_readings(
-    dataset: Dataset, tried: Sequence[Sequence[CameraName]] = ONE_OR_BOTH
-) -> Iterator[Reading]:
-    """Another focal length, or size of the images, of one camera, of the other, and of both, each
-    at its best factor."""
-    for of_size in (False, True):
-        for cameras in tried:
-            camera: Camera = getattr(dataset, cameras[0])
-            if of_size and camera.size_factor is not None:
-                continue  # K contradicts the image size: a reading of its own
-            focal = FOCAL_RANGE * camera.image_size[0] / camera.K[0, 0]
-            corrected = partial(_rescaled, dataset, cameras, of_size)
-            best = _best_factor(corrected, SIZE_FACTORS if of_size else focal)
-            if best is None or (of_size and abs(np.exp(best) - 1.0) < SMALLEST_RESIZE):
-                continue
-            message = _size_message if of_size else _focal_message
-            claim, remedy = message(dataset, cameras, float(np.exp(best)))
-            yield Reading(claim, remedy, partial(corrected, best), tuple(cameras))
+def scaled_readings(data: Given, groups: Sequence[Group]) -> Iterator[Reading[Given]]:
+    """Another focal length, or size of the images, of the cameras of each group, at its best
+    factor."""
+    for of_size, group in product((False, True), groups):
+        camera = cameras_of(group.shown)[group.roles[0]]
+        if of_size and camera.size_factor is not None:
+            continue  # K contradicts the image size: a reading of its own
+        focal = FOCAL_RANGE * camera.image_size[0] / camera.K[0, 0]
+        shown = partial(_rescaled, group.shown, group.roles, of_size)
+        best = _best_factor(shown, SIZE_FACTORS if of_size else focal)
+        if best is None or (of_size and abs(np.exp(best) - 1.0) < SMALLEST_RESIZE):
+            continue
+        message = _size_message if of_size else _focal_message
+        claim, remedy = message(data, group.names, float(np.exp(best)))
+        corrected = partial(_rescaled, data, group.names, of_size, best)
+        yield Reading(claim, remedy, corrected, group.names, is_estimated=True)
 
 
-def _rescaled(
-    dataset: Dataset, cameras: Sequence[CameraName], of_size: bool, log_factor: float
-) -> Dataset:
+def _rescaled(data: Given, names: Sequence[str], of_size: bool, log_factor: float) -> Given:
     change = partial(scaled, factor=float(np.exp(log_factor)), with_centre=of_size)
-    return changed(dataset, cameras, change)
+    return with_changed(data, names, change)
 
 
 def inconsistency_message(dataset: Dataset, nominal: PoseFit | None = None) -> str:
@@ -190,30 +189,31 @@ def inconsistency_message(dataset: Dataset, nominal: PoseFit | None = None) -> s
 
 
 def _size_message(
-    dataset: Dataset, cameras: Sequence[CameraName], factor: float
+    data: Dataset | Recording, names: Sequence[str], factor: float
 ) -> tuple[str, str]:
-    width, height = getattr(dataset, cameras[0]).image_size
+    width, height = cameras_of(data)[names[0]].image_size
     return (
-        f"The {whose(cameras)} points seem to be measured in images of about {width * factor:.0f}x"
-        f"{height * factor:.0f} px, {rounded(factor)} times the size in the camera file, "
-        f"{width}x{height} px",
+        f"The {whose(data, names)} points seem to be measured in images of about "
+        f"{width * factor:.0f}x{height * factor:.0f} px, {rounded(factor)} times the size in the "
+        f"camera file, {width}x{height} px",
         "Give the points in pixels of the images that the lens was calibrated for, or the camera "
         "file for the images in which they were measured.",
     )
 
 
 def _focal_message(
-    dataset: Dataset, cameras: Sequence[CameraName], factor: float
+    data: Dataset | Recording, names: Sequence[str], factor: float
 ) -> tuple[str, str]:
+    cameras = [cameras_of(data)[name] for name in names]
     stated, fitting = (
-        " and ".join(f"{scale * getattr(dataset, which).K[0, 0]:.0f}" for which in cameras)
+        " and ".join(f"{scale * camera.K[0, 0]:.0f}" for camera in cameras)
         for scale in (1.0, factor)
     )
-    same = " Both cameras have the same lens: was one file used twice?"
-    if not same_lens(dataset.primary, dataset.secondary):
-        same = ""
+    same = ""
+    if isinstance(data, Dataset) and same_lens(data.primary, data.secondary):
+        same = " Both cameras have the same lens: was one file used twice?"
     return (
-        f"The {whose(cameras)} lens cannot have the stated focal length of {stated} px; "
+        f"The {whose(data, names)} lens cannot have the stated focal length of {stated} px; "
         f"about {fitting} px would fit",
         "Calibrate it again, or check whether the file belongs to this camera, lens and image "
         f"size.{same}",

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from stereocal.calibration.readings import FITTING
+from stereocal.calibration.corrections import FITTING
 from stereocal.errors import StereocalError
 from stereocal.matching.point_table import POINT, PointTable
 from stereocal.network.rig_file import RigFile

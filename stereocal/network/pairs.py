@@ -159,12 +159,17 @@ def _fit(recording: Recording, pair: CameraPair, settings: RigSettings) -> Refin
     return refine(dataset, priors)
 
 
-def reached(cameras: Sequence[str], pairs: Iterable[CameraPair]) -> list[str]:
-    """The largest group of cameras that pairs connect, in the cameras' order."""
+def groups_of(cameras: Sequence[str], pairs: Iterable[CameraPair]) -> dict[str, set[str]]:
+    """Of each camera those that pairs connect with it, itself among them."""
     groups = {name: {name} for name in cameras}
     for first, second in pairs:
         joined = groups[first] | groups[second]
         for name in joined:
             groups[name] = joined
-    largest = max(groups.values(), key=len)
+    return groups
+
+
+def reached(cameras: Sequence[str], pairs: Iterable[CameraPair]) -> list[str]:
+    """The largest group of cameras that pairs connect, in the cameras' order."""
+    largest = max(groups_of(cameras, pairs).values(), key=len)
     return [name for name in cameras if name in largest]

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from stereocal.calibration.corrections import FITTING
 from stereocal.calibration.offset_scan import FEWEST, Track, common_points, scan
-from stereocal.calibration.readings import FITTING
 from stereocal.errors import StereocalError
 from stereocal.network.frame_rates import at_slowest
 from stereocal.network.pairs import reached

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.calibration.board_numbering import check_numbering
-from stereocal.calibration.readings import fewer_corners
+from stereocal.calibration.corrections import fewer_corners
 from stereocal.calibration.wrong_inputs import MINIMUM_BARS
 from stereocal.errors import StereocalError
 from stereocal.refined.diagnosis import explain_failure

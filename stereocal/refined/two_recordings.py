@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.calibration.readings import fewer_corners
+from stereocal.calibration.corrections import fewer_corners
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.robust import RobustFit

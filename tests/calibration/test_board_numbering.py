@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.board_numbering import check_numbering, note_on_ways_round
-from stereocal.calibration.readings import fewer_corners
+from stereocal.calibration.corrections import fewer_corners
 from stereocal.errors import StereocalError
 from stereocal.refined.free_baseline import with_baseline_found
 from tests.rigs.board_mistakes import MISTAKES, images_mirrored
