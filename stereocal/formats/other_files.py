@@ -53,15 +53,22 @@ def refuse_other_camera(content: bytes, source: str, may_be_toml: bool = False) 
         )
 
 
-def refuse_camera_list(content: bytes, source: str) -> None:
-    """Reject COLMAP's or Qualisys's list of cameras in place of a table of points."""
+def no_table(content: bytes) -> str | None:
+    """What a text is that is no table of points: COLMAP's or Qualisys's list of cameras, or XML."""
     text = content[:2000].decode("utf-8-sig", errors="replace")
     for program, pattern in CAMERA_LISTS.items():
         if pattern.search(text):
-            raise StereocalError(
-                f"{source}: this is a list of cameras of {program}, not a table of points, and its "
+            return (
+                f"this is a list of cameras of {program}, not a table of points, and its "
                 f"lenses are not read here: write each lens into a JSON file, {OUR_JSON}"
             )
+    return "this is XML or HTML, and no table of points" if text.lstrip().startswith("<") else None
+
+
+def refuse_no_table(content: bytes, source: str) -> None:
+    """Reject a text that is no table of points."""
+    if (problem := no_table(content)) is not None:
+        raise StereocalError(f"{source}: {problem}")
 
 
 def refuse_other_points(content: bytes, source: str) -> None:

@@ -9,7 +9,7 @@ from typing import Literal
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.exchange import READ, format_of
 from stereocal.formats.file_storage import LARGEST_BYTES
-from stereocal.formats.other_files import is_hdf5, is_matlab
+from stereocal.formats.other_files import is_hdf5, is_matlab, no_table
 from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.recording_files import DESCRIPTION
 from stereocal.frames.video.decoding import SUFFIXES as VIDEO_SUFFIXES
@@ -92,6 +92,8 @@ def recognise(name: str, content: bytes) -> Recognised:
         or _by_text(name, content)
         or _by_suffix(name, suffix)
     )
+    if kind == "table" and (problem := no_table(content)) is not None:
+        return Recognised(None, f"{problem}.")
     return Recognised(kind) if kind else Recognised(None, f"the file is not known; {ACCEPTED}.")
 
 

@@ -22,6 +22,7 @@ ALONE: Mapping[CameraName, re.Pattern[str]] = {
 }
 """Words that tell the camera of a file without one of the other camera beside it. Numbers do not:
 `cam1` is the first of 1 and 2, and the second of 0 and 1."""
+_NUMBERED = re.compile(r"(?<![a-z])(?:cam(?:era)?|gopro|view|sensor)[ _-]?0*([0-9]{1,3})(?![0-9])")
 _SUFFIX = re.compile(r"[ _.-]0*([0-3])$")
 _NUMBER_OF_CAMERA = re.compile(r"(?:cam(?:era)?)?[\s_.-]*0*(?=.)")
 ALIKE = 0.3
@@ -207,6 +208,25 @@ def _lots(names: Iterable[str]) -> dict[str, list[tuple[int, str]]]:
         number = 0 if at is None else int(at[0][-15:])
         lots.setdefault(f"{path.parent}/{blanked}".lower(), []).append((number, name))
     return lots
+
+
+def numbered_cameras(names: Iterable[str]) -> dict[str, list[str]]:
+    """The files of three cameras and more, `cam01` to `cam04`, that folders or names number.
+
+    Empty if a name has no number, there are fewer cameras, or the number counts the files.
+    """
+    found: dict[int, dict[str, str]] = {}
+    for name in names:
+        path = PurePosixPath(name.replace("\\", "/").lower())
+        hits = (_NUMBERED.search(part) for part in (path.stem, *reversed(path.parent.parts)))
+        hit = next((hit for hit in hits if hit), None)
+        if hit is None:
+            return {}
+        found.setdefault(int(hit[1]), {})[name] = hit[0]
+    counts = [len(of_camera) for of_camera in found.values()]
+    if len(found) < 3 or min(counts) < max(2, SMALL * max(counts)):
+        return {}
+    return {next(iter(found[number].values())): [*found[number]] for number in sorted(found)}
 
 
 def which_of(names: Iterable[str], cameras: Sequence[str]) -> dict[str, str]:

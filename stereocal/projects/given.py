@@ -16,7 +16,14 @@ from stereocal.formats.exchange.exchange import camera_names
 from stereocal.formats.other_files import is_matlab
 from stereocal.formats.recognition import recognise
 from stereocal.frames.all_cameras import by_folder
-from stereocal.frames.which_camera import Series, WhichCamera, series_of, which_camera, which_of
+from stereocal.frames.which_camera import (
+    Series,
+    WhichCamera,
+    numbered_cameras,
+    series_of,
+    which_camera,
+    which_of,
+)
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import INPUT, Project, ProjectPart
@@ -77,9 +84,17 @@ class ProjectGiven(ProjectPart):
         return _SIDES.once(about, lambda: which_camera(files, taken=self.photographs.taken))
 
     @property
+    def numbered_cameras(self) -> tuple[str, ...]:
+        """The cameras that photographs of three and more name, while no camera files are there."""
+        if self.is_of_rig or not self.sides.open:
+            return ()
+        return tuple(numbered_cameras(self.photographs.photographs))
+
+    @property
     def is_undivided(self) -> bool:
-        """Whether it is to be asked first which camera took which photographs."""
-        return len(self.open_series) > 0 and not self.sides.known
+        """Whether it is to be settled first which camera took which photographs."""
+        undivided = len(self.open_series) > 0 and not self.sides.known
+        return undivided or len(self.numbered_cameras) > 0
 
     @property
     def photographs_in_words(self) -> str:

@@ -229,6 +229,14 @@ def _ask(key: str, question: str, answers: Mapping[str, Callable[[], None]]) -> 
 
 def ask_whose(project_files: ProjectGiven) -> None:
     """Which camera took photographs, and whose a camera file is, one question at a time."""
+    if several := project_files.numbered_cameras:
+        st.info(
+            f"The photographs are of {len(several)} cameras: {', '.join(several)}. To calibrate "
+            "all, drop a camera file of each here too; *Lenses* makes one from photographs of a "
+            "board. To calibrate two of them, remove the photographs and drop those of two."
+        )
+        st.button(REMOVE, key="several_cameras", on_click=project_files.photographs.clear)
+        return
     series = project_files.open_series
     cameras = project_files.rig_cameras if project_files.is_of_rig else CAMERAS
     if len(series) == 2 and not project_files.is_of_rig:

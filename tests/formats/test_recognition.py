@@ -52,6 +52,12 @@ WAND = b"\n".join(b"1.5,2.5,3.5,4.5,5.5,6.5,7.5,8.5" for _ in range(4))
         ("table.xlsx", zipped({"[Content_Types].xml": b""}), None),
         ("plan.json", b'{"format": "stereocal-plan/1"}', None),
         ("notes.md", b"bring the bar", None),
+        (
+            "Calib.qca.txt",
+            b"<?xml version='1.0'?>\n<calibration a='1' b='2'>\n<camera c='3' d='4'/>",
+            None,
+        ),
+        ("table.csv", b"<html><body>a,b\n1,2\n</body></html>", None),
         ("empty.png", b"", None),
     ],
 )

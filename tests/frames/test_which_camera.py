@@ -2,7 +2,7 @@
 
 import pytest
 
-from stereocal.frames.which_camera import which_camera, which_of
+from stereocal.frames.which_camera import numbered_cameras, which_camera, which_of
 from tests.frames.test_pairing import STYLES
 
 IMG = [f"IMG_{number}.jpg" for number in range(1001, 1026)]
@@ -80,3 +80,12 @@ def test_any_number_of_named_cameras() -> None:
     }
     found = which_of(names, ["left", "mid", "1", "2"])
     assert found == {name: camera for name, camera in names.items() if camera}
+
+
+def test_photographs_of_four_cameras_are_not_taken_for_those_of_two() -> None:
+    names = [f"int_cam0{c}_img/cam0{c}_0{n}_int.jpg" for c in (1, 2, 3, 4) for n in range(1, 8)]
+    assert [*numbered_cameras(names)] == ["cam01", "cam02", "cam03", "cam04"]
+    folders = [f"GoPro {c}/IMG_{n}.jpg" for c in (1, 2, 3) for n in range(5)]
+    assert {len(own) for own in numbered_cameras(folders).values()} == {5}
+    assert not numbered_cameras([f"cam_{n:04}.jpg" for n in range(25)])  # one camera's frames
+    assert not numbered_cameras(names[:14]) and not numbered_cameras([*names, "field.jpg"])

@@ -488,3 +488,16 @@ def test_names_that_do_not_match_are_reported(app: AppTest, home: Path) -> None:
     given(app, {f"{name}.json": write_camera(own) for name, own in CAMERAS.items()})
     give(app, {f"{camera}/{name}.png": photo for camera, name in zip(CAMERAS, "abc", strict=True)})
     assert "name those of one moment alike" in told(app, "warning")
+
+
+def test_photographs_of_three_cameras_ask_for_their_camera_files(app: AppTest) -> None:
+    files, _ = photographed_bars()
+    three = {
+        f"int_cam{number}/{at}.png": content
+        for number, name in enumerate(CAMERAS, start=1)
+        for at, content in enumerate([c for each, c in files.items() if each.startswith(name)][:3])
+    }
+    drop(go(app, "data"), {"boards.zip": zipped(three)})
+    assert "of 3 cameras: cam1, cam2, cam3" in told(app, "info")
+    drop(app, {f"cam{n}.json": write_camera(c) for n, c in enumerate(CAMERAS.values(), start=1)})
+    assert "cam1 3, cam2 3, cam3 3" in told(app, "markdown")

@@ -16,7 +16,7 @@ from stereocal.formats.exchange.chosen_cameras import chosen_pair, has_cameras, 
 from stereocal.formats.exchange.exchange import camera_names, format_of, read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.matlab_file import SAVE_AGAIN
-from stereocal.formats.other_files import is_hdf5, is_matlab, refuse_camera_list
+from stereocal.formats.other_files import is_hdf5, is_matlab, refuse_no_table
 from stereocal.formats.point_answers import (
     layout_as_stated,
     layout_by_hand,
@@ -141,7 +141,7 @@ def sorted_files(files: Mapping[str, bytes]) -> tuple[str, dict[str, bytes], Eas
     tables = [name for name, content in files.items() if is_table(name, content)]
     others = {name: each for name, each in files.items() if name not in tables}
     for name in tables:
-        refuse_camera_list(files[name], name)
+        refuse_no_table(files[name], name)
     for name, content in others.items():
         if is_hdf5(content):
             raise StereocalError(
