@@ -110,7 +110,7 @@ def answer(store: ProjectClicks, how: ClickMeasure, footage: Footage, click: Cli
     measured.sentence(place)
     measured.in_words((place, Place(click.track, click.frame - 1)))
     measured.in_words(*measured.common(*BOTH))
-    how.curve(click)
+    how.curve(click, CAMERAS[click.camera == CAMERAS[0]])
     return time.process_time() - start
 
 
@@ -119,7 +119,7 @@ def main() -> None:
     flights, how = Flights.before_the_field(), ClickMeasure(sets["2d"], sets["refined"])
     for noise_px in (1.0, 0.3):
         lengths(flights, how, noise_px)
-    paths = {camera: SAMPLES / "flight" / f"{camera}.mp4" for camera in CAMERAS}
+    paths = {str(camera): SAMPLES / "flight" / f"{camera}.mp4" for camera in CAMERAS}
     footage = of_videos(paths, {camera: path.name for camera, path in paths.items()})
     drift(footage)
     for frames in (5, 50, 500):

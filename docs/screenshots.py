@@ -117,10 +117,9 @@ def project_of_recording(page: Page, url: str) -> str:
 def project_of_photographs(page: Page, url: str) -> str:
     """Open the sample photographs and find the targets; the query of its addresses."""
     query = open_sample(page, url, "Sample photographs")
-    find = page.get_by_role("button", name="Find the targets")
-    if find.count():
-        find.click()
-        settle(page)
+    page.get_by_role("button", name="Find the targets").click()
+    expect(page.get_by_text("25 frames:").first).to_be_visible(timeout=10 * LONGEST_MS)
+    settle(page)
     return query
 
 

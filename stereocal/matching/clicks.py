@@ -1,7 +1,8 @@
-"""Points that a person clicks in both images, and what they measure: with the sets, the threshold
-and the noise of `match` and `reconstruct`, as they will be in `pairs.csv` and `points.csv`.
+"""Points that a person clicks in the images of two cameras or more, and what they measure: with the
+parameters, threshold and noise of `match` and `reconstruct`, as they will be in `points.csv`.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -10,30 +11,34 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.special import chdtri
 
 from stereocal.errors import StereocalError
 from stereocal.matching.in_step import points_in_step
 from stereocal.matching.pairs import PairMatching, Stated, sample_frames
 from stereocal.matching.point_table import POINT
-from stereocal.matching.reconstruction import Points3D, noise_of_file, reconstruct_points
-from stereocal.matching.threshold import ThresholdChoice
+from stereocal.matching.reconstruction import noise_of_file
+from stereocal.matching.tracks import noise_of_tracks
 from stereocal.matching.trajectories import TRACK
+from stereocal.matching.view_groups import LOST, ViewFitter
+from stereocal.network.rig_file import RigFile
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.two_views import shared_unknowns
-from stereocal.refined.uncertainty import length_variances
-from stereocal.rig.camera import CAMERAS, CameraName
-from stereocal.rig.compiled import FloatArray
-from stereocal.rig.correspondences import PIXELS
+from stereocal.refined.uncertainty import point_errors
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.epipolar_curve import epipolar_curve
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
 
 CLICK_PX = 1.0
-"""Noise of a click, one standard deviation of a coordinate, until the pairs show their own."""
+"""Noise of a click, one standard deviation of a coordinate, until the points show their own."""
+FEWEST = 2
+"""Cameras that place a point; further ones improve it."""
 Source = Literal["clicked", "snapped", "followed"]
-Key = tuple[int, CameraName, str]
-SUFFIXES = (f"_{CAMERAS[0]}", f"_{CAMERAS[1]}")
+Key = tuple[int, str, str]
+Parameters = RigParameters | RigFile
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,7 @@ class Click:
     """A point in one image, in raw pixels."""
 
     frame: int
-    camera: CameraName
+    camera: str
     track: str
     u: float
     v: float
@@ -66,7 +71,7 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True)
 class Clicks:
-    """Points clicked in both images: each track has at most one in an image."""
+    """Points clicked in the images: each track has at most one in an image."""
 
     every: Mapping[Key, Click]
 
@@ -84,41 +89,38 @@ class Clicks:
         """In the order of their first clicks."""
         return list(dict.fromkeys(each.track for each in self.every.values()))
 
-    def at(self, frame: int, camera: CameraName) -> list[Click]:
+    def at(self, frame: int, camera: str) -> list[Click]:
         """Those in one image."""
         return [each for each in self.every.values() if each.key[:2] == (frame, camera)]
 
-    def along(self, track: str, camera: CameraName) -> list[Click]:
+    def along(self, track: str, camera: str) -> list[Click]:
         """Those of a track in one camera, by frame."""
         own = [e for e in self.every.values() if e.track == track and e.camera == camera]
         return sorted(own, key=lambda each: each.frame)
 
     @property
-    def has_pairs(self) -> bool:
-        """Whether any point is in both images."""
-        return any((f, CAMERAS[1], t) in self.every for f, c, t in self.every if c == CAMERAS[0])
+    def are_points(self) -> bool:
+        """Whether any point is in the images of two cameras."""
+        return max(Counter((f, t) for f, _, t in self.every).values(), default=0) >= FEWEST
 
-    def tables(self, to_match: bool = False) -> dict[str, pd.DataFrame]:
-        """The points of each camera: `frame,u,v,track,source`.
+    def tables(self, cameras: Iterable[str], to_match: bool = False) -> dict[str, pd.DataFrame]:
+        """The points of each camera that has any: `frame,u,v,track,source`.
 
         Args:
-            to_match: only tracks that are in both, so that no other two are taken for one.
+            to_match: only tracks that two cameras have, so that no other two are taken for one.
         """
-        sides = [{e.track for e in self.every.values() if e.camera == c} for c in CAMERAS]
-        kept = sides[0] & sides[1] if to_match else sides[0] | sides[1]
-        columns = ["frame", "u", "v", TRACK, "source"]
-        rows = {
-            camera: [
+        seen_by = Counter(track for track, _ in {(t, c) for _, c, t in self.every})
+        columns = ["frame", *POINT, TRACK, "source"]
+        found = {}
+        for camera in cameras:
+            rows = [
                 [getattr(each, name) for name in columns]
                 for each in self.every.values()
-                if each.camera == camera and each.track in kept
+                if each.camera == camera and (not to_match or seen_by[each.track] >= FEWEST)
             ]
-            for camera in CAMERAS
-        }
-        return {
-            camera: pd.DataFrame(found, columns=columns).sort_values(["frame", TRACK])
-            for camera, found in rows.items()
-        }
+            if rows:
+                found[camera] = pd.DataFrame(rows, columns=columns).sort_values(["frame", TRACK])
+        return found
 
 
 class Length(NamedTuple):
@@ -134,71 +136,100 @@ class Length(NamedTuple):
         return f"{self.metres:.{decimals}f} ± {self.sigma_m:.{decimals}f} m"
 
 
-@dataclass(frozen=True)
-class Settled:
+class Settled(NamedTuple):
     """What is settled before points are measured."""
 
-    stated: Stated
-    threshold: ThresholdChoice
-
-    @property
-    def sigma_px(self) -> float:
-        """The noise of the clicks."""
-        assert self.threshold.noise is not None  # stated, or estimated
-        return self.threshold.noise.sigma_px
+    sigma_px: float
+    """The noise of the clicks."""
+    is_estimated: bool
+    threshold_px: float
+    """Of two cameras; of more, the noise decides."""
 
 
 @dataclass(frozen=True, eq=False)
 class ClickMeasure:
-    """The sets that match and measure, what is stated, and the world frame."""
+    """The parameters that match and measure, what is stated, and the world frame."""
 
-    matching: RigParameters
-    measuring: RigParameters
+    matching: Parameters
+    measuring: Parameters
+    """The same rig, where it is one of three cameras and more."""
     stated: Stated = field(default_factory=lambda: Stated(names=TRACK))
     world: Pose | None = None
 
     def settled(self, clicks: Clicks) -> Settled:
-        """The threshold and the noise, as of `pairs`; `CLICK_PX` where the pairs do not show their
-        own noise: that of the targets, which is taken of other points, is not that of a hand.
+        """The noise and the threshold, as of the tables; `CLICK_PX` where the points do not show
+        their own noise: that of the targets, which is taken of others, is not that of a hand.
         """
-        first, second = clicks.tables(to_match=True).values()
-        second, _ = points_in_step(second, POINT, self.matching)
+        stated, rig = self.stated, self.matching
+        if isinstance(rig, RigFile):
+            usual = Settled(stated.sigma_px or CLICK_PX, False, 0.0)
+            found = self.measured(clicks, usual)
+            noise = noise_of_tracks(rig, found.views, found.fits.chi_square, stated.sigma_px)
+            is_estimated = noise.source == "estimated"
+            return Settled(noise.sigma_px, True, 0.0) if is_estimated else usual
+        first, second = clicks.tables(CAMERAS, to_match=True).values()
+        second, _ = points_in_step(second, POINT, rig)
         sample, distinct = sample_frames(first, second), [first[[TRACK]], second[[TRACK]]]
-
-        def choose(stated: Stated) -> Settled:
-            settled = PairMatching.settled(self.matching, sample, distinct, stated)
-            return Settled(stated, settled.threshold)
-
-        stated = self.stated
         if stated.sigma_px is None:
             with suppress(StereocalError):  # without a threshold
-                found = choose(stated)
-                if found.threshold.noise and found.threshold.noise.source != "calibration":
-                    return found
+                chosen = PairMatching.settled(rig, sample, distinct, stated).threshold
+                if chosen.noise and chosen.noise.source != "calibration":
+                    return Settled(chosen.noise.sigma_px, True, chosen.threshold_px)
             stated = replace(stated, sigma_px=CLICK_PX)
-        return choose(stated)
+        chosen = PairMatching.settled(rig, sample, distinct, stated).threshold
+        return Settled(stated.sigma_px or CLICK_PX, False, chosen.threshold_px)
 
     def measured(self, clicks: Clicks, settled: Settled) -> "MeasuredClicks":
         """What the clicks measure."""
-        first, second = clicks.tables(to_match=True).values()
-        second, timing = points_in_step(second, POINT, self.matching)
-        pairs = first.merge(second, on=["frame", TRACK], suffixes=SUFFIXES)
-        pixels = pairs[list(PIXELS)].to_numpy(dtype=np.float64)
-        errors = self.matching.reprojection_errors(pixels[:, :2], pixels[:, 2:]).mean(axis=1)
-        return MeasuredClicks(self, settled, pairs.assign(error_px=errors), timing)
+        return MeasuredClicks(self, settled, *self._views(clicks))
 
-    def curve(self, click: Click, velocity: FloatArray | None = None) -> FloatArray:
-        """(n, 2): the epipolar line of a click in the other image, by the set that matches.
+    def _views(self, clicks: Clicks) -> tuple[list[Place], FloatArray, str]:
+        """The points that two cameras or more have, by frame; their pixels (n, c, 2), NaN where a
+        camera does not; and how those of a secondary camera were brought into step."""
+        tables, timing = clicks.tables(self.matching.placed, to_match=True), ""
+        if isinstance(self.matching, RigParameters):
+            second, timing = points_in_step(tables[CAMERAS[1]], POINT, self.matching)
+            tables[CAMERAS[1]] = second
+        seen: dict[Place, dict[str, tuple[float, float]]] = {}
+        for camera, table in tables.items():
+            for frame, track, u, v in table[["frame", TRACK, *POINT]].itertuples(index=False):
+                seen.setdefault(Place(str(track), int(frame)), {})[camera] = u, v
+        places = [place for place, own in seen.items() if len(own) >= FEWEST]
+        places.sort(key=lambda place: (place.frame, place.track))
+        none, cameras = (np.nan, np.nan), [*self.matching.placed]
+        pixels = [[seen[place].get(camera, none) for camera in cameras] for place in places]
+        return places, np.array(pixels).reshape(-1, len(cameras), 2), timing
+
+    def curve(self, click: Click, camera: str, velocity: FloatArray | None = None) -> FloatArray:
+        """(n, 2): the epipolar line of a click in another image, by the set that matches.
 
         Args:
             velocity: (2,) of the point in its own image, px per frame: the other camera sees it
                 later or earlier, by the time offset of the parameters.
         """
-        pixel, offset = np.array([click.u, click.v]), self.matching.time_offset
+        rig, which = self.matching, click.camera
+        if isinstance(rig, RigFile):
+            rig, which = rig.pair(which, camera), CAMERAS[0]
+        pixel, offset = np.array([click.u, click.v]), rig.time_offset
         if offset is not None and velocity is not None:
             later = float(offset.at([click.frame])[0])
-            pixel += velocity * (later if click.camera == CAMERAS[0] else -later)
-        return epipolar_curve(self.matching, click.camera, pixel)
+            pixel += velocity * (later if which == CAMERAS[0] else -later)
+        return epipolar_curve(rig, CAMERAS[which != CAMERAS[0]], pixel)
+
+
+class Fits(NamedTuple):
+    """Points of their pixels."""
+
+    xyz: FloatArray
+    """(n, 3): in the reference's frame; NaN where the rays do not meet in front of the cameras."""
+    chi_square: FloatArray
+    """(n,): of the pixels, for noise of 1 px; of two cameras unused."""
+    own: FloatArray
+    """(n, 3, 3): covariances by the noise of the pixels."""
+    by_shared: FloatArray
+    """(n, 3, q): derivatives by the parameters."""
+    shared: FloatArray
+    """(q, q): covariance of the parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,59 +238,78 @@ class MeasuredClicks:
 
     how: ClickMeasure
     settled: Settled
-    pairs: pd.DataFrame
-    """Of `frame` and `track`, in the columns of `pairs.csv`."""
+    places: list[Place]
+    pixels: FloatArray
+    """(n, c, 2): NaN where a camera does not see a point."""
     timing: str = ""
     """How the secondary points were brought into step."""
 
-    @cached_property
-    def _pixels(self) -> tuple[FloatArray, FloatArray]:
-        pixels = self.pairs[list(PIXELS)].to_numpy(dtype=np.float64)
-        return pixels[:, :2], pixels[:, 2:]
+    @property
+    def views(self) -> IntArray:
+        """(n,): the number of cameras that see each point."""
+        return np.asarray(np.isfinite(self.pixels[..., 0]).sum(axis=1))
 
     @cached_property
-    def _xyz(self) -> FloatArray:
-        """(n, 3) in the primary's frame."""
-        return self.how.measuring.reconstruct(*self._pixels)
+    def fits(self) -> Fits:
+        """As `reconstruct` has them."""
+        rig, sigma_px = self.how.measuring, self.settled.sigma_px
+        if isinstance(rig, RigFile):
+            fitter = ViewFitter(rig)
+            found = fitter.fits(self.pixels, fitter.rays(self.pixels), derivatives=True)
+            chi_square = np.nansum(np.square(found.residuals), axis=(1, 2))
+            own = sigma_px**2 * found.covariances
+            return Fits(found.points, chi_square, own, found.by_shared, rig.covariance)
+        xyz = rig.reconstruct(self.pixels[:, 0], self.pixels[:, 1])
+        about = shared_unknowns(rig), lenses_of_cameras(rig.primary, rig.secondary)
+        own, by_shared = point_errors(*about, sigma_px, xyz)
+        known = noise_of_file(rig)[1]
+        shared = np.zeros(2 * by_shared.shape[2:]) if known is None else known
+        return Fits(xyz, np.zeros(len(xyz)), own, by_shared, shared)
 
-    def point(self, row: int) -> Points3D:
-        """One point, as in `points.csv`."""
-        first, second = (side[row : row + 1] for side in self._pixels)
-        how, sigma_px = self.how, self.settled.sigma_px
-        return reconstruct_points(how.measuring, first, second, how.world, sigma_px)
+    @cached_property
+    def errors_px(self) -> tuple[FloatArray, FloatArray]:
+        """(n,) each: the reprojection errors, and the largest of clicks of one point."""
+        rig, settled = self.how.matching, self.settled
+        if isinstance(rig, RigFile):
+            limits = settled.sigma_px * np.sqrt(chdtri(2.0 * self.views - 3.0, LOST) / self.views)
+            return np.sqrt(self.fits.chi_square / self.views), limits
+        errors = rig.reprojection_errors(self.pixels[:, 0], self.pixels[:, 1]).mean(axis=1)
+        return errors, np.full(len(errors), settled.threshold_px)
 
     @cached_property
     def rows(self) -> dict[Place, int]:
-        """The row of each point that is in front of both cameras."""
-        known = np.asarray(np.isfinite(self._xyz).all(axis=1))
-        places = zip(self.pairs[TRACK], self.pairs["frame"], strict=True)
-        return {Place(str(t), int(f)): k for k, (t, f) in enumerate(places) if known[k]}
+        """The row of each point that is in front of its cameras."""
+        known = np.asarray(np.isfinite(self.fits.xyz).all(axis=1))
+        return {place: row for row, place in enumerate(self.places) if known[row]}
 
     def sentence(self, place: Place) -> str:
         """Error, and position with its standard error, of one of `rows` in words."""
-        row, limit_px = self.rows[place], self.settled.threshold.threshold_px
-        point = self.point(row)
-        error_px = float(self.pairs["error_px"].iloc[row])
-        fits = "below" if error_px <= limit_px else "above"
-        doubt = "" if error_px <= limit_px else ": not the same point, or clicked badly"
-        assert point.sigma_m is not None
-        numbers = zip("xyz", point.xyz[0].tolist(), point.sigma_m[0].tolist(), strict=True)
+        row, fits, world = self.rows[place], self.fits, self.how.world
+        xyz, by_shared = fits.xyz[row : row + 1], fits.by_shared[row]
+        covariance = fits.own[row] + by_shared @ fits.shared @ by_shared.T
+        volume = self.how.measuring.volume
+        outside = volume is not None and not volume.contains(xyz).all()
+        if world is not None:
+            xyz, covariance = world.apply(xyz), world.R @ covariance @ world.R.T
+        numbers = zip("xyz", xyz[0].tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
         where = ", ".join(f"{axis} {Length(value, sigma)}" for axis, value, sigma in numbers)
-        outside = point.outside_volume is not None and bool(point.outside_volume[0])
+        error_px, limit_px = (float(each[row]) for each in self.errors_px)
+        fit = "below" if error_px <= limit_px else "above"
+        doubt = "" if error_px <= limit_px else ": not the same point, or clicked badly"
         return (
-            f"{rounded(error_px)} px, {fits} the threshold of {rounded(limit_px, 3)} px{doubt}. "
-            f"{where}{', outside the volume of the bars' * outside}."
+            f"{rounded(error_px)} px, {fit} the threshold of {rounded(limit_px, 3)} px{doubt}. "
+            f"{where}{', outside the volume of the calibration' * outside}."
         )
 
     @property
     def tracks(self) -> list[str]:
-        """Those with any point in both images."""
+        """Those with any point."""
         return list(dict.fromkeys(each.track for each in self.rows))
 
     def beyond(self, frame: int) -> set[str]:
         """The tracks whose point in a frame has an error above the threshold."""
-        off = self.pairs["error_px"] > self.settled.threshold.threshold_px
-        return {*self.pairs.loc[off & (self.pairs["frame"] == frame), TRACK]}
+        found = zip(self.places, *self.errors_px, strict=True)
+        return {at.track for at, error, limit in found if at.frame == frame and error > limit}
 
     def in_words(self, *ends: tuple[Place, Place]) -> str:
         """The distance of two points, or the mean of several such, as a sentence; empty if none is
@@ -293,13 +343,13 @@ class MeasuredClicks:
         rows = [(self.rows[a], self.rows[b]) for a, b in ends if {a, b} <= {*self.rows}]
         if not rows or any(a == b for a, b in rows):
             return None
-        rig = self.how.measuring
-        first, second = self._xyz[np.array(rows).T]
-        metres = float(np.linalg.norm(first - second, axis=1).mean())
-        about = shared_unknowns(rig), lenses_of_cameras(rig.primary, rig.secondary)
-        own, by_shared = length_variances(*about, self.settled.sigma_px, first, second)
-        covariance, mean = noise_of_file(rig)[1], by_shared.mean(axis=0)
-        variance = own.sum() / len(rows) ** 2
-        if covariance is not None:
-            variance += mean @ covariance @ mean
-        return Length(metres, float(np.sqrt(variance)), len(rows))
+        fits, (one, other) = self.fits, np.array(rows).T
+        apart = fits.xyz[one] - fits.xyz[other]
+        metres = np.linalg.norm(apart, axis=1)
+        along = apart / metres[:, None]
+        own = np.einsum("ni,nij,nj->", along, fits.own[one] + fits.own[other], along)
+        mean = np.einsum("ni,niq->q", along, fits.by_shared[one] - fits.by_shared[other]) / len(
+            rows
+        )
+        variance = own / len(rows) ** 2 + mean @ fits.shared @ mean
+        return Length(float(metres.mean()), float(np.sqrt(variance)), len(rows))

@@ -18,7 +18,7 @@ from stereocal.errors import StereocalError
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.network.rig_file import RigFile
 from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.views import Cameras, fit_points
+from stereocal.refined.views import Cameras, PointFits, fit_points
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 
@@ -87,12 +87,13 @@ class ViewFitter:
             [camera.rays_of(pixels[:, c]) for c, camera in enumerate(self.cameras)], axis=1
         )
 
+    def fits(self, pixels: FloatArray, rays: FloatArray, derivatives: bool) -> PointFits:
+        """As `fit_points`."""
+        return fit_points(Cameras(self.q, self.R, self.lenses), pixels, rays, derivatives)
+
     def fit(self, pixels: FloatArray, rays: FloatArray, sigma_px: float | None = None) -> Measured:
         """The points of images (n, c, 2); with `sigma_px` their covariances too."""
-        cameras = Cameras(self.q, self.R, self.lenses)
-        points, residuals, covariance, by_shared = fit_points(
-            cameras, pixels, rays, sigma_px is not None
-        )
+        points, residuals, covariance, by_shared = self.fits(pixels, rays, sigma_px is not None)
         distances = np.linalg.norm(residuals, axis=2)
         views = np.isfinite(distances).sum(axis=1)
         error = np.nansum(distances, axis=1) / np.maximum(views, 1)

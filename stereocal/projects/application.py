@@ -309,7 +309,7 @@ class ProjectCheck(ProjectPart):
     @property
     def of_images(self) -> Project:
         """What holds the new photographs: a project of its own in the same file."""
-        return Project(self.database.of_check())
+        return Project(self.database.of_page("check"))
 
     def keep_parameters(self, label: str, content: bytes) -> None:
         """Store a parameter file, or rig.json."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from stereocal.errors import DAMAGED
 from stereocal.matching.clicks import Click, Clicks, Key
 from stereocal.projects.database import DamagedError
-from stereocal.projects.project import ProjectPart
+from stereocal.projects.project import Project, ProjectPart
 from stereocal.system.records import of_plain, plain
 
 CLICKS = "clicks"
@@ -24,6 +24,11 @@ class Act:
 
 class ProjectClicks(ProjectPart):
     """The clicks of one project. Each act is on disk when its method returns."""
+
+    @property
+    def of_pictures(self) -> Project:
+        """What holds the photographs given for clicking: a project of its own in the same file."""
+        return Project(self.database.of_page(CLICKS))
 
     @property
     def acts(self) -> list[Act]:

@@ -172,9 +172,9 @@ class Store(Database):
     def of_pair(self, name: str) -> "Store":
         return replace(self, scope=f"{PAIR}{name}/")
 
-    def of_check(self) -> "Store":
-        """Of the new photographs of the Check page, of a project or a pair."""
-        return replace(self, scope=f"{self.scope or PAIR}check/")
+    def of_page(self, page: str) -> "Store":
+        """Of the photographs that are given on another page, of a project or a pair."""
+        return replace(self, scope=f"{self.scope or PAIR}{page}/")
 
     def forget_pairs(self) -> None:
         """Delete all pairs; the sweep frees their contents."""

@@ -12,6 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.archives.all_cameras import names_cameras
 from stereocal.formats.archives.easywand import open_easywand
 from stereocal.formats.archives.gather import nominal_baseline
+from stereocal.formats.camera_file import write_camera
 from stereocal.formats.exchange.exchange import camera_names
 from stereocal.formats.other_files import is_matlab
 from stereocal.formats.recognition import recognise
@@ -28,7 +29,7 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import INPUT, Project, ProjectPart
 from stereocal.projects.recording import ProjectRecording
-from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.system.latest import Latest, read_once
 from stereocal.system.numbers import plural
 
@@ -149,6 +150,12 @@ class ProjectGiven(ProjectPart):
         placed = {name for of_camera in folders.values() for name in of_camera}
         found = which_of((name for name in names if name not in placed), cameras)
         self.photographs.rename({name: f"{camera}/{name}" for name, camera in found.items()})
+
+    def name_cameras(self, cameras: Mapping[str, Camera]) -> None:
+        """Name the cameras of a rig, to tell whose photographs are given."""
+        if len(cameras) > len(CAMERAS):
+            lenses = {f"{name}.json": write_camera(camera) for name, camera in cameras.items()}
+            self.recording.add_parts(lenses)
 
     def answer(self, series: Series, camera: str) -> None:
         """Keep which camera took photographs; of two, another series is the other camera's."""

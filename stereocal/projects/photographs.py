@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
+from stereocal.frames.all_cameras import Moments, by_folder, match_names
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
 from stereocal.frames.proposal import Choice, Proposal, propose
 from stereocal.frames.search import keep_corrections
@@ -104,6 +105,16 @@ class ProjectPhotographs(ProjectPart):
         if edited is None:
             return [PairRow(pair) for pair in self.proposal.pairing.pairs]
         return edited
+
+    def moments(self, cameras: Sequence[str]) -> Moments:
+        """The photographs of each moment: of two cameras the pairs that are used, of a rig those
+        alike in the folders of its cameras."""
+        if tuple(cameras) != CAMERAS:
+            return match_names(by_folder(self.photographs, cameras), self.taken)
+        pairs = [row.pair for row in self.rows if row.use]
+        if not pairs:
+            raise StereocalError(self.proposal.pairing.sentence)
+        return {p.frame: {"primary": p.primary, "secondary": p.secondary} for p in pairs}
 
     def keep_rows(self, rows: Sequence[PairRow] | None) -> None:
         """Store the edited pairs; None returns to the proposal."""

@@ -50,6 +50,8 @@ class ApplyInputs(NamedTuple):
     """What is to be computed; None without a threshold or with invalid depths."""
     show_threshold: Callable[[], None] | None
     """Draws what the threshold depends on; None for a rig, which has none."""
+    is_clicked: bool
+    """Whether the points are clicked on the page, which shows their frames."""
 
 
 def choose_apply_inputs(project: Project, store: ProjectApplication) -> ApplyInputs | None:
@@ -67,9 +69,7 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
         ("The bar's own points", "Two point files"),
         {str(name): name for name in CAMERAS},
     )
-    clicks = ProjectClicks(project).clicks
-    tables = clicks.tables(to_match=True) if clicks.has_pairs else {}
-    form = PointsForm(store, slots, "apply_points", *titles, own_tables, lambda: tables)
+    form = PointsForm(store, slots, "apply_points", *titles, own_tables)
     given = store.set_of("matching")
     cameras = {
         which: camera or (getattr(given[1], which) if given else None)
@@ -103,20 +103,25 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
         world = choose_world(project, store, sets[1])
     show_refusal()
     if form.is_clicked and sets is not None:
-        known_px = noise_field(project, "apply_sigma_px").value()
         forced_px = setting(project, "apply_threshold", None, OPTIONAL).value()
-        stated = Stated(forced_px, depths or ANY_DEPTH, known_px, names)
+        stated = Stated(forced_px, depths or ANY_DEPTH, _known_px(project), names)
         show_clicks(project, ClickMeasure(*sets, stated, world))
     _tell_missing(form.missing, is_complete)
     if sets is None:
         source.tell_missing("a parameter file to match with, and one to measure with")
     if sets is None or thresholds is None:
-        return None
+        return ApplyInputs(None, None, form.is_clicked)
     work = None
     if threshold is not None and depths is not None:
         forced = threshold.threshold_px if threshold.is_forced else None
         work = Application(points, *sets, Stated(forced, depths, sigma_px, names), world)
-    return ApplyInputs(work, partial(thresholds.show, threshold))
+    return ApplyInputs(work, partial(thresholds.show, threshold), form.is_clicked)
+
+
+def _known_px(project: Project) -> float | None:
+    """The noise of the points as stated."""
+    stated: float | None = noise_field(project, "apply_sigma_px").value()
+    return stated
 
 
 def _tell_missing(missing: Sequence[str], is_complete: bool) -> None:
@@ -129,7 +134,7 @@ def _choose_names(form: PointsForm, store: ProjectApplication, points: Sequence[
     """Whether names decide; those of clicked points do."""
     if form.is_clicked:
         return TRACK
-    return ask_names(store, points) if len(points) == len(CAMERAS) else AUTO
+    return ask_names(store, points) if len(points) >= FEWEST else AUTO
 
 
 def _choose_sets(
@@ -173,18 +178,25 @@ def _choose_for_rig(project: Project, store: ProjectApplication) -> ApplyInputs 
     points_at, noise_at, rig_at = st.columns([2, 1, 1])
     with points_at:
         points = form.choose("The targets' names", found.name if found else "")
-        names = ask_names(store, list(points.values())) if points else AUTO
+        names = AUTO if not points else _choose_names(form, store, list(points.values()))
     with noise_at:
         otherwise = "estimated from their epipolar errors, else as exact as the targets"
         sigma_px = ask_noise(noise_field(project, "apply_sigma_px"), "by the points", otherwise)
     rig_at.caption(f"Match and measure with  \nIn use: {escape_markdown(label)}")
     world = choose_world(project, store, rig)
     show_refusal()
+    if form.is_clicked:
+        measure = ClickMeasure(rig, rig, Stated(sigma_px=sigma_px, names=TRACK), world)
+        show_clicks(project, measure)
+        if points and sigma_px is None:
+            sigma_px = measure.settled(ProjectClicks(project).clicks).sigma_px
     if len(points) < FEWEST:
-        st.info("Still missing: the points of two cameras at least.")
-        return None
+        if not form.is_clicked:
+            st.info("Still missing: the points of two cameras at least.")
+        return ApplyInputs(None, None, form.is_clicked)
     stated = Stated(sigma_px=sigma_px, names=names)
-    return ApplyInputs(Application(points, rig, rig, stated, world), None)
+    work = Application(points, rig, rig, stated, world)
+    return ApplyInputs(work, None, form.is_clicked)
 
 
 def update_application(project: Project, store: ProjectApplication, work: Application) -> None:

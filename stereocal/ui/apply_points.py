@@ -10,6 +10,7 @@ import streamlit as st
 
 from stereocal.matching.application import Points
 from stereocal.projects.application import CLICKED_IN, Asked, ProjectApplication
+from stereocal.projects.clicks import ProjectClicks
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.rig import camera_in_words
 from stereocal.system.numbers import count
@@ -45,9 +46,6 @@ class PointsForm:
     """What it calls files."""
     own_tables: Callable[[], Mapping[str, pd.DataFrame]] | None
     """The project's own points by camera; None if it has none."""
-    clicked: Callable[[], Mapping[str, pd.DataFrame]] | None = None
-    """The points clicked on the page, by camera, empty while none is in both pictures; None where
-    points cannot be clicked."""
 
     @property
     def missing(self) -> list[str]:
@@ -65,8 +63,7 @@ class PointsForm:
 
     @property
     def _kind(self) -> Field:
-        kinds = [*([self.own] if self.own_tables else []), self.files]
-        kinds += [CLICKED] if self.clicked is not None else []
+        kinds = [*([self.own] if self.own_tables else []), self.files, CLICKED]
         given = len(self.slots) - len(self._without_file)
         usual = self.files if given >= FEWEST else kinds[0]
         return setting(self.store.project, self.key, usual, one_of(kinds))
@@ -109,25 +106,20 @@ class PointsForm:
             left_aside: what of the project's own points is.
             source: name of the data set that these are from.
         """
-        if self.own_tables is not None or self.clicked is not None:
-            self._kind.menu("Points")
-            if self.clicked is not None and self.is_clicked:
-                return {
-                    name: self.store.own_points(table, f"{CLICKED_IN} {name} pictures")
-                    for name, table in self.clicked().items()
-                }
-            if self.own_tables is not None and self._kind.value() == self.own:
-                st.caption(f"{left_aside} are left aside: the matching has to tell them apart.")
-                tables = self.own_tables()
-                return {
-                    name: self.store.own_points(
-                        tables[name],
-                        f"{name} points of {source}"
-                        if name in CAMERAS
-                        else f"camera {name} of {source}",
-                    )
-                    for name in self.slots
-                    if name in tables
-                }
+        kind = self._kind.menu("Points")
+        if kind == CLICKED:
+            clicks = ProjectClicks(self.store.project).clicks
+            tables = clicks.tables(self.slots, to_match=True) if clicks.are_points else {}
+            label = f"{CLICKED_IN} {{}} pictures"
+            return {c: self.store.own_points(own, label.format(c)) for c, own in tables.items()}
+        if self.own_tables is not None and kind == self.own:
+            st.caption(f"{left_aside} are left aside: the matching has to tell them apart.")
+            own = self.own_tables()
+            labels = {c: f"{c} points" if c in CAMERAS else f"camera {c}" for c in self.slots}
+            return {
+                camera: self.store.own_points(own[camera], f"{label} of {source}")
+                for camera, label in labels.items()
+                if camera in own
+            }
         found = {camera: self.store.points(slot) for camera, slot in self.slots.items()}
         return {camera: points for camera, points in found.items() if points is not None}

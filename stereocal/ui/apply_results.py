@@ -46,7 +46,6 @@ from stereocal.ui.apply_threshold import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.footage import footage_of
 from stereocal.ui.messages import ErrorsShown, callback, fragment, readable, show_stale
 from stereocal.ui.screening import NAME, frames_photographed, photographs_of
 from stereocal.ui.texts import escape_markdown
@@ -85,7 +84,8 @@ def show_application(
     result, tables = store.result, None
     looks: dict[str, Callable[[], None]] = {}
     if result is not None:
-        tables = _show_result(project, store, *result, work)
+        is_clicked = chosen is not None and chosen.is_clicked
+        tables = _show_result(project, store, *result, work, is_clicked)
     elif work is not None:
         st.info("No result yet.")
     if tables is not None and result is not None:
@@ -110,7 +110,10 @@ def _show_result(
     outcome: Outcome,
     files: dict[str, StoredFile],
     work: Application | None,
+    is_clicked: bool,
 ) -> Tables | None:
+    """The answer, and its points frame by frame; in space alone where points are clicked, whose
+    frames stand above."""
     if work is None:
         show_stale("points, parameters or threshold, which are not complete now")
     tables = None
@@ -126,7 +129,10 @@ def _show_result(
     st.success(escape_markdown(said + where))
     for note in outcome.notes:
         st.warning(escape_markdown(note))
-    _show_frames(store, outcome, tables)
+    if is_clicked:
+        fragment(_show_space)(project, outcome, tables, None)
+    else:
+        _show_frames(store, outcome, tables)
     with st.container(horizontal=True):
         for name in (outcome.matched, POINTS):
             _download(files[name], name)
@@ -260,7 +266,7 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
         for side, table in zip(outcome.cameras, tables, strict=True)
     }
     is_own = _are_own(store, outcome) or set(frames) <= {*frames_photographed(store.project)}
-    found = _pictures(store.project, outcome, is_own, frame)
+    found = photographs_of(store.project, frame) if is_own else (None, None)
     photographs: dict[str, Photograph | None] = dict(zip(CAMERAS, found, strict=True))
     words = describe_matches(of_frame, seen, frame)
     images, space = st.columns(2)
@@ -285,28 +291,11 @@ def _frames(key: str, _tables: Sequence[pd.DataFrame]) -> list[int]:
 
 def _are_own(store: ProjectApplication, outcome: Outcome) -> bool:
     """Whether a result is of the bar's own points."""
-    if _are_clicked(outcome):
+    if any(str(label).startswith(CLICKED_IN) for label in outcome.used.get("points", ())):
         return False
     first = outcome.cameras[0]
     given = store.points(first if outcome.matched == PAIRS else slot_of(first))
     return given is None or given.name != outcome.tables[0]
-
-
-def _are_clicked(outcome: Outcome) -> bool:
-    """Whether a result is of points clicked on the page."""
-    return any(str(label).startswith(CLICKED_IN) for label in outcome.used.get("points", ()))
-
-
-def _pictures(
-    project: Project, outcome: Outcome, is_own: bool, frame: int
-) -> list[Photograph | None]:
-    """What is behind the points of a frame in both images."""
-    if not _are_clicked(outcome):
-        return [*photographs_of(project, frame)] if is_own else [None, None]
-    footage = footage_of(project)
-    if footage is None or frame not in footage.numbers:
-        return [None, None]
-    return [readable(partial(footage.grey, camera, frame), told=False) for camera in CAMERAS]
 
 
 def _choose_frame(store: ProjectApplication, outcome: Outcome, frames: list[int]) -> int:

@@ -8,7 +8,6 @@ from pathlib import PurePosixPath
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dropped import Dropped
 from stereocal.formats.recording_files import pack_recording
 from stereocal.frames import all_cameras
@@ -18,7 +17,7 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import Camera
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.numbers import count
 from stereocal.system.zip_files import pack_zip
@@ -111,7 +110,7 @@ def _take(seen: Seen, use_videos: Callable[..., None], given: Dropped[StoredFile
         if data_set and (has_points or not given.photographs):
             _use(seen, given.source, pack_zip(given.files))
         elif given.photographs:
-            _give_cameras(own, seen.cameras)
+            own.name_cameras(seen.cameras)
             own.add_photographs(given.photographs)
             _as_in_the_data(seen.check.project, own.project)
         elif videos := given.of("video"):
@@ -130,24 +129,6 @@ def _use(seen: Seen, name: str, content: bytes) -> None:
     setting(seen.check.project, "check_images", FILE, one_of([MATCHED, FILE])).set(FILE)
 
 
-def _give_cameras(own: ProjectGiven, cameras: Mapping[str, Camera]) -> None:
-    """Name the cameras of a rig, to tell whose photographs are given."""
-    if len(cameras) > len(CAMERAS):
-        lenses = {f"{name}.json": write_camera(camera) for name, camera in cameras.items()}
-        own.recording.add_parts(lenses)
-
-
-def _moments(seen: Seen) -> all_cameras.Moments:
-    """The photographs of each moment, by frame and camera."""
-    store = seen.photographs
-    if tuple(seen.cameras) != CAMERAS:
-        return all_cameras.match_names(all_cameras.by_folder(store.photographs, seen.cameras))
-    pairs = [row.pair for row in store.rows if row.use]
-    if not pairs:
-        raise StereocalError(store.proposal.pairing.sentence)
-    return {p.frame: {"primary": p.primary, "secondary": p.secondary} for p in pairs}
-
-
 def _search(seen: Seen) -> None:
     """What is held in the new photographs, and the press that looks for it."""
     store = seen.photographs
@@ -158,7 +139,7 @@ def _search(seen: Seen) -> None:
         st.info("The photographs are searched once there are parameters, which have the lenses.")
         return
     with st.container(border=True):
-        moments = readable(lambda: _moments(seen))
+        moments = readable(lambda: store.moments([*seen.cameras]))
         with st.container(horizontal=True, vertical_alignment="center"):
             st.markdown(f"{count(len(files), 'photograph')}, {count(len(moments or ()), 'frame')}.")
             clear = callback(store.clear)

@@ -1,5 +1,5 @@
-"""Points clicked in the pictures of both cameras, on the Apply page: frame by frame, with the line
-in the other picture, the places proposed next, and what the points measure."""
+"""Points clicked in the pictures of two cameras or more, on the Apply page: frame by frame, with
+the lines in the other pictures, the places proposed next, and what the points measure."""
 
 import bisect
 from collections.abc import Sequence
@@ -17,6 +17,7 @@ from stereocal.formats.click_tables import dltdv_table, sleap_table
 from stereocal.frames.review import centre_at
 from stereocal.frames.video.footage import Footage
 from stereocal.matching.clicks import (
+    FEWEST,
     Click,
     ClickMeasure,
     Clicks,
@@ -29,11 +30,11 @@ from stereocal.matching.clicks import (
 from stereocal.matching.following import corner_at, follow, nearest_clicks, velocity
 from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.rig import camera_in_words
 from stereocal.system.numbers import count
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, Number, choose, one_of, setting
-from stereocal.ui.footage import ask_footage, footage_of
+from stereocal.ui.footage import Pictures
 from stereocal.ui.holding import held_target
 from stereocal.ui.messages import callback, fragment
 from stereocal.ui.picker import Line, Mark, Pick, pick, shown
@@ -43,17 +44,20 @@ COLOURS = ("#56B4E9", "#E69F00", "#2CC197", "#F0E442", "#FF7F50", "#CC79A7")
 CORNER, TARGET = "The corner there", "The target there"
 WAYS = ("Where I click", CORNER, TARGET)
 _SETTLED = "clicks_settled"
+KEYS = (
+    "Keys, but not while a name or a number is typed: F and B a frame forward and back, A accepts, "
+    "X removes, U undoes. In a picture, arrows move, + and - zoom, Enter clicks at the cross-hair."
+)
 REFRESHED = 1.25
 """Growth of the number of points after which their noise is looked at again."""
 
 
 def show_clicks(project: Project, measure: ClickMeasure) -> None:
     """The pictures, and all that is done in them."""
-    footage = footage_of(project)
-    ask_footage(project, footage, measure.matching.start_frame)
+    footage = Pictures(project, measure.matching).show()
     if footage is not None:
         acts = ProjectClicks(project).acts
-        if acts and acts[-1].pictures != [footage.labels[camera] for camera in CAMERAS]:
+        if acts and acts[-1].pictures != [*footage.labels.values()]:
             before = escape_markdown(" and ".join(acts[-1].pictures))
             st.warning(f"The points so far were clicked in other pictures: {before}.")
         fragment(_Panel(project, footage, measure).show)()
@@ -65,6 +69,7 @@ class _Panel:
     def __init__(self, project: Project, footage: Footage, measure: ClickMeasure) -> None:
         self.project, self.footage, self.measure = project, footage, measure
         self.store, numbers = ProjectClicks(project), footage.numbers
+        self.cameras = [*footage.labels]
         own = partial(setting, project, tabs_own=True)
         self.at: Field = own("clicks_frame", numbers[0], Number(numbers[0], numbers[-1]))
         self.named: Field = own("clicks_track", "point 1", _track_name)
@@ -81,27 +86,28 @@ class _Panel:
         self._check_sizes()
         measured, (self.proposed, trial) = self._measured(self.clicks), self._propose()
         self._choose()
-        for camera, place in zip(CAMERAS, st.columns(2), strict=True):
+        for camera, place in zip(self.cameras, cycle(st.columns(2)), strict=False):
             with place:
                 self._show_picture(camera)
+        st.caption(KEYS)
         with st.container():
             self._answer(measured, trial)
         with st.container(horizontal=True):
             self._offer()
 
     def _check_sizes(self) -> None:
-        for camera in CAMERAS:
+        for camera in self.cameras:
             wanted = self.measure.matching.placed[camera].camera.image_size
             size = self.footage.grey(camera, self.frame).shape[::-1]
             if size != wanted:
                 raise StereocalError(
-                    f"The pictures of the {camera} camera have {size[0]}x{size[1]} px, its "
-                    f"parameters are for {wanted[0]}x{wanted[1]} px: give the pictures as "
-                    "recorded, or exchange the cameras."
+                    f"The pictures of {camera_in_words(camera)} have {size[0]}x{size[1]} px, its "
+                    f"parameters are for {wanted[0]}x{wanted[1]} px: give those of this camera, as "
+                    "recorded."
                 )
 
     def _measured(self, clicks: Clicks) -> MeasuredClicks | None:
-        if not clicks.has_pairs:
+        if not clicks.are_points:
             return None
         how, size = self.measure, len(clicks.every)
         about = how.matching.digest, how.measuring.digest, repr(how.stated)
@@ -114,7 +120,7 @@ class _Panel:
         """The next places of tracks that have none in this frame, where the images show them and
         agree; and what all points measure with them."""
         found, clicks, frame = [], self.clicks, self.frame
-        for camera, track in product(CAMERAS, clicks.tracks):
+        for camera, track in product(self.cameras, clicks.tracks):
             near = nearest_clicks(clicks.along(track, camera), frame)
             if (frame, camera, track) in clicks.every or not near:
                 continue
@@ -138,7 +144,7 @@ class _Panel:
         named.selectbox("Track (type a new name)", list(self.colours), **own)
         self.to.menu("A click goes to", to)
         before, after = numbers[max(self.row - 1, 0)], numbers[self.row + 1 : self.row + 2]
-        here = [(self.frame, camera, self.track) for camera in CAMERAS]
+        here = [(self.frame, camera, self.track) for camera in self.cameras]
         here = [key for key in here if key in self.clicks.every]
         onward = after[0] if after else self.frame
         accept = f"Accept {len(self.proposed)} and go on" if self.proposed else "Accept and go on"
@@ -165,12 +171,11 @@ class _Panel:
         self.at.set(onward)
 
     def _place(self, placed: Sequence[Click], removed: Sequence[Key] = ()) -> None:
-        pictures = [self.footage.labels[camera] for camera in CAMERAS]
-        self.store.act(Act([*placed], [*removed], pictures))
+        self.store.act(Act([*placed], [*removed], [*self.footage.labels.values()]))
 
-    def _show_picture(self, camera: CameraName) -> None:
+    def _show_picture(self, camera: str) -> None:
         label, frame, track = self.footage.labels[camera], self.frame, self.track
-        st.markdown(f"**{camera.capitalize()}** · {escape_markdown(label)}")
+        st.markdown(f"**{escape_markdown(camera.capitalize())}** · {escape_markdown(label)}")
         marks = [
             Mark(each.track, each.u, each.v, None, self.colours[each.track], shape)
             for own, shape in ((self.clicks.at(frame, camera), "cross"), (self.proposed, "dashed"))
@@ -178,21 +183,22 @@ class _Panel:
             if each.camera == camera
         ]
         lines = []
-        other = CAMERAS[1 - CAMERAS.index(camera)]
-        if (click := self.clicks.every.get((frame, other, track))) is not None:
-            speed = velocity(nearest_clicks(self.clicks.along(track, other), frame))
-            curve = self.measure.curve(click, speed)
-            lines.append(Line(curve.tolist(), self.colours[track]))
+        for other in self.cameras:
+            click = self.clicks.every.get((frame, other, track))
+            if other != camera and click is not None:
+                speed = velocity(nearest_clicks(self.clicks.along(track, other), frame))
+                curve = self.measure.curve(click, camera, speed)
+                lines.append(Line(curve.tolist(), self.colours[track]))
         jpeg = self.footage.picture(camera, frame)
         image = shown(f"{label} {frame}", self.footage.grey(camera, frame), jpeg)
         about = (
-            f"Frame {frame} of the {camera} camera. Arrow keys move, plus and minus zoom, Enter "
-            f"places {track} at the cross-hair in the middle."
+            f"Frame {frame} of {camera_in_words(camera)}. Arrow keys move, plus and minus zoom, "
+            f"Enter places {track} at the cross-hair in the middle."
         )
         take = partial(callback(self._take), camera)
-        pick(image, marks, about, f"clicks_{camera}", False, take, lines)
+        pick(image, marks, about, f"clicks_{camera}", False, take, lines, track)
 
-    def _take(self, camera: CameraName, click: Pick) -> None:
+    def _take(self, camera: str, click: Pick) -> None:
         """Place a point; one in a picture that is no longer shown is ignored."""
         if click.id != f"{self.footage.labels[camera]} {self.frame}":
             return
@@ -211,12 +217,12 @@ class _Panel:
     def _answer(self, measured: MeasuredClicks | None, trial: MeasuredClicks | None) -> None:
         """What the point of the track measures in this frame, or would, or what to click next."""
         place = Place(self.track, self.frame)
-        seen = [c for c in CAMERAS if (self.frame, c, self.track) in self.clicks.every]
+        seen = [c for c in self.cameras if (self.frame, c, self.track) in self.clicks.every]
         if trial is None or place not in trial.rows:
-            st.info(escape_markdown(_next_click(self.track, seen)))
+            st.info(escape_markdown(_next_click(self.track, seen, self.cameras)))
         else:
             show, proposed = st.success, ""
-            if len(seen) < len(CAMERAS):
+            if len(seen) < FEWEST:
                 show, proposed = st.info, "proposed: "
             elif self.track in trial.beyond(self.frame):
                 show = st.warning
@@ -244,23 +250,25 @@ class _Panel:
         """The points of each camera, and all that the page makes of them."""
         clicks = self.clicks
         total = count(len(clicks.every), "click")
-        if clicks.has_pairs and st.button(f"Match and measure all ({total})", "clicks_all"):
+        if clicks.are_points and st.button(f"Match and measure all ({total})", "clicks_all"):
             st.rerun()
         with st.popover("Download the clicks"):
-            files = {f"{c}.csv": table.to_csv(index=False) for c, table in clicks.tables().items()}
-            files["xypts.csv (DLTdv8)"] = dltdv_table(clicks)
-            files |= {f"sleap_{c}.csv (SLEAP)": sleap_table(clicks, c) for c in CAMERAS}
+            cameras = [*self.measure.matching.placed]
+            tables = clicks.tables(cameras)
+            files = {f"{c}.csv": table.to_csv(index=False) for c, table in tables.items()}
+            files["xypts.csv (DLTdv8)"] = dltdv_table(clicks, cameras)
+            files |= {f"sleap_{c}.csv (SLEAP)": sleap_table(clicks, c) for c in tables}
             for number, (label, text) in enumerate(files.items()):
                 offer(label, text, label.split(" ")[0], f"clicks_file_{number}")
 
 
-def _next_click(track: str, seen: Sequence[CameraName]) -> str:
+def _next_click(track: str, seen: Sequence[str], cameras: Sequence[str]) -> str:
     if not seen:
         return f"Click {track} in one of the pictures."
     if len(seen) == 1:
-        other = next(each for each in CAMERAS if each != seen[0])
-        return f"Now click {track} in the {other} picture, near the line."
-    return f"The rays of {track} do not meet in front of both cameras."
+        others = " or ".join(each for each in cameras if each != seen[0])
+        return f"Now click {track} in the {others} picture, near the line."
+    return f"The rays of {track} do not meet in front of the cameras."
 
 
 def _track_name(value: Any) -> str:

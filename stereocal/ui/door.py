@@ -15,7 +15,7 @@ from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.formats.dropped import Dropped
 from stereocal.formats.point_answers import layout_of
 from stereocal.formats.sleap_h5 import point_text
-from stereocal.frames.which_camera import Series, which_camera
+from stereocal.frames.which_camera import Series, which_camera, which_of
 from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
@@ -58,6 +58,8 @@ SLOTS: Mapping[Slot, str] = {
     "secondary": " (secondary camera)",
 }
 _VIDEOS = "videos_waiting"
+UseVideos = Callable[[Mapping[str, tuple[str, bytes]]], None]
+"""Takes the name and the content of the video of each camera, the primary's first."""
 BOTH = ("The primary camera", "The secondary camera")
 REMOVE = "Remove all photographs"
 
@@ -108,7 +110,7 @@ def _keep(opened: list[Project], name: str, content: bytes) -> StoredFile:
     return opened[0].database.keep_file(content, name)
 
 
-def _take(given: Dropped[StoredFile], use_videos: Callable[..., None]) -> None:
+def _take(given: Dropped[StoredFile], use_videos: UseVideos) -> None:
     """Use what was given; what is wrong with one kind leaves the others."""
     if given.of("data set"):
         intake.store_dataset(given.files, given.source, given.photographs)
@@ -192,25 +194,34 @@ def _cameras_of(name: str, content: bytes) -> int:
     return 0
 
 
-def place_videos(videos: Mapping[str, bytes], use: Callable[..., None]) -> None:
-    """Begin to take frames of two videos; one waits for the other."""
+def place_videos(
+    videos: Mapping[str, bytes], use: UseVideos, cameras: tuple[str, ...] = CAMERAS, fewest: int = 2
+) -> None:
+    """Use videos whose cameras their names tell; others wait for `ask_whose_video`.
+
+    Args:
+        fewest: how many are used together.
+    """
     if not videos:
         return
     waiting: dict[str, bytes] = {**st.session_state.get(_VIDEOS, {}), **videos}
-    if len(waiting) > 2:
+    if len(waiting) > len(cameras):
+        more = "; of more cameras, give photographs of the same moments" * (cameras == CAMERAS)
         raise StereocalError(
-            f"{', '.join(waiting)}: these are {len(waiting)} videos. Give those of two cameras; "
-            "of more cameras, give photographs of the same moments."
+            f"{', '.join(waiting)}: these are {len(waiting)} videos. Give those of "
+            f"{'two' if cameras == CAMERAS else len(cameras)} cameras{more}."
         )
     st.session_state[_VIDEOS] = waiting
-    sides = which_camera(waiting, each=True)
-    if len({*sides.known.values()}) == 2:
-        _use_videos({side: name for name, side in sides.known.items()}, use)
+    known: Mapping[str, str] = which_of(waiting, cameras)
+    if cameras == CAMERAS:
+        known = which_camera(waiting, each=True).known
+    if len({*known.values()}) == len(waiting) >= fewest:
+        _use_videos({camera: name for name, camera in known.items()}, use)
 
 
-def _use_videos(names: Mapping[str, str], use: Callable[..., None]) -> None:
-    waiting = st.session_state.pop(_VIDEOS)
-    use([(names[camera], waiting[names[camera]]) for camera in CAMERAS])
+def _use_videos(names: Mapping[str, str], use: UseVideos) -> None:
+    waiting = st.session_state[_VIDEOS]
+    use({camera: (name, waiting.pop(name)) for camera, name in names.items()})
 
 
 # Questions
@@ -291,16 +302,22 @@ def _give_file(project_files: ProjectGiven, name: str, slot: Slot) -> None:
     intake.store_cameras(contents)
 
 
-def ask_whose_video(use: Callable[..., None]) -> None:
+def ask_whose_video(use: UseVideos, cameras: tuple[str, ...] = CAMERAS, fewest: int = 2) -> None:
+    """Which camera took the videos that wait; arguments as of `place_videos`."""
     waiting = [*st.session_state.get(_VIDEOS, {})]
-    if len(waiting) == 1:
+    if 0 < len(waiting) < fewest:
         st.info(
             f"{escape_markdown(waiting[0])} waits for the video of the other camera: drop it here."
         )
-    if len(waiting) == 2:
+    elif len(waiting) == 2 and cameras == CAMERAS:
         orders = (waiting, waiting[::-1])
         answers = {
             order[0]: partial(_use_videos, dict(zip(CAMERAS, order, strict=True)), use)
             for order in orders
         }
         _ask("whose_video", "Which video is the primary camera's?", answers)
+    elif waiting:
+        titles = BOTH if cameras == CAMERAS else cameras
+        took = [partial(_use_videos, {camera: waiting[0]}, use) for camera in cameras]
+        answers = dict(zip(titles, took, strict=True))
+        _ask("whose_video", f"Which camera took {waiting[0]}?", answers)

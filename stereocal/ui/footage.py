@@ -1,12 +1,12 @@
-"""The pictures in which points are clicked: videos or photographs given for it, which are stored
-nowhere, else the project's own photographs."""
+"""The pictures in which points are clicked: videos, which the server has while it runs,
+photographs, which the project keeps, or those that it was calibrated with."""
 
 import filecmp
 import shutil
 import tempfile
 import weakref
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
@@ -14,158 +14,151 @@ from pathlib import Path, PurePosixPath
 import streamlit as st
 
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.formats.dropped import AGAIN
-from stereocal.frames.pairing import natural
-from stereocal.frames.proposal import Choice, propose
-from stereocal.frames.video.decoding import SUFFIXES
+from stereocal.formats.dropped import Dropped
 from stereocal.frames.video.footage import Footage, of_photographs, of_videos
-from stereocal.frames.which_camera import which_camera
+from stereocal.network.rig_file import RigFile
+from stereocal.projects.clicks import ProjectClicks
+from stereocal.projects.files import StoredFile
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import camera_in_words
 from stereocal.system.latest import Latest
-from stereocal.system.photograph import PhotographFile
-from stereocal.system.taken import read_taken
+from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
+from stereocal.ui.drop_zone import drop_zone
 from stereocal.ui.fields import Number, setting
-from stereocal.ui.intake import Upload, emptied_uploader
-from stereocal.ui.messages import ErrorsShown, callback, readable
+from stereocal.ui.messages import callback, readable
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import MISSING
 
+TITLE = "Videos or photographs of the cameras, together or one after the other"
+KEPT = (
+    "Photographs are kept with the project. Videos are not: give them again once the server was "
+    "started again. What you click is stored at once."
+)
 
-class _Files(dict[str, Path]):
-    """Files in a temporary folder, by their names; removed when nothing uses them any more."""
+
+class _Videos:
+    """Videos by camera, in folders that are removed when nothing uses them any more."""
 
     def __init__(self) -> None:
-        super().__init__()
-        self.folder = Path(tempfile.mkdtemp(prefix="stereocal-footage-"))
-        weakref.finalize(self, shutil.rmtree, self.folder, True)
+        self.paths: dict[str, Path] = {}
+        self.opened: Latest[Footage] = Latest(2)
+
+    def take(self, videos: Mapping[str, tuple[str, bytes]]) -> None:
+        """Add videos, or replace those of the same cameras, if they can be read with the others."""
+        if find_spec("av") is None:
+            raise StereocalError(MISSING)
+        paths = dict(self.paths)
+        with disk_errors("The videos cannot be stored"):
+            for camera, (name, content) in videos.items():
+                folder = tempfile.mkdtemp(prefix="stereocal-footage-")
+                weakref.finalize(self, shutil.rmtree, folder, True)
+                path = Path(folder) / PurePosixPath(name).name
+                path.write_bytes(content)
+                for other, each in paths.items():
+                    if other != camera and filecmp.cmp(path, each, shallow=False):
+                        whose = f"{camera_in_words(camera)} and of {camera_in_words(other)}"
+                        raise StereocalError(f"{name}: the same video is given of {whose}.")
+                paths[camera] = path
+        if len(paths) > 1:
+            of_videos(paths, _names(paths))
+        self.paths = paths
+
+    def footage(self, later: Mapping[str, int]) -> Footage:
+        """The frames of all videos."""
+        labels = _names(self.paths)
+        make = partial(of_videos, self.paths, labels, later)
+        return self.opened.once(repr((labels, later)), make)
 
 
-@dataclass(eq=False)
-class _Given:
-    """The files, and the pictures in them."""
-
-    files: _Files
-    exchanged: bool
-    later_frames: int
-    footage: Footage
-
-
-_GIVEN: Latest[_Given] = Latest(8)
-"""By project, as long as the server runs."""
+_VIDEOS: Latest[_Videos] = Latest(8)
 _OWN: Latest[Footage] = Latest(4)
 
 
-def footage_of(project: Project) -> Footage | None:
-    """What was given here, else the project's own photographs, if there are any."""
-    given = _GIVEN.get(_key(project))
-    return given.footage if given else readable(partial(_own, project), told=False)
+class Pictures:
+    """The pictures of a project's cameras, and the place to give them."""
 
+    def __init__(self, project: Project, rig: RigParameters | RigFile) -> None:
+        self.project, self.rig, self.cameras = project, rig, tuple(rig.placed)
+        self.given = ProjectGiven(ProjectClicks(project).of_pictures)
+        first, *others = self.cameras
+        self.later = {}
+        for each in others:
+            pair = rig.pair(first, each) if isinstance(rig, RigFile) else rig
+            key, usual = f"clicks_later_{each}", pair.start_frame
+            self.later[each] = setting(project, key, usual, Number(-10_000_000))
 
-def ask_footage(project: Project, footage: Footage | None, usual_later: int) -> None:
-    """The uploader, which cameras the pictures are of, and when they began.
+    @property
+    def _key(self) -> str:
+        return f"{self.project.id} {self.project.database.scope}"
 
-    Args:
-        usual_later: by how many frames the secondary's video began later, if nothing is stated.
-    """
-    used, given = "none yet", _GIVEN.get(_key(project))
-    if footage is not None:
-        labels = escape_markdown(", ".join(footage.labels[camera] for camera in CAMERAS))
-        used = f"{labels}, {len(footage.numbers)} frames"
-    with st.expander(f"Pictures: {used}", expanded=footage is None):
-        label, above = "Videos or photographs of both cameras, together", st.container()
-        field = setting(project, "clicks_later_frames", usual_later, Number(-10_000_000))
-        title = "The secondary's video was started later by (frames)"
-        later = field.number_input(title, help="For cameras that were started by hand.")
-        with above:
-            emptied_uploader(label, None, "upload_footage", partial(_take, project, later))
-        if given is None:
-            return
-        if given.later_frames != later:
-            with ErrorsShown():
-                _open(project, given.files, given.exchanged, later)
-                st.rerun()
-        exchange = partial(_open, project, given.files, not given.exchanged, later)
-        label = "Exchange the cameras"
-        st.button(label, "clicks_exchange", on_click=callback(exchange))
+    def show(self) -> Footage | None:
+        """What was given here, else the project's own photographs; and the place for others."""
+        videos = _VIDEOS.get(self._key) or _Videos()
+        footage = readable(partial(self._footage, videos))
+        used = "none yet"
+        if footage is not None:
+            used = f"{', '.join(footage.labels.values())}, {len(footage.numbers)} frames"
+        with st.expander(f"Pictures: {escape_markdown(used)}", expanded=footage is None):
+            drop_zone(TITLE, "upload_footage", self.given.photographs.keep, self._take)
+            ask_whose(self.given)
+            ask_whose_video(self._use, self.cameras, 1)
+            if len(videos.paths) == 1:
+                ((camera, path),) = videos.paths.items()
+                named = escape_markdown(f"{path.name} is that of {camera_in_words(camera)}")
+                st.info(f"{named}: give the video of another one too.")
+            elif videos.paths:
+                for camera, field in self.later.items():
+                    title = f"Frames by which the video of {camera_in_words(camera)} began later"
+                    field.number_input(escape_markdown(title), help="If started by hand.")
+            if videos.paths or self.given.photographs.photographs:
+                st.button("Remove these pictures", "clicks_clear", on_click=callback(self._clear))
+            st.caption(KEPT)
+        return footage
 
+    def _footage(self, videos: _Videos) -> Footage | None:
+        if videos.paths:
+            later = {camera: field.value() for camera, field in self.later.items()}
+            return videos.footage(later) if len(videos.paths) > 1 else None
+        for project, of in ((self.given.project, ""), (self.project, " of this project")):
+            store = ProjectPhotographs(project)
+            if not (files := store.photographs):
+                continue
+            with suppress(*([StereocalError] if of else [])):
+                moments = store.moments(self.cameras)
+                found = {
+                    frame: {camera: files[name] for camera, name in own.items() if name in files}
+                    for frame, own in moments.items()
+                }
+                seen = [c for c in self.cameras if any(c in own for own in found.values())]
+                labels = {camera: f"{camera} photographs{of}" for camera in seen}
+                key = repr([(k, [(c, f.name) for c, f in own.items()]) for k, own in found.items()])
+                return _OWN.once(self._key + key, partial(of_photographs, found, labels))
+        return None
 
-def _key(project: Project) -> str:
-    return f"{project.id} {project.database.scope}"
-
-
-def _own(project: Project) -> Footage | None:
-    store = ProjectPhotographs(project)
-    files, pairs = store.photographs, [row.pair for row in store.rows if row.use]
-    found: dict[int, dict[CameraName, PhotographFile]] = {
-        pair.frame: {"primary": files[pair.primary], "secondary": files[pair.secondary]}
-        for pair in pairs
-        if {pair.primary, pair.secondary} <= {*files}
-    }
-    labels = {camera: f"the {camera} photographs of this project" for camera in CAMERAS}
-    key = f"{_key(project)} {[(each, files[each.primary].name) for each in pairs]}"
-    return _OWN.once(key, lambda: of_photographs(found, labels)) if found else None
-
-
-def _take(project: Project, later: int, uploads: Sequence[Upload]) -> None:
-    with disk_errors("The files cannot be stored"):
-        files = _Files()
-        for number, upload in enumerate(uploads):
-            path = files.folder / f"{number}{PurePosixPath(upload.name).suffix.lower()}"
-            path.write_bytes(upload.getvalue())
-            # Both cameras may give their files the same names.
-            files[f"{AGAIN}/{upload.name}" if upload.name in files else upload.name] = path
-    _open(project, files, False, later)
-
-
-def _open(project: Project, files: _Files, exchanged: bool, later: int) -> None:
-    """Read what can be known of the files without decoding them, and use them."""
-    videos = sorted((name for name in files if files[name].suffix in SUFFIXES), key=natural)
-    if not videos:
-        footage = _photographs(files, exchanged)
-    elif len(videos) != 2 or len(files) != 2:
-        raise StereocalError("Give the videos of both cameras together, and nothing else.")
-    elif find_spec("av") is None:
-        raise StereocalError(MISSING)
-    else:
-        sides = {side: name for name, side in which_camera(videos, each=True).known.items()}
-        names = videos if len(sides) < 2 else [sides[camera] for camera in CAMERAS]
-        labels = dict(zip(CAMERAS, names[::-1] if exchanged else names, strict=True))
-        paths = {camera: files[name] for camera, name in labels.items()}
-        footage = _videos(paths, labels, later)
-    _GIVEN.keep(_key(project), _Given(files, exchanged, later, footage))
-
-
-def _videos(
-    paths: Mapping[CameraName, Path], labels: Mapping[CameraName, str], later: int
-) -> Footage:
-    first, second = (paths[camera] for camera in CAMERAS)
-    if filecmp.cmp(first, second, shallow=False):
-        raise StereocalError(
-            "Both files are the same video: give the videos of both cameras together."
+    def _take(self, dropped: Dropped[StoredFile]) -> None:
+        self.given.name_cameras({name: own.camera for name, own in self.rig.placed.items()})
+        acts: tuple[Callable[[], None], ...] = (
+            partial(self.given.add_photographs, dropped.photographs),
+            partial(place_videos, dropped.of("video"), self._use, self.cameras, 1),
         )
-    try:
-        return of_videos(paths, labels, later)
-    except StereocalError as error:
-        stored, _, told = str(error).partition(": ")
-        names = {path.name: labels[camera] for camera, path in paths.items()}
-        if stored not in names:
-            raise
-        raise StereocalError(f"{names[stored]}: {told}") from error
+        for act in acts:
+            try:
+                act()
+            except StereocalError as error:
+                dropped.problems.append(str(error))
+
+    def _use(self, videos: Mapping[str, tuple[str, bytes]]) -> None:
+        kept = _VIDEOS.get(self._key) or _Videos()
+        kept.take(videos)
+        _VIDEOS.keep(self._key, kept)
+
+    def _clear(self) -> None:
+        _VIDEOS.keep(self._key, _Videos())
+        self.given.photographs.clear()
 
 
-def _photographs(files: Mapping[str, Path], exchanged: bool) -> Footage:
-    taken = {name: read_taken(path, name) for name, path in files.items()}
-    pairs = propose(taken, Choice(exchanged=exchanged)).pairing.pairs
-    if not pairs:
-        raise StereocalError(
-            "These files are not the photographs of two cameras, or it cannot be told which belong "
-            "together: give them as left1.png and right1.png, or two videos."
-        )
-    found: dict[int, dict[CameraName, PhotographFile]] = {
-        pair.frame: {"primary": files[pair.primary], "secondary": files[pair.secondary]}
-        for pair in pairs
-    }
-    first = pairs[0]
-    return of_photographs(found, {"primary": first.primary, "secondary": first.secondary})
+def _names(paths: Mapping[str, Path]) -> dict[str, str]:
+    return {camera: path.name for camera, path in paths.items()}

@@ -56,6 +56,10 @@ class Picker {
       button.disabled = !mark
       if (mark) button.style.setProperty("--mark", mark.colour)
     }
+    // What was just named is clicked next: keys are no longer those of the field with its name.
+    if (before && before.about !== data.about && document.activeElement?.matches("input")) {
+      document.activeElement.blur()
+    }
     this.observer.observe(this.canvas)
     if (before && before.id === data.id) return this.draw()
     // Of a film the view stays from frame to frame, else each photograph has its own.

@@ -121,6 +121,7 @@ def pick(
     locked: bool,
     on_pick: Callable[[Pick], None],
     lines: Sequence[Line] | None = None,
+    about: str = "",
 ) -> None:
     """Show a photograph; a click calls `on_pick` before the page is drawn again.
 
@@ -128,6 +129,7 @@ def pick(
         label: description for screen readers.
         locked: clicks do nothing.
         lines: curves over it; then it has a magnifier, and no targets to go to.
+        about: what a click places. A text field in which it was just named passes on its keys.
     """
 
     def picked() -> None:
@@ -136,7 +138,7 @@ def pick(
             on_pick(found)
 
     drawn = {"marks": [*map(asdict, marks)], "lines": [*map(asdict, lines or ())]}
-    kind = {"label": label, "locked": locked, "targets": lines is None}
+    kind = {"label": label, "locked": locked, "targets": lines is None, "about": about}
     sent = {**asdict(shown), **drawn, **kind}
     # Declared in every run: tests have several runtimes.
     css, js = (_text(Path(__file__).with_suffix(suffix)) for suffix in (".css", ".js"))

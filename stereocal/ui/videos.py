@@ -2,7 +2,7 @@
 
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
@@ -71,12 +71,12 @@ def video_settings(project: Project | None) -> VideoSettings:
 
 
 def take_videos(
-    videos: Sequence[tuple[str, bytes]], settings: VideoSettings, project: Project | None = None
+    videos: Mapping[str, tuple[str, bytes]], settings: VideoSettings, project: Project | None = None
 ) -> None:
     """Begin the job; the videos are temporary files while it runs.
 
     Args:
-        videos: name and content, the primary's first.
+        videos: name and content by camera.
         project: whose photographs the frames become; None: the current one, or a new one.
 
     Raises:
@@ -92,7 +92,8 @@ def take_videos(
             folder = Path(tempfile.mkdtemp(prefix="stereocal-video-"))
             undo.callback(shutil.rmtree, folder, ignore_errors=True)
             paths = []
-            for which, (name, content) in zip(CAMERAS, videos, strict=True):
+            for which in CAMERAS:
+                name, content = videos[which]
                 suffix = PurePosixPath(name).suffix.lower()
                 paths.append(folder / f"{which}{suffix if suffix in SUFFIXES else '.mp4'}")
                 paths[-1].write_bytes(content)

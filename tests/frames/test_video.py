@@ -10,7 +10,6 @@ from stereocal.errors import StereocalError
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.video.extract import VideoReport, VideoSettings, extract
 from stereocal.frames.video.footage import of_photographs, of_videos
-from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 from stereocal.system.tasks import StoppedError
 from tests.files import encoded
@@ -117,25 +116,27 @@ def test_damaged_and_other_files_leave_a_sentence(tmp_path: Path) -> None:
 
 def test_frames_are_shown_as_one_goes_also_of_cameras_started_by_hand(tmp_path: Path) -> None:
     seconds = [k / 25 for k in range(30)]
-    paths: dict[CameraName, Path] = {
+    paths = {
         "primary": write_video(tmp_path / "a.mp4", seconds),
         # Its first frame is the primary's sixth.
         "secondary": write_video(tmp_path / "b.mp4", seconds[:20], numbers=range(5, 25)),
+        "third": write_video(tmp_path / "c.mp4", seconds[:25], numbers=range(2, 27)),
     }
-    labels: dict[CameraName, str] = {"primary": "a.mp4", "secondary": "b.mp4"}
-    footage = of_videos(paths, labels, later_frames=5)
+    labels = {"primary": "a.mp4", "secondary": "b.mp4", "third": "c.mp4"}
+    footage = of_videos(paths, labels, {"secondary": 5, "third": 2})
     assert footage.numbers == list(range(6, 26))
     for number in (6, 20, 8, 25):
-        shown = [number_in(footage.grey(camera, number)) for camera in CAMERAS]
-        assert shown == [number - 1, number - 1]
+        shown = [number_in(footage.grey(camera, number)) for camera in paths]
+        assert shown == [number - 1] * 3
     assert number_in(of_videos(paths, labels).grey("secondary", 1)) == 5
     with pytest.raises(StereocalError, match="no frames of the same moment"):
-        of_videos(paths, labels, later_frames=1000)
+        of_videos(paths, labels, {"third": 1000})
 
 
 def test_photographs_are_shown_by_their_frames() -> None:
-    files = {n: {c: encoded(picture(n)) for c in CAMERAS} for n in (7, 3)}
-    labels: dict[CameraName, str] = {"primary": "a", "secondary": "b"}
+    files = {n: {c: encoded(picture(n)) for c in ("primary", "secondary")} for n in (7, 3)}
+    files[5] = {"primary": encoded(picture(5))}
+    labels = {"primary": "a", "secondary": "b"}
     footage = of_photographs(files, labels)
     assert footage.numbers == [3, 7]
     assert number_in(footage.grey("secondary", 7)) == 7

@@ -1,16 +1,30 @@
 """Points clicked in two images: the line in the other, what they measure, the next place."""
 
+import re
 from dataclasses import replace
 
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.library.tables import match, reconstruct
-from stereocal.matching.clicks import CLICK_PX, Click, ClickMeasure, Clicks, Place
+from stereocal.matching.clicks import (
+    CLICK_PX,
+    Click,
+    ClickMeasure,
+    Clicks,
+    MeasuredClicks,
+    Place,
+    Settled,
+)
 from stereocal.matching.following import Image, corner_at, follow, nearest_clicks
 from stereocal.matching.pairs import Stated
+from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.fit import RigSettings
+from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import PIXELS
@@ -20,6 +34,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
+from stereocal.simulation.rigs import LENS_ERRORS, simulated_rig
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 
 SET = RigParameters(PRIMARY, SECONDARY, RIG, "refined", 1.0, {}, {}, matching_threshold_px=0.4)
@@ -78,34 +93,89 @@ def test_clicks_measure_what_match_and_reconstruct_do() -> None:
     clicks, how = flight(12, 0.5), ClickMeasure(SET, SET)
     settled = how.settled(clicks)
     found = how.measured(clicks, settled)
-    stated = settled.stated
-    assert settled.threshold.noise is not None and settled.threshold.noise.source == "estimated"
-    tables = clicks.tables()
-    pairs = match(SET, tables["primary"], tables["secondary"], names="track")
+    assert settled.is_estimated
+    pairs = match(SET, clicks.tables(CAMERAS), names="track")
     same = pairs.sort_values(["frame", "track_primary"], ignore_index=True)
-    np.testing.assert_allclose(found.pairs[list(PIXELS)], same[list(PIXELS)])
-    np.testing.assert_allclose(found.pairs["error_px"], same["error_px"], atol=1e-6)
-    points = reconstruct(SET, same)
-    for row in (0, 9):
-        own, there = found.point(row), points.iloc[[row]]
-        np.testing.assert_allclose(own.xyz, there[["x", "y", "z"]])
-        assert own.sigma_m is not None
-        np.testing.assert_allclose(own.sigma_m, there[["sigma_x", "sigma_y", "sigma_z"]], rtol=0.02)
-    assert points["track"].tolist() == same["track_primary"].tolist()
-    assert stated.sigma_px is None
+    np.testing.assert_allclose(found.pixels.reshape(-1, 4), same[list(PIXELS)])
+    np.testing.assert_allclose(found.errors_px[0], same["error_px"], atol=1e-6)
+    agrees(found, reconstruct(SET, same))
     # One more in the primary only is no pair, and takes nobody's partner.
-    more = Clicks.of([*clicks.every.values(), Click(1, "primary", "wing", 700.0, 500.0)])
-    assert len(how.measured(more, settled).pairs) == len(pairs)
-    assert len(more.tables()["primary"]) == 25 and len(more.tables(to_match=True)["primary"]) == 24
+    more = clicks.placed([Click(1, "primary", "wing", 700.0, 500.0)])
+    assert len(how.measured(more, settled).places) == len(pairs)
+    assert len(more.tables(CAMERAS)["primary"]) == 25
+    assert len(more.tables(CAMERAS, to_match=True)["primary"]) == 24
+
+
+def agrees(found: MeasuredClicks, points: pd.DataFrame) -> None:
+    """Whether the sentences have the positions and standard errors of a table."""
+    ordered = points.sort_values(["frame", "track"], ignore_index=True)
+    names = zip(ordered["track"].tolist(), ordered["frame"].tolist(), strict=True)
+    assert [*found.rows] == [Place(*each) for each in names] and len(found.rows) > 9
+    for place, row in [*found.rows.items()][::9]:
+        words = found.sentence(place)
+        for axis in "xyz":
+            value, sigma = map(float, re.findall(rf"{axis} ([-\d.]+) ± ([\d.]+) m", words)[0])
+            own = ordered.iloc[row]
+            assert abs(value - own[axis]) < 0.2 * own[f"sigma_{axis}"]
+            assert sigma == pytest.approx(own[f"sigma_{axis}"], rel=0.05)
+
+
+def test_a_point_of_three_cameras_needs_two_of_them() -> None:
+    rig, images = three_cameras()
+    clicks = Clicks.of(
+        Click(frame, camera, track, *pixels[frame].tolist())
+        for camera, tracks in images.items()
+        for track, pixels in tracks.items()
+        for frame in range(12)
+        if (camera, track, frame) != ("c2", "head", 3)
+    )
+    how = ClickMeasure(rig, rig)
+    settled = how.settled(clicks)
+    assert settled.is_estimated and 0.2 < settled.sigma_px < 0.45  # truth: 0.3
+    found = how.measured(clicks, settled)
+    assert found.views.tolist().count(3) == 23 and found.views[6] == 2
+    tracks = match(rig, clicks.tables(rig.names), names="track")
+    agrees(found, reconstruct(rig, tracks, sigma_px=settled.sigma_px))
+    assert not any(found.beyond(frame) for frame in range(12))
+    length = found.length(*found.common("head", "tail"))
+    assert length is not None and abs(length.metres - LENGTH_M) < 3 * length.sigma_m < 0.01
+    two = how.measured(Clicks.of(e for e in clicks.every.values() if e.camera != "c3"), settled)
+    worse = two.length(*two.common("head", "tail"))
+    assert worse is not None and worse.sigma_m > 1.1 * length.sigma_m
+    wrong = clicks.placed([replace(clicks.every[5, "c3", "tail"], u=400.0)])
+    assert how.measured(wrong, settled).beyond(5) == {"tail"}
+    for camera, track, frame in (("c1", "head", 2), ("c3", "tail", 7)):
+        click = clicks.every[frame, camera, track]
+        for other in {*rig.names} - {camera}:
+            assert off(how.curve(click, other), images[other][track][frame]) < 3.0
+    few = Clicks.of(each for each in clicks.every.values() if each.frame < 4)
+    assert how.settled(few) == (CLICK_PX, False, 0.0)
+
+
+def three_cameras() -> tuple[RigFile, dict[str, dict[str, FloatArray]]]:
+    """A rig, and the pixels of a head and a tail in its cameras by frame, with 0.3 px of noise."""
+    truth, rng = simulated_rig(np.random.default_rng(5), 3, 60), np.random.default_rng(1)
+    priors = dict.fromkeys(truth.cameras, LensPrior(*LENS_ERRORS))
+    rig = rig_file(calibrate_rig(truth.recording, RigSettings(lenses=priors)))
+    middle = truth.points_m.reshape(-1, 3).mean(axis=0)
+    points = {"head": middle + np.outer(np.arange(12) - 6, [0.03, 0.01, 0.02])}
+    points["tail"] = points["head"] + [0.0, LENGTH_M, 0.0]
+    images = {
+        name: {track: camera.project(truth.poses[name].apply(own)) for track, own in points.items()}
+        for name, camera in truth.cameras.items()
+    }
+    for tracks in images.values():
+        for pixels in tracks.values():
+            pixels += rng.normal(0.0, 0.3, pixels.shape)
+    return rig, images
 
 
 def test_few_clicks_count_as_clicked_by_hand() -> None:
     settled = ClickMeasure(replace(SET, noise_px=0.02), SET).settled(flight(2, 0.3))
-    assert settled.stated.sigma_px == CLICK_PX
-    assert 1.5 < settled.threshold.threshold_px < 2.2
-    assert "99 % of the errors" in settled.threshold.sentence()
+    assert settled.sigma_px == CLICK_PX and not settled.is_estimated
+    assert 1.5 < settled.threshold_px < 2.2
     stated = ClickMeasure(SET, SET, Stated(sigma_px=0.05, names="track")).settled(flight(2))
-    assert stated.threshold.threshold_px == 0.4  # that of the file is larger
+    assert stated.threshold_px == 0.4  # that of the file is larger
 
 
 def test_a_length_and_its_error() -> None:
@@ -114,9 +184,9 @@ def test_a_length_and_its_error() -> None:
     for seed in range(60):
         clicks = flight(5, 1.0, seed)
         how = ClickMeasure(SET, SET, Stated(1.8, sigma_px=1.0, names="track"))
-        found = how.measured(clicks, how.settled(clicks))
+        found = how.measured(clicks, Settled(1.0, False, 1.8))
         length = found.length(*found.common("head", "tail"))
-        assert length is not None and length.sigma_m is not None and length.frames == 5
+        assert length is not None and length.frames == 5
         relative.append((length.metres - LENGTH_M) / length.sigma_m)
     assert 0.75 < float(np.sqrt(np.mean(np.square(relative)))) < 1.25  # measured: 0.98
     place = Place("head", 3)
@@ -126,9 +196,8 @@ def test_a_length_and_its_error() -> None:
     assert found.length((place, place)) is None and found.length((place, Place("x", 1))) is None
     assert " px, below the threshold of 1.8 px. x " in found.sentence(place)
     far = replace(SET, volume=Volume((-1.0, 1.0), (-1.0, 1.0), (8.0, 9.0)))
-    how = ClickMeasure(SET, far, how.stated)
-    outside = how.measured(clicks, how.settled(clicks)).sentence(place)
-    assert outside.endswith("m, outside the volume of the bars.")
+    outside = ClickMeasure(SET, far).measured(clicks, found.settled).sentence(place)
+    assert outside.endswith("m, outside the volume of the calibration.")
 
 
 def test_the_line_is_where_the_other_camera_sees_the_point_then() -> None:
@@ -138,11 +207,10 @@ def test_the_line_is_where_the_other_camera_sees_the_point_then() -> None:
     between = images(points.mean(axis=0, keepdims=True))[1][0]
     click = Click(1, "primary", "head", *first[0].tolist())
     how = ClickMeasure(late, late)
-    assert (
-        off(how.curve(click, first[1] - first[0]), between) < 0.5 < off(how.curve(click), between)
-    )
+    curves = [how.curve(click, "secondary", speed) for speed in (first[1] - first[0], None)]
+    assert off(curves[0], between) < 0.5 < off(curves[1], between)
     back = Click(1, "secondary", "head", *between.tolist())
-    assert off(how.curve(back, second[1] - second[0]), first[0]) < 0.5
+    assert off(how.curve(back, "primary", second[1] - second[0]), first[0]) < 0.5
 
 
 def picture(shift: tuple[float, float], seed: int = 0, camera: CameraName = "primary") -> Image:

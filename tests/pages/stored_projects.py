@@ -40,9 +40,9 @@ def again(app: AppTest, page: str) -> AppTest:
     return go(dashboard(project=app.session_state["project_id"]), page)
 
 
-def drop(app: AppTest, files: Mapping[str, bytes]) -> AppTest:
-    """Give files together on the Data page."""
-    widget = app.file_uploader(key=f"upload_data_{app.session_state['upload_data']}")
+def drop(app: AppTest, files: Mapping[str, bytes], key: str = "upload_data") -> AppTest:
+    """Give files together, on the Data page or in another place."""
+    widget = app.file_uploader(key=f"{key}_{app.session_state[key]}")
     for name, content in files.items():
         widget.upload(name, content)
     return app.run()

@@ -2,6 +2,7 @@
 
 import io
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,14 +15,17 @@ from stereocal.matching.clicks import Click
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.parameters import RigParameters
 from stereocal.system.photograph import GreyImage
+from stereocal.ui.apply_points import CLICKED
 from tests.files import encoded
 from tests.known_rig import PRIMARY, SECONDARY, images
-from tests.pages.stored_projects import messages, project_of, told
+from tests.pages.stored_projects import drop, go, messages, pictured, project_of, session, told
 from tests.pages.test_apply import SET_2D, begun, give_sets
 from tests.videos import write_video
 
 LENGTH_M = 0.5
+PLACE = "upload_footage"
 PHOTOGRAPHS: dict[str, GreyImage] = {
     f"{side}_{frame:02}.png": np.full(camera.image_size[::-1], 90 + 5 * frame, np.uint8)
     for side, camera in (("left", PRIMARY), ("right", SECONDARY))
@@ -29,17 +33,19 @@ PHOTOGRAPHS: dict[str, GreyImage] = {
 }
 
 
-def give_pictures(app: AppTest, files: dict[str, GreyImage]) -> AppTest:
-    widget = app.file_uploader(key=f"upload_footage_{app.session_state['upload_footage']}")
-    for name, image in files.items():
-        widget.upload(name, encoded(image))
-    return app.run()
+def give_pictures(app: AppTest, files: Mapping[str, GreyImage]) -> AppTest:
+    return drop(app, {name: encoded(image) for name, image in files.items()}, PLACE)
 
 
-def with_pictures(app: AppTest) -> AppTest:
-    give_sets(begun(app), SET_2D, SET_2D)
-    app.selectbox(key="apply_points").set_value("Click them here").run()
-    return give_pictures(app, PHOTOGRAPHS)
+def clicking(app: AppTest, parameters: RigParameters = SET_2D) -> AppTest:
+    give_sets(begun(app), parameters, parameters)
+    return app.selectbox(key="apply_points").set_value(CLICKED).run()
+
+
+def pictures(app: AppTest) -> str:
+    """What the page says of them."""
+    (found,) = (each.label for each in app.expander if each.label.startswith("Pictures: "))
+    return str(found).replace("\\", "")
 
 
 def clicks_of(frames: tuple[int, ...], off_px: float = 0.0) -> list[Click]:
@@ -55,7 +61,7 @@ def clicks_of(frames: tuple[int, ...], off_px: float = 0.0) -> list[Click]:
 
 
 def test_points_lengths_and_tables_of_clicks(app: AppTest, home: Path) -> None:
-    with_pictures(app)
+    give_pictures(clicking(app), PHOTOGRAPHS)
     assert "Click point 1 in one of the pictures." in told(app)
     store = ProjectClicks(project_of(app, home))
     store.act(Act(clicks_of((1, 2, 3))))
@@ -70,6 +76,8 @@ def test_points_lengths_and_tables_of_clicks(app: AppTest, home: Path) -> None:
     assert step and abs(float(step[1]) - 0.1) < 0.01
     app.button(key="clicks_all").click().run()
     assert "6 pairs in 3 frames, none of them ambiguous" in messages(app)
+    assert len(app.slider) == 1  # the frames are those of the clicks, no second time of the result
+    assert "6 points of 3 frames" in pictured(app)
     assert "known to 1 px until 20 pairs" in told(app, "caption")
     result = ProjectApplication(project_of(app, home)).result
     assert result is not None
@@ -84,43 +92,45 @@ def test_points_lengths_and_tables_of_clicks(app: AppTest, home: Path) -> None:
 
 
 def test_clicks_off_the_line_and_pictures_of_another_size(app: AppTest, home: Path) -> None:
-    with_pictures(app)
+    give_pictures(clicking(app), PHOTOGRAPHS)
     ProjectClicks(project_of(app, home)).act(Act(clicks_of((1,), 12.0)))
     app.run().selectbox(key="clicks_track").set_value("head").run()
     assert "above the threshold of 1.86 px: not the same point" in told(app, "warning")
+    app.button(key="clicks_clear").click().run()
+    assert pictures(app) == "Pictures: none yet"
     give_pictures(app, {name: image[::2, ::2] for name, image in PHOTOGRAPHS.items()})
     assert "have 800x600 px, its parameters are for 1600x1200 px" in told(app, "error")
 
 
-def test_videos_of_cameras_started_by_hand(app: AppTest, tmp_path: Path) -> None:
+def test_videos_one_after_the_other_of_cameras_started_by_hand(
+    app: AppTest, home: Path, tmp_path: Path
+) -> None:
     pytest.importorskip("av")
-    counted_apart = replace(SET_2D, start_frame=3)
-    give_sets(begun(app), counted_apart, counted_apart)
-    app.selectbox(key="apply_points").set_value("Click them here").run()
-    widget = app.file_uploader(key=f"upload_footage_{app.session_state['upload_footage']}")
-    for name, preset in (("left.mp4", "ultrafast"), ("right.mp4", "superfast")):
+    clicking(app, replace(SET_2D, start_frame=3))
+    for name, preset in (("left.mp4", "ultrafast"), ("b.mp4", "superfast")):
         path = write_video(tmp_path / name, [k / 25 for k in range(12)], preset=preset)
-        widget.upload(name, path.read_bytes())
-    app.run()
+        drop(app, {name: path.read_bytes()}, PLACE)
+        assert pictures(app) == "Pictures: none yet"
+    assert "left.mp4 is that of the primary camera: give the video of another" in told(app)
+    assert "Which camera took b.mp4?" in told(app)
+    app.button(key="whose_video_1").click().run()
     assert "have 160x96 px" in told(app, "error")  # of other cameras, but read
-    assert any("left.mp4, right.mp4, 9 frames" in each.label for each in app.expander)
-    later = app.number_input(key="clicks_later_frames").set_value(5).run()
-    assert any("left.mp4, right.mp4, 7 frames" in each.label for each in later.expander)
-    app.number_input(key="clicks_later_frames").set_value(50).run()
-    assert "no frames of the same moment" in told(app, "error")
-    app.number_input(key="clicks_later_frames").set_value(0).run()
-    app.button(key="clicks_exchange").click().run()
-    assert any("right.mp4, left.mp4, 12 frames" in each.label for each in app.expander)
+    assert pictures(app) == "Pictures: left.mp4, b.mp4, 9 frames"
+    app.number_input(key="clicks_later_secondary").set_value(5).run()
+    assert pictures(app) == "Pictures: left.mp4, b.mp4, 7 frames"
+    app.number_input(key="clicks_later_secondary").set_value(50).run()
+    assert "no frames of the same moment" in told(app, "warning")
+    # Another tab has them too, as long as the server runs.
+    app = go(session(project_of(app, home)), "apply")
+    app.number_input(key="clicks_later_secondary").set_value(0).run()
+    assert pictures(app) == "Pictures: left.mp4, b.mp4, 12 frames"
 
 
 def test_one_video_for_both_cameras_and_a_damaged_one(app: AppTest, tmp_path: Path) -> None:
     pytest.importorskip("av")
-    give_sets(begun(app), SET_2D, SET_2D)
-    app.selectbox(key="apply_points").set_value("Click them here").run()
+    clicking(app)
     sound = write_video(tmp_path / "left.mp4", [0.0, 0.04, 0.08], preset="ultrafast").read_bytes()
     for right, told_of in ((sound, "the same video"), (b"no video", "right.mp4: ")):
-        widget = app.file_uploader(key=f"upload_footage_{app.session_state['upload_footage']}")
-        widget.upload("left.mp4", sound).upload("right.mp4", right)
-        app.run()
-        assert told_of in told(app, "error")
-        assert any("Pictures: none yet" in each.label for each in app.expander)
+        drop(app, {"left.mp4": sound, "right.mp4": right}, PLACE)
+        assert told_of in told(app, "warning")
+        assert pictures(app) == "Pictures: none yet"

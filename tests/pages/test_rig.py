@@ -1,5 +1,6 @@
 """Files and photographs of several cameras, the Rig page, and the pages of a pair of a rig."""
 
+import io
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,9 +16,11 @@ from stereocal.cli import main
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.recording_files import pack_recording, write_points
 from stereocal.matching.application import points_by_camera
+from stereocal.matching.clicks import Click
 from stereocal.matching.lengths import check_lengths
 from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import ProjectApplication, ProjectCheck, slot_of
+from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.projects.home import find_projects
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -25,6 +28,7 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import default_home
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.rigs import simulated_rig
+from stereocal.ui.apply_points import CLICKED
 from stereocal.ui.start import RIG, three_cameras
 from tests.archives import caliscope_files, wand_csv
 from tests.files import encoded, zipped
@@ -104,6 +108,43 @@ def test_the_menu_and_next_lead_through_a_rig(project: Project) -> None:
         }
         app.button(key="open_pair_1-2").click().run()
         assert titles(app) == [title] and app.query_params["pair"] == "1-2"
+
+
+def test_points_of_three_cameras_are_clicked(project: Project) -> None:
+    """Two cameras give a point, and the third improves it."""
+    rig = RigFile.loads(rig_text())
+    project.keep_settings({"apply_points_of_rig": CLICKED})
+    app = go(session(project), "apply")
+    sizes = {name: camera.image_size[::-1] for name, camera in rig.cameras.items()}
+    images = {
+        f"cam{name}_{frame:02}.png": encoded(np.full(size, 90 + frame, np.uint8))
+        for name, size in sizes.items()
+        for frame in (1, 2)
+    }
+    drop(app, images, "upload_footage")
+    assert any(each.label.endswith("2 frames") for each in app.expander) and not app.exception
+    assert "Click point 1 in one of the pictures." in told(app)
+    assert rig.volume is not None
+    x, y, z = (0.5 * sum(ends) for ends in vars(rig.volume).values())
+    point = np.array([[x * z, y * z, z]])
+    seen = {
+        name: placed.camera.project(placed.pose.apply(point))[0].tolist()
+        for name, placed in rig.placed.items()
+    }
+    store = ProjectClicks(project)
+    store.act(Act([Click(1, "1", "point 1", *seen["1"])]))
+    assert "Now click point 1 in the 2 or 3 picture, near the line." in told(app.run())
+    store.act(Act([Click(1, "3", "point 1", *seen["3"])]))
+    assert "below the threshold of 1.98 px" in told(app.run(), "success")
+    store.act(Act([Click(1, "2", "point 1", *seen["2"])]))
+    assert "below the threshold of 2.07 px" in told(app.run(), "success")
+    app.button(key="clicks_all").click().run()
+    assert "1 point in 1 frame" in told(app) and not app.exception
+    result = ProjectApplication(project).result
+    assert result is not None and result[0].sigma_px == 1.0
+    points = pd.read_csv(io.BytesIO(result[1]["points.csv"].read_bytes()))
+    assert points["views"].tolist() == [3] and points["track"].tolist() == ["point 1"]
+    np.testing.assert_allclose(points[["x", "y", "z"]], point, atol=1e-3)
 
 
 def test_points_of_a_rig_are_matched_and_measured_as_by_the_commands(

@@ -49,8 +49,8 @@ def test_other_programs_tables_have_the_same_points(tmp_path: Path) -> None:
     store.act(Act([*HEAD, TAIL]))
     clicks = store.clicks
     for which, camera in enumerate(CAMERAS, 1):
-        own = clicks.tables()[camera]
-        content = dltdv_table(clicks).encode()
+        own = clicks.tables(CAMERAS)[camera]
+        content = dltdv_table(clicks, CAMERAS).encode()
         layout = propose_layout(content, "xypts.csv")
         assert layout.program == "DLTdv8"
         found = read_points(content, layout, f"cam{which}", None, "xypts.csv")

@@ -1,10 +1,11 @@
-"""Pictures of two cameras, frame by frame: decoded when they are looked at, and stored nowhere."""
+"""Pictures of several cameras, frame by frame: decoded when looked at, and stored nowhere."""
 
 import atexit
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 import cv2
 import numpy as np
@@ -12,9 +13,8 @@ import numpy.typing as npt
 
 from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
-from stereocal.frames.video.decoding import VideoTimes, encoded_frames, read_times
-from stereocal.frames.video.extract import LEAST_SECONDS, VideoPairs, pair_times
-from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.frames.video.decoding import encoded_frames, read_times
+from stereocal.frames.video.extract import LEAST_SECONDS, pair_times
 from stereocal.system.guarded import Guard
 from stereocal.system.latest import Latest
 from stereocal.system.photograph import PhotographFile, read_colours
@@ -28,20 +28,24 @@ _GUARD = Guard([read_times, encoded_frames], least_seconds=LEAST_SECONDS)
 atexit.register(_GUARD.close)
 
 
+Pictures = Mapping[tuple[str, int], bytes]
+"""By camera and frame, as JPEG."""
+
+
 @dataclass(eq=False)
 class Footage:
-    """Pictures of both cameras by the numbers of their frames."""
+    """Pictures of the cameras by the numbers of their frames."""
 
-    labels: Mapping[CameraName, str]
+    labels: Mapping[str, str]
     """What the pictures of each camera are called."""
     numbers: list[int]
-    """Of the frames that both have, ascending."""
-    decode: Callable[[CameraName, int], Mapping[tuple[CameraName, int], bytes]]
-    """The picture of a frame, and others that were decoded with it, as JPEG."""
+    """Of the frames that all have, ascending."""
+    decode: Callable[[str, int], Pictures]
+    """The picture of a frame, and others that were decoded with it."""
     _pictures: Latest[bytes] = field(default_factory=lambda: Latest(KEPT))
     _grey: Latest[npt.NDArray[np.uint8]] = field(default_factory=lambda: Latest(GREY_KEPT))
 
-    def picture(self, camera: CameraName, number: int) -> bytes:
+    def picture(self, camera: str, number: int) -> bytes:
         """The picture of a frame as JPEG, in colours if it has any."""
         kept = self._pictures.get(f"{camera} {number}")
         if kept is None:
@@ -53,7 +57,7 @@ class Footage:
             raise StereocalError(f"{self.labels[camera]}: frame {number} cannot be decoded.")
         return kept
 
-    def grey(self, camera: CameraName, number: int) -> npt.NDArray[np.uint8]:
+    def grey(self, camera: str, number: int) -> npt.NDArray[np.uint8]:
         """(h, w): the picture in 8 bits of grey."""
 
         def decoded() -> npt.NDArray[np.uint8]:
@@ -64,57 +68,62 @@ class Footage:
 
 
 def of_videos(
-    paths: Mapping[CameraName, Path], labels: Mapping[CameraName, str], later_frames: float = 0.0
+    paths: Mapping[str, Path],
+    labels: Mapping[str, str],
+    later_frames: Mapping[str, float] = MappingProxyType({}),
 ) -> Footage:
-    """The frames of two videos that belong together; numbers count those of the primary from 1.
+    """The frames of videos that belong together; numbers count those of the first from 1.
 
     Args:
-        later_frames: by how many frames of the primary the secondary's video was started later.
+        later_frames: by how many frames of the first each other video was started later.
     """
-    times: dict[CameraName, VideoTimes] = {
-        each: _GUARD.read(read_times, paths[each], labels[each]) for each in CAMERAS
+    times = {
+        each: _GUARD.read(read_times, path, labels[each]).seconds for each, path in paths.items()
     }
-    first, second = (times[each].seconds for each in CAMERAS)
-    later_s = second[0] - first[0] - later_frames * float(np.median(np.diff(first)))
-    pairs = pair_times(first, second, later_s)
-    numbers = [int(number) for number in pairs.numbers]
+    first, *others = paths
+    step_s, pairs = float(np.median(np.diff(times[first]))), {}
+    for each in others:
+        later_s = times[each][0] - times[first][0] - later_frames.get(each, 0.0) * step_s
+        pairs[each] = pair_times(times[first], times[each], later_s)
+    partners = {each: dict(own.frames.tolist()) for each, own in pairs.items()}
+    counted = pairs[others[0]]
+    numbered = dict(zip(counted.frames[:, 0].tolist(), counted.numbers.tolist(), strict=True))
+    common = [at for at in numbered if all(at in own for own in partners.values())]
+    if not common:
+        raise StereocalError("The videos have no frames of the same moment.")
+    numbers = [numbered[at] for at in common]
+    frames = {first: common, **{e: [own[at] for at in common] for e, own in partners.items()}}
 
-    def decode(_: CameraName, number: int) -> Mapping[tuple[CameraName, int], bytes]:
-        first = numbers.index(number)
-        rows = slice(first, first + AHEAD)
-        found: dict[tuple[CameraName, int], bytes] = {}
-        with ThreadPoolExecutor(2) as threads:
-            both = threads.map(lambda each: _decoded(each, rows, paths, times, pairs), CAMERAS)
-            for camera, own in zip(CAMERAS, both, strict=True):
-                keys = ((camera, number) for number in numbers[rows])
-                found |= dict(zip(keys, (content or b"" for content in own), strict=True))
-        return found
+    def decode(_: str, number: int) -> Pictures:
+        start = numbers.index(number)
+        rows = slice(start, start + AHEAD)
+
+        def own(camera: str) -> list[bytes | None]:
+            path, seconds = paths[camera], times[camera][frames[camera][rows]].tolist()
+            found: list[bytes | None] = _GUARD.read(
+                encoded_frames, path, labels[camera], seconds, False, True
+            )
+            return found
+
+        with ThreadPoolExecutor(len(paths)) as threads:
+            return {
+                (camera, each): content or b""
+                for camera, found in zip(paths, threads.map(own, paths), strict=True)
+                for each, content in zip(numbers[rows], found, strict=True)
+            }
 
     return Footage(labels, numbers, decode)
 
 
-def _decoded(
-    camera: CameraName,
-    rows: slice,
-    paths: Mapping[CameraName, Path],
-    times: Mapping[CameraName, VideoTimes],
-    pairs: VideoPairs,
-) -> list[bytes | None]:
-    at = pairs.frames[rows, CAMERAS.index(camera)]
-    seconds = times[camera].seconds[at].tolist()
-    path = paths[camera]
-    found: list[bytes | None] = _GUARD.read(encoded_frames, path, path.name, seconds, False, True)
-    return found
-
-
 def of_photographs(
-    files: Mapping[int, Mapping[CameraName, PhotographFile]], labels: Mapping[CameraName, str]
+    files: Mapping[int, Mapping[str, PhotographFile]], labels: Mapping[str, str]
 ) -> Footage:
-    """Photographs of both cameras, by frame."""
+    """Photographs by frame and camera; frames that a camera has none of are left out."""
 
-    def decode(camera: CameraName, number: int) -> Mapping[tuple[CameraName, int], bytes]:
+    def decode(camera: str, number: int) -> Pictures:
         image = eight_bits(read_colours(files[number][camera], f"{labels[camera]}, {number}"))
         content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
         return {(camera, number): content.tobytes()}
 
-    return Footage(labels, sorted(files), decode)
+    whole = sorted(number for number, own in files.items() if {*labels} <= {*own})
+    return Footage(labels, whole, decode)
