@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from stereocal.library.calibrations import evaluate as evaluate
     from stereocal.library.calibrations import read as read
     from stereocal.library.field_day import check as check
-    from stereocal.library.field_day import detect as detect
     from stereocal.library.field_day import plan as plan
     from stereocal.library.field_day import sample as sample
     from stereocal.library.field_day import simulate as simulate
@@ -53,7 +52,7 @@ _MODULES = {
     "StereocalError": "errors",
     "calibrate": "library.calibrations",
     "check": "library.field_day",
-    "detect": "library.field_day",
+    "detect": "library.targets",
     "evaluate": "library.calibrations",
     "export": "formats.exchange.exchange",
     "import_parameters": "formats.exchange.exchange",

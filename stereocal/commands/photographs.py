@@ -1,20 +1,23 @@
-"""The photographs of two cameras for a command: their pairs, and frames of videos as such."""
+"""The photographs of two cameras for a command, and frames of videos as such."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable
+from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
-from stereocal.commands.console import Options, in_stages, say
+from stereocal.commands.console import Options, in_stages, report, say
+from stereocal.detection.target import BRIGHT, Balls, Board, Target
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import read_cameras
-from stereocal.frames.pairing import Pairing
-from stereocal.frames.proposal import WAYS, Choice, Way, propose
+from stereocal.formats.recording_files import pack_recording
+from stereocal.frames.proposal import WAYS
 from stereocal.frames.video.extract import VideoSettings, extract
+from stereocal.library.targets import PhotographSearch
 from stereocal.rig.recording import Recording
-from stereocal.system.atomic_files import write_atomically
-from stereocal.system.taken import when_taken
+from stereocal.system.atomic_files import write_all, write_atomically
 
+T = TypeVar("T")
 PAIR_BY: Options = {
     "--pair-by": {
         "choices": [*WAYS],
@@ -24,39 +27,22 @@ PAIR_BY: Options = {
 }
 
 
-def two_cameras_of(parsed: argparse.Namespace) -> Recording:
-    """The cameras of a data set of two, and its lengths."""
-    known = read_cameras(parsed.dataset, parsed.lens_model)
-    if len(known.cameras) > 2:
-        raise StereocalError(
-            f"{parsed.dataset}: it has {len(known.cameras)} cameras; targets and boards are found "
-            "in the photographs of two."
-        )
-    return known
+def in_search(
+    parsed: argparse.Namespace,
+    executor: Executor,
+    target: Target | Board,
+    work: Callable[[PhotographSearch], T],
+) -> T:
+    """The result of a search in the photographs of a data set, with a bar for each stage."""
+    search = PhotographSearch(parsed.dataset, executor, say, parsed.pair_by, parsed.lens_model)
+    if search.is_described or not isinstance(target, Board):
+        _ = search.known  # before the long work
+    if parsed.videos is not None:
+        _take_frames(parsed, isinstance(target, Balls) and BRIGHT not in target.colours)
+    return in_stages(lambda *bar: work(search.shown(*bar)))
 
 
-def pairing_of(photographs: Mapping[str, Path], source: Path, way: Way | None = None) -> Pairing:
-    """The pairs of photographs.
-
-    Args:
-        way: how to pair, if it is stated.
-
-    Raises:
-        StereocalError: there are no pairs in this way; or, if none is stated, no way is sure.
-    """
-    proposal = propose(when_taken(photographs), Choice(way))
-    pairing = proposal.pairing
-    if way is not None and proposal.way != way:
-        raise StereocalError(f"{source}: no two photographs can be paired by --pair-by {way}.")
-    if not pairing.pairs:
-        raise StereocalError(f"{source}: {pairing.sentence}")
-    if pairing.ambiguous and way is None:
-        ways = " or ".join(f"--pair-by {each}" for each in proposal.ways)
-        raise StereocalError(f"{source}: {pairing.sentence} Or state how to pair them: {ways}.")
-    return pairing
-
-
-def take_frames(parsed: argparse.Namespace, coloured: bool) -> None:
+def _take_frames(parsed: argparse.Namespace, coloured: bool) -> None:
     """Write frames of two videos into the folder of the data set."""
     if parsed.dataset.exists() and not parsed.dataset.is_dir():
         raise StereocalError(f"{parsed.dataset}: with --videos, the data set must be a folder.")
@@ -71,3 +57,9 @@ def take_frames(parsed: argparse.Namespace, coloured: bool) -> None:
 
     for sentence in in_stages(partial(extract, (first, second), settings, write)).sentences:
         say(sentence)
+
+
+def write_recording(folder: Path, recording: Recording) -> None:
+    """Write a data set into a folder."""
+    write_all({folder / name: content for name, content in pack_recording(recording).items()})
+    report(written=[folder])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import pandas as pd
 
-from stereocal.detection.target import parse_board, parse_target
 from stereocal.errors import StereocalError
 from stereocal.field.checking import check_words
 from stereocal.field.checking.findings import Recheck
@@ -23,25 +22,19 @@ from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import repaired_parameters, residuals_of
 from stereocal.field.checking.rig_check import RigCheck, check_rig
 from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer
-from stereocal.formats.dataset_files import parse_survey, read_as_counted, read_cameras, read_texts
+from stereocal.formats.dataset_files import read_as_counted
 from stereocal.formats.plan_file import read_plan
-from stereocal.formats.recording_files import DESCRIPTION, find_description
-from stereocal.frames.frame import Frame, correspondences_of, describe_frames, report_line
-from stereocal.frames.proposal import Choice, Way, propose
-from stereocal.frames.search import detect_frames
 from stereocal.intrinsics.boards import find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.intrinsics.quality import LENS_COLUMNS, advice, lens_answer, lens_rows
-from stereocal.intrinsics.stereo_boards import find_stereo_boards, lenses_of_boards, recording_of
 from stereocal.library.calibrations import pair_of
 from stereocal.library.drawing import draw, of_figures
 from stereocal.matching.point_table import PointTable
 from stereocal.network.rig_file import RigFile
 from stereocal.network.started_by_hand import BroughtIntoStep, bring_into_step
-from stereocal.refined.free_baseline import with_baseline_found
-from stereocal.rig.camera import CAMERAS, LensModel
-from stereocal.rig.correspondences import PIXELS, Correspondences
+from stereocal.rig.camera import LensModel
+from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair, Recording
@@ -49,9 +42,8 @@ from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.system.answers import Answer, TableAnswer, answering
 from stereocal.system.executors import engine
-from stereocal.system.photograph_files import of_the_bar, photographs_in, photographs_of
+from stereocal.system.photograph_files import photographs_of
 from stereocal.system.resources import ROOT
-from stereocal.system.taken import when_taken
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -103,102 +95,6 @@ def plan(
     with engine() as workers:
         found = forecast(read_plan(path, lens_model), workers, seed, rigs)
     return answering(Plan, found)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class FoundTargets(TableAnswer):
-    """The targets, or the boards, in the photographs of two cameras."""
-
-    recording: Dataset | Recording
-    """To calibrate from."""
-    sentences: list[str]
-    frames: list[Frame] = field(default_factory=list)
-    """Of a bar: what was found, doubtful ones too, which are not used."""
-
-    @property
-    def answer(self) -> list[str]:
-        doubts = [report_line(frame) for frame in self.frames if frame.state != "found"]
-        return [*self.sentences, *doubts]
-
-    def to_dataframe(self) -> pd.DataFrame:
-        """The table of points."""
-        return self.recording.to_dataframe()
-
-
-def detect(
-    path: str | Path,
-    target: str = "bar2x2",
-    pair_by: Way | None = None,
-    lens_model: LensModel | None = None,
-) -> FoundTargets:
-    """Find the targets in the photographs of a data set.
-
-    Args:
-        path: a folder or zip with dataset.json and photographs; of a board it may be without
-            dataset.json: then the same photographs give the lenses, and the board the scale.
-        target: what is held, as of the command: "bar2x2", "balls:red,yellow", "tags:4X4_50:3,7",
-            "board:9x6:0.03" and so on.
-        pair_by: how photographs belong together; None: by name, by the time taken, or in order.
-
-    Raises:
-        StereocalError: no targets are found, or no way to pair the photographs is sure.
-    """
-    path, board = Path(path), parse_board(target)
-    described = path.is_file() or (path / DESCRIPTION).is_file()
-    survey = _survey(path, lens_model) if described or board is None else None
-    with tempfile.TemporaryDirectory(prefix="stereocal-") as store, engine() as workers:
-        photographs = of_the_bar(photographs_in(path, Path(store)))
-        pairing = propose(when_taken(photographs), Choice(pair_by)).pairing
-        if not pairing.pairs or (pairing.ambiguous and pair_by is None):
-            raise StereocalError(f"{path}: {pairing.sentence}")
-        if board is None:
-            assert survey is not None
-            cameras = survey.primary, survey.secondary
-            about = pairing.pairs, photographs, cameras, workers, _silent, _silent
-            frames = detect_frames(*about, target=parse_target(target))
-            rows = correspondences_of(frames)
-            told = [pairing.sentence, describe_frames(frames)]
-            return FoundTargets(with_baseline_found(survey.with_points(rows)), told, frames)
-        if not board.size:
-            raise StereocalError("State the inner corners of the board too, as board:9x6:0.03.")
-        boards = find_stereo_boards(photographs, board.pattern(), workers, pairing=pairing)
-        if survey is None:
-            first, second = lenses_of_boards(boards, None, workers)
-            found = recording_of(boards, (first.camera, second.camera), path.name)
-        else:
-            found = recording_of(boards, (survey.primary, survey.secondary), survey.name)
-            if not survey.baseline_is_free:
-                measured: dict[CameraPair, float] = {CAMERAS: survey.baseline_m}
-                found = replace(
-                    found, baselines_m=measured, baseline_sigma_m=survey.baseline_sigma_m
-                )
-        return FoundTargets(found, [pairing.sentence, boards.sentence])
-
-
-def _silent(*_: object) -> None:
-    """Progress that nobody looks at."""
-
-
-def _survey(path: Path, lens_model: LensModel | None) -> Dataset:
-    """The cameras and lengths of a data set of two, without points."""
-    files, _ = read_texts(path)
-    if not find_description(files, str(path)).is_recording:
-        return parse_survey(files, str(path), lens_model)
-    known = read_cameras(path, lens_model)
-    if len(known.cameras) > 2:
-        raise StereocalError(f"{path}: targets are found in the photographs of two cameras.")
-    measured, none = known.baseline_m(*known.cameras), np.empty((0, 2))
-    first, second = known.cameras.values()
-    return Dataset(
-        known.name,
-        first,
-        second,
-        Correspondences.from_arrays(none[:, 0], "", none, none),
-        1.0 if measured is None else measured,
-        known.object.longest_m,
-        np.inf if measured is None else known.baseline_sigma_m,
-        known.object.sigma_m,
-    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

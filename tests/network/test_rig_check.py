@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stereocal.cli import main
-from stereocal.commands.intrinsics import write_recording
+from stereocal.commands.photographs import write_recording
 from stereocal.errors import StereocalError
 from stereocal.field.checking.rig_check import check_rig
 from stereocal.network.calibrate import calibrate_rig

@@ -1,0 +1,250 @@
+"""The targets, or the boards, in the photographs of two cameras: of scripts and of commands."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stereocal.detection.target import Board, Target, parse_board, parse_target
+from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_cameras, read_texts
+from stereocal.formats.recording_files import DESCRIPTION
+from stereocal.frames.frame import Frame, correspondences_of, describe_frames, report_line
+from stereocal.frames.pairing import Pairing
+from stereocal.frames.proposal import Choice, Way, propose
+from stereocal.frames.search import detect_frames
+from stereocal.frames.slips import find_slip
+from stereocal.intrinsics.held_object import held_object
+from stereocal.intrinsics.lens_fit import LensSettings
+from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
+from stereocal.intrinsics.quality import lens_answer, note_on_model
+from stereocal.intrinsics.stereo_boards import find_stereo_boards, lenses_of_boards, recording_of
+from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.rig.camera import CAMERAS, LensModel
+from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
+from stereocal.rig.field_of_view import beyond_in_words
+from stereocal.rig.recording import Recording
+from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.answers import TableAnswer
+from stereocal.system.executors import engine
+from stereocal.system.photograph_files import Photographs, of_the_bar, photographs_in
+from stereocal.system.taken import when_taken
+from stereocal.system.tasks import Progress
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FoundTargets(TableAnswer):
+    """The targets, or the boards, in the photographs of two cameras."""
+
+    recording: Dataset | Recording
+    """To calibrate from."""
+    sentences: list[str]
+    frames: list[Frame] = field(default_factory=list)
+    """Of a bar: what was found, doubtful ones too, which are not used."""
+
+    @property
+    def answer(self) -> list[str]:
+        doubts = [report_line(frame) for frame in self.frames if frame.state != "found"]
+        return [*self.sentences, *doubts]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The table of points."""
+        return self.recording.to_dataframe()
+
+
+def detect(
+    path: str | Path,
+    target: str = "bar2x2",
+    pair_by: Way | None = None,
+    lens_model: LensModel | None = None,
+) -> FoundTargets:
+    """Find the targets in the photographs of a data set.
+
+    Args:
+        path: a folder or zip with dataset.json and photographs; of a board it may be without
+            dataset.json: then the same photographs give the lenses, and the board the scale.
+        target: what is held, as of the command: "bar2x2", "balls:red,yellow", "tags:4X4_50:3,7",
+            "board:9x6:0.03" and so on.
+        pair_by: how photographs belong together; None: by name, by the time taken, or in order.
+
+    Raises:
+        StereocalError: no targets are found, or no way to pair the photographs is sure.
+    """
+    told = list[str]()
+    with engine() as workers:
+        search = PhotographSearch(Path(path), workers, told.append, pair_by, lens_model)
+        if (board := parse_board(target)) is not None:
+            return FoundTargets(search.boards(board), told)
+        frames = search.frames(parse_target(target))
+        found = _of_two(search.known, correspondences_of(frames))
+        return FoundTargets(with_baseline_found(found), told, frames)
+
+
+def _silent(*_: object) -> None:
+    """Progress that nobody looks at."""
+
+
+@dataclass(frozen=True)
+class PhotographSearch:
+    """The photographs in a folder or zip, and how they are searched."""
+
+    path: Path
+    workers: Executor
+    tell: Callable[[str], object]
+    """Called with what was found, a sentence each time."""
+    way: Way | None = None
+    lens_model: LensModel | None = None
+    begin: Callable[[str], None] = _silent
+    progress: Progress = _silent
+
+    @cached_property
+    def known(self) -> Recording:
+        """The cameras and lengths of the data set, without points."""
+        found = read_cameras(self.path, self.lens_model)
+        if len(found.cameras) > 2:
+            raise StereocalError(
+                f"{self.path}: it has {len(found.cameras)} cameras; targets and boards are found "
+                "in the photographs of two."
+            )
+        return found
+
+    def shown(self, begin: Callable[[str], None], progress: Progress) -> PhotographSearch:
+        """With its progress shown."""
+        return replace(self, begin=begin, progress=progress)
+
+    @cached_property
+    def is_described(self) -> bool:
+        """Whether there is a `dataset.json`."""
+        texts = read_texts(self.path)[0] if self.path.exists() else ()
+        return any(PurePath(name).name == DESCRIPTION for name in texts)
+
+    def frames(self, target: Target) -> list[Frame]:
+        """What is on the bar, in all frames."""
+        first, second = self.known.cameras.values()
+        with self._photographs() as photographs:
+            pairing = pairing_of(photographs, self.path, self.way)
+            self.tell(f"{len(photographs)} photographs. {pairing.sentence}")
+            about = pairing.pairs, photographs, (first, second), self.workers
+            frames = detect_frames(*about, self.begin, self.progress, target=target)
+        self.tell(describe_frames(frames))
+        if (slip := find_slip(frames, (first, second))) is not None:
+            self.tell(f"{slip} Take it out of the folder, and find the targets again.")
+        return frames
+
+    def boards(self, board: Board) -> Recording:
+        """The boards of both cameras.
+
+        The lenses are those of the data set; without one, they come from the same photographs.
+        """
+        with self._photographs() as photographs:
+            pairing = pairing_of(photographs, self.path, self.way)
+            pattern = board.pattern(board.size or self._size_found(photographs, pairing))
+            known = self.known if self.is_described else None
+            return self.recording(photographs, pattern, pairing, known)
+
+    def recording(
+        self,
+        photographs: Photographs,
+        pattern: BoardPattern,
+        pairing: Pairing,
+        known: Recording | None = None,
+        settings: LensSettings | None = None,
+    ) -> Recording:
+        """The recording of boards of known size; says which points a fisheye sees too far out.
+
+        Args:
+            known: cameras and lengths; without, the lenses come from the same boards.
+            settings: of these lenses; None: the model that predicts better.
+        """
+        about = photographs, pattern, self.workers, self.begin, self.progress
+        boards = find_stereo_boards(*about, pairing=pairing)
+        self.tell(f"{boards.pairing.sentence} {boards.sentence}")
+        if known is not None:
+            first, second = known.cameras.values()
+        else:
+            self.begin("draws calibrated")
+            lenses = lenses_of_boards(boards, settings, self.workers, self.progress)
+            first, second = (lens.camera for lens in lenses)
+            for which, lens in zip(CAMERAS, lenses, strict=True):
+                note = note_on_model(lens.search, lens.settings)
+                self.tell(f"The {which}'s lens: {lens_answer(lens)} {note}".rstrip())
+        found = recording_of(boards, (first, second), self.path.stem)
+        if beyond := beyond_in_words(found.beyond_view):
+            self.tell(beyond)
+        names = ("name", "cameras", "baselines_m", "baseline_sigma_m", "notes")
+        return replace(found, **{name: getattr(known, name) for name in names if known})
+
+    @contextmanager
+    def _photographs(self) -> Iterator[dict[str, Path]]:
+        with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
+            self.begin("photographs unpacked")
+            found = photographs_in(self.path, Path(store), self.progress)
+            yield dict(of_the_bar(found))
+
+    def _size_found(self, photographs: Photographs, pairing: Pairing) -> str:
+        """The size of the board that moves before both cameras, or else that most show."""
+        names = [[getattr(pair, which) for pair in pairing.pairs] for which in CAMERAS]
+        held = held_object([{name: photographs[name] for name in own} for own in names])
+        board = held.what if held is not None else None
+        if not isinstance(board, ProposedBoard):
+            board = proposed_board(photographs)
+        if board is None:
+            raise StereocalError(
+                "The size of the board cannot be found in the first photographs: count the inner "
+                "corners, where four squares meet, and state them, as board:9x6:0.03."
+            )
+        self.tell(
+            f"The board has {board} inner corners, as the first photographs show; else state them."
+        )
+        return str(board)
+
+
+def pairing_of(photographs: Mapping[str, Path], source: Path, way: Way | None = None) -> Pairing:
+    """The pairs of photographs.
+
+    Args:
+        way: how to pair, if it is stated.
+
+    Raises:
+        StereocalError: there are no pairs in this way; or, if none is stated, no way is sure.
+    """
+    proposal = propose(when_taken(photographs), Choice(way))
+    pairing = proposal.pairing
+    if way is not None and proposal.way != way:
+        raise StereocalError(f"{source}: no two photographs can be paired by --pair-by {way}.")
+    if not pairing.pairs:
+        raise StereocalError(f"{source}: {pairing.sentence}")
+    if pairing.ambiguous and way is None:
+        ways = " or ".join(f"--pair-by {each}" for each in proposal.ways)
+        raise StereocalError(f"{source}: {pairing.sentence} Or state how to pair them: {ways}.")
+    return pairing
+
+
+def _of_two(known: Recording, rows: Correspondences) -> Dataset:
+    """The data set of two cameras with these points."""
+    measured = known.baseline_m(*known.cameras)
+    first, second = known.cameras.values()
+    found = Dataset(
+        known.name,
+        first,
+        second,
+        rows,
+        1.0 if measured is None else measured,
+        known.object.longest_m,
+        np.inf if measured is None else known.baseline_sigma_m,
+        known.object.sigma_m,
+        notes=known.notes,
+    )
+    return found.with_points(rows)
