@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -22,7 +23,8 @@ PAIR_BY: Options = {
     "--pair-by": {
         "choices": [*WAYS],
         "help": "how photographs belong together (default: by name, else by the time taken, else "
-        "in order if both cameras have as many)",
+        "in order if both cameras have as many); motion: the cameras were started by hand, and the "
+        "targets tell",
     }
 }
 
@@ -38,25 +40,29 @@ def in_search(
     if search.is_described or not isinstance(target, Board):
         _ = search.known  # before the long work
     if parsed.videos is not None:
-        _take_frames(parsed, isinstance(target, Balls) and BRIGHT not in target.colours)
+        coloured = isinstance(target, Balls) and BRIGHT not in target.colours
+        search = replace(search, heard=_take_frames(parsed, coloured))
     return in_stages(lambda *bar: work(search.shown(*bar)))
 
 
-def _take_frames(parsed: argparse.Namespace, coloured: bool) -> None:
-    """Write frames of two videos into the folder of the data set."""
+def _take_frames(parsed: argparse.Namespace, coloured: bool) -> float | None:
+    """Write frames of two videos into the folder of the data set; what their sound says."""
     if parsed.dataset.exists() and not parsed.dataset.is_dir():
         raise StereocalError(f"{parsed.dataset}: with --videos, the data set must be a folder.")
     every, ahead = parsed.every, parsed.clock_ahead
     if every is not None and every < 1:
         raise StereocalError(f"--every is {every}: it must be 1 or more.")
-    settings = VideoSettings("every" if every else "still", every or 1, ahead, coloured)
+    by_hand = parsed.pair_by == "motion"
+    settings = VideoSettings("every" if every else "still", every or 1, ahead, by_hand, coloured)
     first, second = parsed.videos
 
     def write(name: str, content: bytes) -> None:
         write_atomically(parsed.dataset / name, content)
 
-    for sentence in in_stages(partial(extract, (first, second), settings, write)).sentences:
+    found = in_stages(partial(extract, (first, second), settings, write))
+    for sentence in found.sentences:
         say(sentence)
+    return found.heard
 
 
 def write_recording(folder: Path, recording: Recording) -> None:

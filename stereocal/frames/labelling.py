@@ -9,7 +9,7 @@ the others, or fits them only with A and B exchanged in one camera, is doubtful.
 are named by it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,8 +23,10 @@ from stereocal.detection.target import Balls, Bar2x2, Sighting, Spot, Target
 from stereocal.frames.choosing import choose_boards
 from stereocal.frames.epipolar_labels import FrameLabels, decide_labels
 from stereocal.frames.frame import Centre, CentrePair, Frame
-from stereocal.frames.pairing import Pair
+from stereocal.frames.pairing import Motion, Pair
 from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.tracks import interpolate
 
 EXCHANGED = "A and B fit the other frames only if they are exchanged in one camera."
 FAR_SIGMAS = 4.0
@@ -61,15 +63,34 @@ class _Seen:
         return replace(self, targets=self.targets[::-1], doubts=self.doubts[::-1])
 
 
+def points_by_photograph(
+    names: Iterable[str], seen: Mapping[str, Any], target: Target
+) -> dict[str, FloatArray]:
+    """(2, 2) pixels of A and B in each photograph of a camera, NaN where not seen."""
+    listed = [*names]
+    found = [seen[name] for name in listed]
+    if isinstance(target, Balls):
+        found = without_still(found)
+    return {
+        name: np.array([one.centre if one else (np.nan, np.nan) for one in _Seen.of(own).targets])
+        for name, own in zip(listed, found, strict=True)
+    }
+
+
 def label_frames(
-    pairs: Sequence[Pair], seen: Mapping[str, Any], cameras: tuple[Camera, Camera], target: Target
+    pairs: Sequence[Pair],
+    seen: Mapping[str, Any],
+    cameras: tuple[Camera, Camera],
+    target: Target,
+    motion: Motion | None = None,
 ) -> list[Frame]:
     """A frame for each pair, in order, with A and B told apart.
 
     Args:
         seen: of `search_photographs`.
+        motion: of cameras that were started by hand.
     """
-    frames = _labelled(pairs, seen, cameras, target)
+    frames = _labelled(pairs, seen, cameras, target, motion)
     open_frames = {
         pair.frame: (seen[pair.primary], seen[pair.secondary])
         for pair in pairs
@@ -88,19 +109,23 @@ def label_frames(
         replace(frame, reason=f"{frame.reason} {chosen[frame.frame].sentence}".strip())
         if frame.state != "refused" and frame.frame in chosen
         else frame
-        for frame in _labelled(pairs, decided, cameras, target)
+        for frame in _labelled(pairs, decided, cameras, target, motion)
     ]
 
 
 def _labelled(
-    pairs: Sequence[Pair], seen: Mapping[str, Any], cameras: tuple[Camera, Camera], target: Target
+    pairs: Sequence[Pair],
+    seen: Mapping[str, Any],
+    cameras: tuple[Camera, Camera],
+    target: Target,
+    motion: Motion | None,
 ) -> list[Frame]:
     """The frames, without a choice among more than two boards."""
     sides = [[seen[getattr(pair, which)] for pair in pairs] for which in CAMERAS]
     if isinstance(target, Balls):
         sides = [without_still(found) for found in sides]
     both = {
-        pair.frame: (_Seen.of(first), _Seen.of(second))
+        pair.frame: (_named(pair.primary, first, motion), _named(pair.secondary, second, motion))
         for pair, first, second in zip(pairs, *sides, strict=True)
     }
     centres = {
@@ -108,9 +133,29 @@ def _labelled(
         for frame, found in sorted(both.items())
         if all(all(own.targets) for own in found)
     }
+    if motion and centres:
+        centres = _at_primary(centres, motion.late)
     decided = decide_labels(centres, cameras)
-    named = not isinstance(target, Bar2x2) and target.named
+    named = target.named
     return [_frame(pair, both[pair.frame], named, decided.get(pair.frame)) for pair in pairs]
+
+
+def _named(name: str, found: Detection | Sighting, motion: Motion | None) -> _Seen:
+    """What a photograph shows, with the names that the motion tells."""
+    seen = _Seen.of(found)
+    return seen.exchanged() if motion and name in motion.exchanged else seen
+
+
+def _at_primary(centres: Mapping[int, FloatArray], late: float) -> dict[int, FloatArray]:
+    """The centres with those of the secondary at the instants of the primary's frames; where they
+    have no neighbours, as they are."""
+    frames, found = np.array([*centres]), np.array([*centres.values()])
+    for target in (0, 1):
+        seen = found[:, 1, target]
+        about = np.zeros_like(frames), frames, seen, np.full(len(frames), late)
+        moved = interpolate(*about)
+        found[:, 1, target] = np.where(moved.known[:, None], moved.positions, seen)
+    return dict(zip(centres, found, strict=True))
 
 
 def _frame(

@@ -14,6 +14,8 @@ from stereocal.frames.conventions import NameReading, readings_by_words
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.numbers import plural
 
+Counts = tuple[Mapping[str, int], Mapping[str, int]]
+"""The photographs of each camera with its own count."""
 MAXIMUM_DIGITS = 15
 """The most digits of a frame number, which a table then stores exactly."""
 
@@ -47,6 +49,18 @@ class Alone:
 
 
 @dataclass(frozen=True)
+class Motion:
+    """What the motion tells of cameras that were started by hand."""
+
+    later: int
+    """Which of the primary's photographs the secondary's 0 is."""
+    late: float
+    """By what part of a step the secondary's photographs are then later than the primary's."""
+    exchanged: frozenset[str]
+    """Photographs in which the two targets have each other's names."""
+
+
+@dataclass(frozen=True)
 class Pairing:
     """The proposed pairs, in order of their frames, and the unpaired photographs."""
 
@@ -58,6 +72,11 @@ class Pairing:
     """How the photographs were paired, for the user to check."""
     ambiguous: bool
     """Whether they can as well be paired differently in the same way."""
+    counts: Counts | None = None
+    """Of cameras that were started by hand: a search finds which pairs are the true ones."""
+    heard: float | None = None
+    """Which of the primary's photographs the secondary's 0 is by the sound of both videos."""
+    motion: Motion | None = None
 
     @property
     def complete(self) -> bool:

@@ -5,9 +5,11 @@ one difference of the clocks fits clearly best; then names that pair most; then 
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
+from stereocal.calibration.offset_scan import FEWEST
+from stereocal.frames.by_motion import paired_from
 from stereocal.frames.by_time import Alignment, Times, aligned_clocks, times_of
 from stereocal.frames.conventions import (
     FOLDERS,
@@ -31,8 +33,8 @@ from stereocal.frames.sides import Sides, sides_of
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.taken import Source, Taken
 
-Way = Literal["name", "time", "order"]
-WAYS: tuple[Way, ...] = ("name", "time", "order")
+Way = Literal["name", "time", "order", "motion"]
+WAYS: tuple[Way, ...] = ("name", "time", "order", "motion")
 LEAST_BY_NAME = 0.5
 """Share of the camera with fewer photographs that names must pair, to be gone by."""
 CONTRADICTED = 2
@@ -54,6 +56,12 @@ class Choice:
     """Photographs that are left out: they have no partner."""
     exchanged: bool = False
     """Whether the other camera is the primary."""
+    heard: float | None = None
+    """As in a `Pairing`."""
+    later: int | None = None
+    """Of cameras started by hand, which of the primary's photographs the secondary's 0 is, if the
+    motion told it, as `told`."""
+    told: str = ""
 
 
 @dataclass(frozen=True)
@@ -100,6 +108,8 @@ def propose(taken: Mapping[str, Taken], choice: Choice = Choice()) -> Proposal:
         if aligned is not None:
             ways["time"], sure = _by_time(sides, times, aligned), aligned.sure
         ways["order"] = _in_order(sides)
+        if min(map(len, sides.cameras)) >= FEWEST:
+            ways["motion"] = _by_motion(sides, choice)
     best = _best(ways, sure, sure and times[0].source == times[1].source == "camera")
     way = choice.way if choice.way in ways else best
     return Proposal(ways, best, way, ways["time"].alone if sure else (), named)
@@ -182,6 +192,22 @@ def _in_order(sides: Sides) -> Pairing:
         )
     sentences += _about(sides, ())
     return Pairing(_numbered(twos), alone, sides.unknown, " ".join(sentences), not sides.equal)
+
+
+def _by_motion(sides: Sides, choice: Choice) -> Pairing:
+    first, second = (
+        {pair.primary: pair.frame for pair in _numbered([(name, name) for name in own])}
+        for own in sides.cameras
+    )
+    about: dict[str, Any] = {"counts": (first, second), "heard": choice.heard}
+    if choice.later is not None:
+        pairs, alone = paired_from((first, second), choice.later)
+        return Pairing(pairs, alone, sides.unknown, choice.told, False, **about)
+    sentence = (
+        "Cameras that were started by hand: which photographs belong together is found with the "
+        "targets. Until then, the first with the first."
+    )
+    return replace(_in_order(sides), sentence=sentence, ambiguous=True, **about)
 
 
 def _about(sides: Sides, alone: Sequence[Alone]) -> list[str]:

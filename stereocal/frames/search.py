@@ -15,10 +15,12 @@ from stereocal.detection.detect import Detection, detect_targets, refusal
 from stereocal.detection.tags import find_tags
 from stereocal.detection.target import BAR, Balls, Bar2x2, Sighting, Tags, Target
 from stereocal.errors import StereocalError
+from stereocal.frames.by_motion import paired_by_motion
 from stereocal.frames.frame import Frame
-from stereocal.frames.labelling import label_frames
-from stereocal.frames.pairing import Pair
+from stereocal.frames.labelling import label_frames, points_by_photograph
+from stereocal.frames.pairing import Pairing
 from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph import (
     PhotographFile,
     photograph_size,
@@ -47,7 +49,7 @@ def unpack_detection(content: bytes) -> Detection | Sighting:
 
 
 def detect_frames(
-    pairs: Sequence[Pair],
+    pairing: Pairing,
     photographs: Photographs,
     cameras: tuple[Camera, Camera],
     executor: Executor,
@@ -55,8 +57,9 @@ def detect_frames(
     progress: Progress,
     earlier: Earlier[Any] | None = None,
     target: Target = BAR,
-) -> list[Frame]:
-    """Check the photographs, find the targets, and label A and B.
+) -> tuple[list[Frame], Pairing]:
+    """Check the photographs, find the targets, pair them by these if the cameras were started by
+    hand, and label A and B.
 
     Args:
         photographs: files on disk by name, read one at a time.
@@ -66,15 +69,24 @@ def detect_frames(
         target: what is on the bar.
 
     Returns:
-        A frame for each pair, in order. An unusable photograph affects its own frame only. Doubtful
-        frames are not used until the user decides.
+        A frame for each pair, in order, and the pairs. An unusable photograph affects its own frame
+        only. Doubtful frames are not used until the user decides.
     """
-    names = {str(camera): [getattr(pair, camera) for pair in pairs] for camera in CAMERAS}
+    counts = pairing.counts
+    names = {
+        str(camera): [*counts[k]] if counts else [getattr(each, camera) for each in pairing.pairs]
+        for k, camera in enumerate(CAMERAS)
+    }
     lenses: dict[str, Camera] = dict(zip(CAMERAS, cameras, strict=True))
     seen = search_photographs(
         names, photographs, lenses, executor, begin, progress, earlier, target
     )
-    return label_frames(pairs, seen, cameras, target)
+    if counts:
+        points = [points_by_photograph(own, seen, target) for own in counts]
+        orders = [np.arange(2), np.array([1, 0])][: 1 if target.named else 2]
+        bar = RigidObject.bar(1.0)
+        pairing = paired_by_motion(pairing, points[0] | points[1], cameras, bar, orders)
+    return label_frames(pairing.pairs, seen, cameras, target, pairing.motion), pairing
 
 
 def search_photographs(

@@ -17,16 +17,24 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.frames import all_cameras
+from stereocal.frames.by_motion import paired_by_motion
 from stereocal.frames.pairing import Pair, Pairing, pair_names
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
-from stereocal.intrinsics.lens_fit import LensSettings, board_pose, with_better_model
+from stereocal.intrinsics.lens_fit import (
+    LensSettings,
+    board_pose,
+    camera_of,
+    solve_lens,
+    with_better_model,
+)
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.photograph_files import Photographs
+from stereocal.system.sampling import evenly_spread
 from stereocal.system.tasks import Earlier, Progress
 
 SAME_PLACE_PX = 1.0
@@ -34,6 +42,8 @@ SAME_PLACE_PX = 1.0
 FITTING_PX = 8.0
 """Median distance of corners from where another board's pose of the cameras puts them, of boards in
 the right order. A wrong order gives tens of pixels."""
+ROUGHLY = 20
+"""Boards that tell a lens well enough to bring cameras into step."""
 MOST_HYPOTHESES = 40
 STAGES = ("boards of the primary", "boards of the secondary", "lenses")
 BOARDS_STAGE = "photographs searched for boards"
@@ -115,6 +125,7 @@ def find_stereo_boards(
     progress: Progress | None = None,
     earlier: Earlier[BoardView | Refused] | None = None,
     pairing: Pairing | None = None,
+    lenses: tuple[Camera, Camera] | None = None,
 ) -> StereoBoards:
     """The boards in the photographs of two cameras, which are told apart by their names.
 
@@ -122,6 +133,8 @@ def find_stereo_boards(
         begin: called with the name of each stage.
         progress, earlier: as for `find_boards`.
         pairing: which photographs belong together; None: by their names.
+        lenses: by which cameras that were started by hand are brought into step; None: fitted to
+            some of the boards.
     """
     if pairing is None and (pairing := pair_names(photographs)).ambiguous:
         raise StereocalError(pairing.sentence)
@@ -135,7 +148,28 @@ def find_stereo_boards(
         begin(stage)
         files = {name: photographs[name] for name in own}
         searches.append(find_boards(files, pattern, executor, progress, earlier))
+    if pairing.counts:
+        points = {view.name: _whole(view, pattern) for search in searches for view in search.views}
+        first, second = lenses or map(_rough_lens, searches)
+        board = RigidObject.of_board(pattern)
+        about = points, (first, second), board, orders_of(pattern)
+        pairing = paired_by_motion(pairing, *about)
     return stereo_boards(pairing, tuple(searches))
+
+
+def _whole(view: BoardView, pattern: BoardPattern) -> FloatArray:
+    """(n, 2): pixels of all corners of the board, NaN if not seen."""
+    points = np.full((len(pattern.points), 2), np.nan)
+    points[view.ids] = view.corners
+    return points
+
+
+def _rough_lens(search: BoardSearch) -> Camera:
+    """The lens of some of the boards."""
+    views = [search.views[k] for k in evenly_spread(len(search.views), ROUGHLY)]
+    settings = with_better_model(replace(search, views=tuple(views)), LensSettings())
+    values = solve_lens(search.pattern, views, search.image_size, settings)
+    return camera_of(values, search.image_size, settings.model)
 
 
 def stereo_boards(pairing: Pairing, both: tuple[BoardSearch, ...]) -> StereoBoards:
@@ -238,10 +272,8 @@ def _put_together(
     """The recording of the boards that were found pair by pair."""
 
     def whole(view: BoardView) -> FloatArray:
-        """(n, 3): u and v of all corners of the board, NaN if not seen, and no standard error."""
-        points = np.full((len(pattern.points), 3), np.nan)
-        points[view.ids, :2] = view.corners
-        return points
+        """(n, 3): with no standard error."""
+        return np.column_stack([_whole(view, pattern), np.full(len(pattern.points), np.nan)])
 
     points = {}
     for (one, other), boards in by_pair.items():

@@ -28,7 +28,7 @@ from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.quality import lens_answer, note_on_model
 from stereocal.intrinsics.stereo_boards import find_stereo_boards, lenses_of_boards, recording_of
 from stereocal.refined.free_baseline import with_baseline_found
-from stereocal.rig.camera import CAMERAS, LensModel
+from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.field_of_view import beyond_in_words
@@ -106,6 +106,8 @@ class PhotographSearch:
     """Called with what was found, a sentence each time."""
     way: Way | None = None
     lens_model: LensModel | None = None
+    heard: float | None = None
+    """As in a `Pairing`."""
     begin: Callable[[str], None] = _silent
     progress: Progress = _silent
 
@@ -132,14 +134,16 @@ class PhotographSearch:
 
     def frames(self, target: Target) -> list[Frame]:
         """What is on the bar, in all frames."""
-        first, second = self.known.cameras.values()
+        cameras = _two(self.known)
         with self._photographs() as photographs:
-            pairing = pairing_of(photographs, self.path, self.way)
+            pairing = pairing_of(photographs, self.path, Choice(self.way, heard=self.heard))
             self.tell(f"{len(photographs)} photographs. {pairing.sentence}")
-            about = pairing.pairs, photographs, (first, second), self.workers
-            frames = detect_frames(*about, self.begin, self.progress, target=target)
+            about = pairing, photographs, cameras, self.workers
+            frames, paired = detect_frames(*about, self.begin, self.progress, target=target)
+        if paired is not pairing:
+            self.tell(paired.sentence)
         self.tell(describe_frames(frames))
-        if (slip := find_slip(frames, (first, second))) is not None:
+        if not paired.counts and (slip := find_slip(frames, cameras)) is not None:
             self.tell(f"{slip} Take it out of the folder, and find the targets again.")
         return frames
 
@@ -149,7 +153,7 @@ class PhotographSearch:
         The lenses are those of the data set; without one, they come from the same photographs.
         """
         with self._photographs() as photographs:
-            pairing = pairing_of(photographs, self.path, self.way)
+            pairing = pairing_of(photographs, self.path, Choice(self.way, heard=self.heard))
             pattern = board.pattern(board.size or self._size_found(photographs, pairing))
             known = self.known if self.is_described else None
             return self.recording(photographs, pattern, pairing, known)
@@ -169,18 +173,17 @@ class PhotographSearch:
             settings: of these lenses; None: the model that predicts better.
         """
         about = photographs, pattern, self.workers, self.begin, self.progress
-        boards = find_stereo_boards(*about, pairing=pairing)
+        cameras = None if known is None else _two(known)
+        boards = find_stereo_boards(*about, pairing=pairing, lenses=cameras)
         self.tell(f"{boards.pairing.sentence} {boards.sentence}")
-        if known is not None:
-            first, second = known.cameras.values()
-        else:
+        if cameras is None:
             self.begin("draws calibrated")
             lenses = lenses_of_boards(boards, settings, self.workers, self.progress)
-            first, second = (lens.camera for lens in lenses)
+            cameras = lenses[0].camera, lenses[1].camera
             for which, lens in zip(CAMERAS, lenses, strict=True):
                 note = note_on_model(lens.search, lens.settings)
                 self.tell(f"The {which}'s lens: {lens_answer(lens)} {note}".rstrip())
-        found = recording_of(boards, (first, second), self.path.stem)
+        found = recording_of(boards, cameras, self.path.stem)
         if beyond := beyond_in_words(found.beyond_view):
             self.tell(beyond)
         names = ("name", "cameras", "baselines_m", "baseline_sigma_m", "notes")
@@ -211,16 +214,13 @@ class PhotographSearch:
         return str(board)
 
 
-def pairing_of(photographs: Mapping[str, Path], source: Path, way: Way | None = None) -> Pairing:
+def pairing_of(photographs: Mapping[str, Path], source: Path, choice: Choice) -> Pairing:
     """The pairs of photographs.
 
-    Args:
-        way: how to pair, if it is stated.
-
     Raises:
-        StereocalError: there are no pairs in this way; or, if none is stated, no way is sure.
+        StereocalError: there are no pairs in the way chosen; or, if none is, no way is sure.
     """
-    proposal = propose(when_taken(photographs), Choice(way))
+    proposal, way = propose(when_taken(photographs), choice), choice.way
     pairing = proposal.pairing
     if way is not None and proposal.way != way:
         raise StereocalError(f"{source}: no two photographs can be paired by --pair-by {way}.")
@@ -232,10 +232,15 @@ def pairing_of(photographs: Mapping[str, Path], source: Path, way: Way | None = 
     return pairing
 
 
+def _two(known: Recording) -> tuple[Camera, Camera]:
+    first, second = known.cameras.values()
+    return first, second
+
+
 def _of_two(known: Recording, rows: Correspondences) -> Dataset:
     """The data set of two cameras with these points."""
     measured = known.baseline_m(*known.cameras)
-    first, second = known.cameras.values()
+    first, second = _two(known)
     found = Dataset(
         known.name,
         first,

@@ -44,10 +44,12 @@ best offset from which another is its rival, if that is enough; else all are (on
 CANDIDATES, FINALISTS, FEWEST_OTHERS = 30, 4, 8
 APART, NEAR = 2.0, 0.6
 """Frames between candidates; and between the best one and the fit of the motion there."""
+AROUND = 30
+"""Frames about an offset that something else tells."""
 JUDGED = 300
 """Points that judge a candidate."""
 TARGETS = 4
-"""Points of an object that are enough."""
+"""Points of an object that are enough, spread over it."""
 HILL = 0.5
 """Of the median over all offsets: offsets next to the best are part of its valley below it."""
 LONG, RUNS, RUN = 3000, 40, 10
@@ -122,29 +124,30 @@ def _pm(frames: float, sigma: float) -> str:
     return f"{frames:.3f} ± {max(sigma, 0.001):.3f}"
 
 
-def bring_into_step(recording: Recording) -> BroughtIntoStep:
+def bring_into_step(recording: Recording, near: float | None = None) -> BroughtIntoStep:
     """Find by how much later than the first each camera was started, from all pairs;
     what was found is kept for the recordings asked about last.
 
     Args:
         recording: whose cameras count their own frames.
+        near: as for `offset_of_pair`.
 
     Raises:
         StereocalError: the data do not tell it, or pairs contradict each other.
     """
     columns = (recording.frame, recording.camera, recording.target, recording.points)
-    digest = hashlib.sha256(repr([*recording.cameras.items()]).encode())
+    digest = hashlib.sha256(repr([near, *recording.cameras.items()]).encode())
     for column in columns:
         digest.update(column.tobytes())
-    return KEPT.once(digest.hexdigest(), lambda: _brought_into_step(recording))
+    return KEPT.once(digest.hexdigest(), lambda: _brought_into_step(recording, near))
 
 
-def _brought_into_step(recording: Recording) -> BroughtIntoStep:
+def _brought_into_step(recording: Recording, near: float | None) -> BroughtIntoStep:
     names = list(recording.cameras)
     found, failed = dict[CameraPair, OffsetOfPair](), dict[CameraPair, str]()
     for pair in recording.pairs:
         try:
-            found[pair] = offset_of_pair(recording, pair)
+            found[pair] = offset_of_pair(recording, pair, near)
         except StereocalError as error:
             failed[pair] = str(error)
     lost = [name for name in names if name not in reached(names, found)]
@@ -229,13 +232,10 @@ class _Seen:
 
     @classmethod
     def of(cls, recording: Recording, pair: CameraPair) -> "_Seen":
-        """Of a few targets that are spread over the object, the rays of both cameras."""
-        shown = np.unique(recording.target)
-        shown = shown[evenly_spread(len(shown), TARGETS)]
-        found = []
+        """The rays of both cameras."""
+        shown, found = np.unique(recording.target), []
         for name in pair:
-            kept = recording.camera == list(recording.cameras).index(name)
-            own = recording.where(kept & np.isin(recording.target, shown))
+            own = recording.where(recording.camera == list(recording.cameras).index(name))
             if not len(own.frame):
                 raise StereocalError(f"The camera {name} saw no points.")
             if (many := int(np.ptp(own.frame))) >= LONGEST:
@@ -261,11 +261,13 @@ class _Seen:
         first, second = self.cameras
         return float(np.sqrt(first.K[0, 0] * second.K[0, 0]))
 
-    def scan(self) -> tuple[FloatArray, FloatArray]:
+    def scan(self, near: float | None) -> tuple[FloatArray, FloatArray]:
         """All offsets by half frames, and the distance in px at each; NaN where not judged."""
         primary, secondary, between = self.track(0), self.track(1), self.track(1, 0.5)
         whole = np.arange(FEWEST - len(secondary.rays), len(primary.rays) - FEWEST + 1)
         whole = whole + primary.first - secondary.first
+        if near is not None:
+            whole = whole[np.abs(whole - near) <= AROUND]
         both = [scan(primary, each, whole) for each in (secondary, between)]
         return (whole[:, None] + [0.0, 0.5]).ravel(), self.focal_px * np.column_stack(both).ravel()
 
@@ -300,14 +302,22 @@ class _Seen:
         return candidate
 
 
-def offset_of_pair(recording: Recording, pair: CameraPair) -> OffsetOfPair:
+def offset_of_pair(
+    recording: Recording, pair: CameraPair, near: float | None = None
+) -> OffsetOfPair:
     """The offset of two cameras that counted their own frames.
+
+    Args:
+        near: only offsets within `AROUND` of it are tried.
 
     Raises:
         StereocalError: the data do not tell it.
     """
+    shown = np.unique(recording.target)
+    few = shown[evenly_spread(len(shown), TARGETS)]
+    recording = recording.where(np.isin(recording.target, few))
     seen = _Seen.of(recording, pair)
-    offsets, errors = seen.scan()
+    offsets, errors = seen.scan(near)
     best, other = _two_best(seen, pair, offsets, errors)
     beside = min(seen.at(best.offset + way).px for way in (-1, 1))
     measured = _measured(recording, pair, best.offset, best.frames)

@@ -9,6 +9,7 @@ from typing import Any
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
 from stereocal.frames.all_cameras import Moments, by_folder, match_names
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
+from stereocal.frames.pairing import Pairing
 from stereocal.frames.proposal import Choice, Proposal, propose
 from stereocal.frames.search import keep_corrections
 from stereocal.projects.database import DamagedError, DiskFullError
@@ -115,6 +116,22 @@ class ProjectPhotographs(ProjectPart):
         if not pairs:
             raise StereocalError(self.proposal.pairing.sentence)
         return {p.frame: {"primary": p.primary, "secondary": p.secondary} for p in pairs}
+
+    @property
+    def pairing(self) -> Pairing:
+        """The pairs in use; of cameras started by hand, until they are found, what finds them."""
+        pairing = self.proposal.pairing
+        if pairing.counts and self._edited is None:
+            return pairing
+        used = tuple(row.pair for row in self.rows if row.use)
+        return Pairing(used, (), (), pairing.sentence, ambiguous=False)
+
+    def settle(self, pairing: Pairing) -> None:
+        """Keep what a search found about cameras that were started by hand, if it did."""
+        if pairing.motion is not None:
+            with self.database.transaction():
+                found = replace(self.choice, later=pairing.motion.later, told=pairing.sentence)
+                self._decide([*self._decisions[:-1], Decided(found)])
 
     def keep_rows(self, rows: Sequence[PairRow] | None) -> None:
         """Store the edited pairs; None returns to the proposal."""

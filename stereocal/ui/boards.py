@@ -50,7 +50,8 @@ def held_board(project: Project) -> tuple[BoardPattern | None, bool]:
 
 def boards_in(store: ProjectPhotographs) -> None:
     """What is printed on the board, the search for it, and what was found."""
-    project, pairs = store.project, [row.pair for row in store.rows if row.use]
+    project, pairing = store.project, store.pairing
+    pairs = pairing.pairs
     pattern, entered = held_board(project)
     if pattern is None:
         return
@@ -60,7 +61,6 @@ def boards_in(store: ProjectPhotographs) -> None:
     given = _lenses_given(store)
     where = "are those of the camera files" if given else "come from the same photographs"
     st.markdown(f"The lenses {where}.")
-    pairing = Pairing(tuple(pairs), (), (), store.proposal.pairing.sentence, ambiguous=False)
     files = {name: path.name for name, path in store.photographs.items()}
     about = {
         "pairs": [[p.frame, files.get(p.primary), files.get(p.secondary)] for p in pairs],
@@ -141,7 +141,7 @@ def _find(
     """Find the boards and the lenses, and store them."""
     earlier = job.found_before(pack_board, unpack_board)
     boards = stereo_boards.find_stereo_boards(
-        store.photographs, pattern, job.executor, job.begin, job.progress, earlier, pairing
+        store.photographs, pattern, job.executor, job.begin, job.progress, earlier, pairing, given
     )
     cameras, loose = given, dict[int, str]()
     if cameras is None:
@@ -158,5 +158,6 @@ def _find(
     data = stereo_boards.recording_of(boards, cameras, store.project.inputs.name).pair(*CAMERAS)
     label = None if given else OF_BOARDS
     sentence = f"{boards.sentence} {beyond_in_words(data.beyond_view)}".rstrip()
+    store.settle(boards.pairing)
     store.keep_boards(data, sentence, {**loose, **boards.doubtful}, label, job.work.digest)
     settle(store.project)

@@ -25,7 +25,12 @@ from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.messages import ErrorsShown, callback, readable
 from stereocal.ui.texts import escape_markdown
 
-TITLES: dict[Way, str] = {"name": "By name", "time": "By time", "order": "In order"}
+TITLES: dict[Way, str] = {
+    "name": "By name",
+    "time": "By time",
+    "order": "In order",
+    "motion": "Started by hand",
+}
 FEW, ALL, NONE = "few", "all", "none"
 MOST_SLIPS = 3
 UNDO = ":material/undo:"
@@ -75,7 +80,7 @@ def _way(store: ProjectPhotographs, proposal: Proposal) -> Field:
     """The way to pair, which the project stores as the user's choice."""
 
     def write(way: Way) -> None:
-        _take(store, replace(store.choice, way=way))
+        _take(store, replace(store.choice, way=way, later=None))
 
     return Field(
         "pair_way", "pair_way", lambda: store.proposal.way, write, fit=one_of(proposal.ways)
@@ -94,7 +99,7 @@ def _show_ways(store: ProjectPhotographs, proposal: Proposal) -> None:
 
             _way(store, proposal).buttons("Pair the photographs", format_func=titled)
         if proposal.ways:
-            turned = replace(choice, exchanged=not choice.exchanged)
+            turned = replace(choice, exchanged=not choice.exchanged, heard=None, later=None)
             st.button(
                 "Exchange the cameras",
                 on_click=callback(partial(_take, store, turned)),
@@ -141,7 +146,8 @@ def _show_found_slip(store: ProjectPhotographs) -> None:
     """A photograph without a partner by the targets found, to be left out by one press."""
     frames, pairs = store.frames or [], [row.pair for row in store.rows if row.use]
     first, second = readable(lambda: store.project.cameras, told=False) or (None, None)
-    if first is None or second is None or len(frames) != len(pairs):
+    by_hand = store.proposal.way == "motion"
+    if by_hand or first is None or second is None or len(frames) != len(pairs):
         return
     if any(f.files != (p.primary, p.secondary) for f, p in zip(frames, pairs, strict=True)):
         return  # paired again since

@@ -1,13 +1,12 @@
 """Photographs on the Data page: pairs, search for the targets."""
 
-from collections.abc import Sequence
 from functools import partial
 
 import streamlit as st
 
 from stereocal.detection.target import BAR, Target
 from stereocal.errors import StereocalError
-from stereocal.frames.pairing import Pair
+from stereocal.frames.pairing import Pairing
 from stereocal.frames.search import STAGES, detect_frames, pack_detection, unpack_detection
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
@@ -59,7 +58,8 @@ def _find_targets(store: ProjectPhotographs) -> None:
     running = jobs.is_running(project, "photographs")
     frames = readable(lambda: store.frames)
     lacking = [name for name, camera in zip(CAMERAS, project.cameras, strict=True) if not camera]
-    pairs = [row.pair for row in rows]
+    pairing = store.pairing
+    pairs = pairing.pairs
     target = holding.ask_what_is_held(store, pairs, frames is not None)
     if holding.holds_board(project):
         boards_in(store)
@@ -69,7 +69,7 @@ def _find_targets(store: ProjectPhotographs) -> None:
             f"Give the camera file of the {' and the '.join(lacking)} camera too: lenses are needed"
             " to tell A from B."
         )
-    run = partial(_find, store, pairs, target or BAR, holding.held_text(project))
+    run = partial(_find, store, pairing, target or BAR, holding.held_text(project))
     work = jobs.PageWork(project, "photographs", STAGES, run)
     ready = bool(rows) and not lacking and target is not None
     press_search(work, "targets", "find_targets", frames is not None, ready)
@@ -85,14 +85,14 @@ def _find_targets(store: ProjectPhotographs) -> None:
 
 
 def _find(
-    store: ProjectPhotographs, pairs: Sequence[Pair], target: Target, held: str, job: jobs.Job
+    store: ProjectPhotographs, pairing: Pairing, target: Target, held: str, job: jobs.Job
 ) -> None:
     primary, secondary = store.project.cameras
     if primary is None or secondary is None:
         raise StereocalError("A camera file was removed from the project; give it again.")
     searched = store.photographs
-    found = detect_frames(
-        pairs,
+    found, pairing = detect_frames(
+        pairing,
         searched,
         (primary, secondary),
         job.executor,
@@ -103,4 +103,5 @@ def _find(
     )
     store.project.keep_settings({holding.FOUND: held})
     holding.settle(store.project)
+    store.settle(pairing)
     store.keep_found(found, searched)

@@ -11,6 +11,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
+from stereocal.frames.proposal import Choice
 from stereocal.frames.video.decoding import SUFFIXES
 from stereocal.frames.video.extract import STAGES, FrameChoice, VideoSettings, extract
 from stereocal.projects.files import StoredFile
@@ -46,8 +47,8 @@ def show_frames_taken(project: Project) -> None:
 def video_settings(project: Project | None) -> VideoSettings:
     """Which frames to take; the defaults serve most videos."""
 
-    def toggle(place: DeltaGenerator, name: str, title: str, text: str) -> bool:
-        own = setting(project, f"video_{name}", True, yes_or_no)
+    def toggle(place: DeltaGenerator, name: str, title: str, text: str, on: bool = True) -> bool:
+        own = setting(project, f"video_{name}", on, yes_or_no)
         return place.toggle(title, help=text, **own.widget())
 
     left, right = st.columns(2, vertical_alignment="bottom")
@@ -60,14 +61,16 @@ def video_settings(project: Project | None) -> VideoSettings:
         n = setting(project, "video_n", 30, Number(1)).number_input("n", right)
     left, right = st.columns(2, vertical_alignment="bottom")
     clocks = "Otherwise their time stamps are compared as the cameras' clocks wrote them."
-    later = None
-    if not toggle(left, "together", "Both videos start at the same moment", clocks):
+    later, found = None, "Then the motion of what you hold tells by how much, to a frame."
+    by_hand = toggle(right, "by_hand", "The cameras were started by hand", found, on=False)
+    together = "Both videos start at the same moment"
+    if not by_hand and not toggle(left, "together", together, clocks):
         ahead = setting(project, "video_later_s", 0.0, Number(-1e12))
         title = "The secondary's clock is ahead by (s)"
         later = ahead.number_input(title, right, format="%.6g")
     grey = "Balls are told apart by them. Without, the frames are grey, a third of the size."
     coloured = toggle(st.container(), "coloured", "Keep the colours of videos", grey)
-    return VideoSettings(choice, n, later, coloured)
+    return VideoSettings(choice, n, later, by_hand, coloured)
 
 
 def take_videos(
@@ -127,4 +130,6 @@ def _take(
     if not found:
         raise StereocalError("No frame of the videos could be decoded.")
     store.add(found)
+    if settings.by_hand:
+        store.choose(Choice("motion", heard=report.heard))
     project.keep_settings({REPORT: list(report.sentences), FRAMES_MISSING: report.frames_missing})

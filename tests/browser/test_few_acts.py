@@ -22,7 +22,7 @@ from stereocal.system.photograph import GreyImage, read_colours
 from stereocal.ui.holding import held_target
 from tests.ball_bars import BAR_M, CAMERA, RIG, ball_bars
 from tests.browser.conftest import LONGEST_MS, ROOT
-from tests.videos import write_video
+from tools.photographs.videos import write_video
 
 pytestmark = pytest.mark.browser
 FRAMES = 12

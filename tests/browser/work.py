@@ -61,8 +61,8 @@ def finished_project(home: Path) -> str:
         target_distance_m=BAR_M,
     )
     with ThreadPoolExecutor(2) as executor:
-        frames = detect_frames(
-            pair_names(files).pairs,
+        frames, _ = detect_frames(
+            pair_names(files),
             files,
             (rig.primary, rig.secondary),
             executor,

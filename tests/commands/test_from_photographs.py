@@ -25,7 +25,7 @@ from tests.files import description, write
 from tests.lens import SMALL
 from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values
 from tests.rigs.boards import photographs, stereo
-from tests.videos import write_video
+from tools.photographs.videos import write_video
 
 WITHIN = 3.5
 """Standard errors. Measured over 10 seeds, 14 numbers each: 0.88 in the root mean square, 2.9 at

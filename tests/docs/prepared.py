@@ -17,7 +17,7 @@ from tests.field.world_tables import PIXELS, lines_csv, survey_csv, throw_csv
 from tests.files import write
 from tests.rigs.worlds import common_view, known_places, plumb_lines, surveyed, thrown
 from tests.terminal import ROOT
-from tests.videos import write_video
+from tools.photographs.videos import write_video
 
 SAMPLES = ROOT / "sample_data"
 

@@ -37,15 +37,10 @@ def detect(
     write(files, folder)
     photographs = {name: folder / name for name in files}
     with ThreadPoolExecutor(2) as pool:
-        return detect_frames(
-            pair_names(names).pairs,
-            photographs,
-            cameras,
-            pool,
-            lambda _: None,
-            progress,
-            target=target,
+        frames, _ = detect_frames(
+            pair_names(names), photographs, cameras, pool, lambda _: None, progress, target=target
         )
+    return frames
 
 
 def away(frame: Frame, camera: int, truth: np.ndarray, swap: bool) -> float:

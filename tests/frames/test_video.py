@@ -13,7 +13,7 @@ from stereocal.frames.video.footage import of_photographs, of_videos
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 from stereocal.system.tasks import StoppedError
 from tests.files import encoded
-from tests.videos import number_in, picture, write_video
+from tools.photographs.videos import number_in, picture, write_video
 
 pytest.importorskip("av")
 

@@ -22,7 +22,7 @@ from tests.files import encoded
 from tests.known_rig import PRIMARY, SECONDARY, images
 from tests.pages.stored_projects import drop, go, messages, pictured, project_of, session, told
 from tests.pages.test_apply import SET_2D, begun, give_sets
-from tests.videos import write_video
+from tools.photographs.videos import write_video
 
 LENGTH_M = 0.5
 PLACE = "upload_footage"

@@ -26,7 +26,7 @@ from tests.pages.stored_projects import drop, ended, go, messages, project_of, s
 from tests.pages.test_pages import give_zip
 from tests.rigs.boards import photographs, stereo
 from tests.rigs.objects import BOARD, WAND, recorded
-from tests.videos import write_video
+from tools.photographs.videos import write_video
 
 BARS = bar_set(7)
 

@@ -27,15 +27,15 @@ BARS = bar_set(7)
 def found_frames(store: ProjectPhotographs) -> tuple[Frame, ...]:
     """The frames as detection finds them; frame 3 and 5 are made to need a person."""
     with ThreadPoolExecutor(1) as executor:
-        frames = detect_frames(
-            [row.pair for row in store.rows],
+        frames, _ = detect_frames(
+            store.pairing,
             store.photographs,
             (BARS.rig.primary, BARS.rig.secondary),
             executor,
             lambda _: None,
             lambda *_: None,
         )
-    assert frames is not None and all(frame.state == "found" for frame in frames)
+    assert all(frame.state == "found" for frame in frames)
     frames[2] = replace(frames[2], state="doubtful", reason="Look at it.", use=False)
     hidden = replace(frames[4], state="refused", reason="Secondary: one target.", use=False)
     frames[4] = hidden.moved(1, 0, None)

@@ -44,7 +44,7 @@ class VideoTimes:
 
 def read_times(path: Path) -> VideoTimes:
     """The time stamps of all frames; nothing is decoded."""
-    with _opened(path) as (container, stream):
+    with opened(path) as (container, stream):
         found: list[float] = []
         for packet in container.demux(stream):
             if packet.size == 0 or packet.is_discard:  # a dropped frame of an AVI; the end
@@ -70,7 +70,7 @@ def score_frames(path: Path, first: float, last: float) -> FloatArray:
     from the frame before and the frame after.
     """
     times, sharpness, small = [], [], []
-    with _opened(path) as (container, stream):
+    with opened(path) as (container, stream):
         for time, image in _frames(container, stream, first, last):
             times.append(time)
             reduced = _reduced(image, WIDTH_FOR_SHARPNESS)
@@ -91,7 +91,7 @@ def encoded_frames(
     None for a frame that cannot be decoded.
     """
     found: list[bytes | None] = [None] * len(seconds)
-    with _opened(path) as (container, stream):
+    with opened(path) as (container, stream):
         # Over larger steps, the file is searched again.
         steps = np.flatnonzero(np.diff(np.asarray(seconds)) > APART_S) + 1
         for start, stop in pairwise([0, *steps.tolist(), len(seconds)]):
@@ -104,7 +104,7 @@ def encoded_frames(
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
+def opened(path: Path) -> Iterator[tuple[Any, Any]]:
     """The file and its first video stream."""
     try:
         import av

@@ -11,6 +11,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.frames.video.decoding import VideoTimes, encoded_frames, read_times, score_frames
+from stereocal.frames.video.sound import heard_later, read_rises
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.guarded import Guard
@@ -25,6 +26,8 @@ NEAREST = 0.5
 """Most frame periods between the frames of a pair."""
 FEWEST = 30
 """Parts of a short video of which one pair each is taken, as many as frames serve well."""
+DENSE = 15.0
+"""Frames a second that tell the motion of what is waved by hand."""
 FrameChoice = Literal["every", "still"]
 STAGES = ("frames looked at", "frames taken")
 LEAST_SECONDS = 120.0
@@ -47,6 +50,9 @@ class VideoSettings:
     n: int = 30
     later_s: float | None = None
     """As for `pair_times`."""
+    by_hand: bool = False
+    """The cameras were started by hand: frames are taken of each video by itself, every n-th of
+    `every`, else at most `DENSE` a second."""
     coloured: bool = False
     """Frames keep their colours, for balls that differ by them; else they are grey."""
 
@@ -60,6 +66,9 @@ class VideoReport:
     """Number of pairs."""
     frames_missing: bool
     """Whether frames are missing within a video, by its time stamps."""
+    heard: float | None = None
+    """Of cameras started by hand, which of the primary's frames taken is the secondary's first by
+    the sound of both."""
 
 
 def extract(
@@ -77,22 +86,42 @@ def extract(
         begin, progress: called with each stage of `STAGES`, and how much of it is done; what they
             raise ends the work.
     """
-    guard = Guard([read_times, score_frames, encoded_frames], least_seconds=LEAST_SECONDS)
+    guard = Guard(
+        [read_times, score_frames, encoded_frames, read_rises], least_seconds=LEAST_SECONDS
+    )
+    heard_s = step_s = None
     try:
         times: list[VideoTimes] = [guard.read(read_times, path, path.name) for path in videos]
-        pairs = pair_times(times[0].seconds, times[1].seconds, settings.later_s)
+        first, second = (each.seconds for each in times)
+        n = settings.n if settings.choice == "every" else None
+        if settings.by_hand:
+            pairs, step_s = by_themselves(first, second, n)
+            heard_s = heard_later(*(guard.read(read_rises, path, path.name) for path in videos))
+        else:
+            pairs = pair_times(first, second, settings.later_s)
         work = _Work(guard, videos, times, pairs, settings.coloured, begin, progress)
-        chosen = every(pairs, settings.n) if settings.choice == "every" else work.stillest()
+        if settings.by_hand or n is not None:
+            chosen = every(pairs, 1 if settings.by_hand else settings.n)
+        else:
+            chosen = work.stillest()
         Limits.from_environment().check_count(2 * len(chosen), "The frames of the videos")
         lost = work.take(chosen, keep)
     finally:
         guard.close()
-    sentences = describe_times(times[0].seconds, times[1].seconds, pairs)
-    sentences.append(f"{len(chosen) - lost:,} pairs of frames were taken.")
+    sentences = describe_times(first, second, pairs)
+    taken = f"{len(chosen) - lost:,} pairs of frames were taken."
+    heard = None
+    if step_s is not None:
+        each = " and ".join(f"{count:,}" for count in (pairs.frames >= 0).sum(axis=0))
+        taken = f"Of each by itself, a frame every {rounded(step_s)} s was taken: {each}."
+        if heard_s is not None:
+            heard = (heard_s + second[0] - first[0]) / step_s
+            taken += f" By their sound, they began {abs(heard * step_s):.2f} s apart."
+    sentences.append(taken)
     if lost:
         sentences.append(f"{lost} could not be decoded.")
     missing = any(gaps_of(each.seconds) for each in times)
-    return VideoReport(tuple(sentences), len(chosen) - lost, missing)
+    return VideoReport(tuple(sentences), len(chosen) - lost, missing, heard)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,11 +173,14 @@ class _Work:
                 both = list(
                     threads.map(self._encoded, (0, 1), (batch, batch), (lossless, lossless))
                 )
-                for number, *sides in zip(self.pairs.numbers[batch], *both, strict=True):
-                    if None in sides:
+                rows = self.pairs.numbers[batch], self.pairs.frames[batch], *both
+                for number, there, *sides in zip(*rows, strict=True):
+                    if None in [side for side, at in zip(sides, there, strict=True) if at >= 0]:
                         lost += 1
                         continue
                     for which, content in zip(CAMERAS, sides, strict=True):
+                        if content is None:
+                            continue
                         suffix = ".png" if content.startswith(b"\x89PNG") else ".jpg"
                         keep(f"{which}/{number:06d}{suffix}", content)
                 self.progress(first + len(batch), len(chosen))
@@ -160,12 +192,14 @@ class _Work:
         return which, self.guard.read(score_frames, path, path.name, *ends)
 
     def _encoded(self, which: int, chosen: IntArray, lossless: bool) -> list[bytes | None]:
-        path = self.videos[which]
-        seconds = self.times[which].seconds[self.pairs.frames[chosen, which]].tolist()
-        found: list[bytes | None] = self.guard.read(
-            encoded_frames, path, path.name, seconds, lossless, self.coloured
-        )
-        return found
+        path, found = self.videos[which], np.full(len(chosen), None, dtype=object)
+        at = self.pairs.frames[chosen, which]
+        seconds = self.times[which].seconds[at[at >= 0]].tolist()
+        if seconds:
+            found[at >= 0] = self.guard.read(
+                encoded_frames, path, path.name, seconds, lossless, self.coloured
+            )
+        return list(found)
 
 
 def _at(scores: FloatArray, seconds: FloatArray) -> FloatArray:
@@ -206,9 +240,10 @@ class VideoPairs:
     """Frames of two videos that belong together."""
 
     frames: IntArray
-    """(n, 2): indices into the time stamps of the primary and the secondary; ascending."""
+    """(n, 2): indices into the time stamps of the primary and the secondary; ascending, but -1 of
+    a camera that has no frame then."""
     apart_s: FloatArray
-    """(n,): time of the secondary's frame after the primary's."""
+    """(n,): time of the secondary's frame after the primary's; empty if that is still open."""
     numbers: IntArray
     """(n,): numbers of the recorded frames, from 1, which count missing frames too."""
 
@@ -225,8 +260,7 @@ def pair_times(
     """
     shift = secondary[0] - primary[0] if later_s is None else later_s
     theirs = secondary - shift
-    after = np.clip(np.searchsorted(theirs, primary), 1, len(theirs) - 1)
-    nearest = after - (primary - theirs[after - 1] < theirs[after] - primary)
+    nearest = _nearest(theirs, primary)
     apart = theirs[nearest] - primary
     limit = NEAREST * max(_period(primary), _period(secondary))
     ours = np.flatnonzero(np.abs(apart) <= limit)
@@ -242,6 +276,34 @@ def pair_times(
     for k in range(1, len(numbers)):  # a variable rate
         numbers[k] = max(numbers[k], numbers[k - 1] + 1)
     return VideoPairs(np.column_stack([ours, nearest[ours]]), apart[ours], numbers)
+
+
+def _nearest(seconds: FloatArray, wanted: FloatArray) -> IntArray:
+    """Of each time, which of ascending ones is the nearest."""
+    after = np.clip(np.searchsorted(seconds, wanted), 1, len(seconds) - 1)
+    return np.asarray(after - (wanted - seconds[after - 1] < seconds[after] - wanted))
+
+
+def by_themselves(
+    primary: FloatArray, secondary: FloatArray, n: int | None
+) -> tuple[VideoPairs, float]:
+    """Frames of each video at equal steps of time from its first, and the step in seconds: their
+    numbers are not of the same moments.
+
+    Args:
+        n: a step is so many frames of the slower camera; None: not shorter than 1 / `DENSE`.
+    """
+    slower = max(_period(primary), _period(secondary))
+    step_s = slower * (n or int(np.ceil(1.0 / (DENSE * slower) - 0.01)))
+    found = []
+    for seconds in (primary, secondary):
+        wanted = np.arange(seconds[0], seconds[-1] + 0.1 * slower, step_s)
+        at = _nearest(seconds, wanted)
+        near = np.abs(seconds[at] - wanted) <= NEAREST * slower
+        found.append(np.where(near, at, -1))
+    most = max(map(len, found))
+    frames = [np.pad(own, (0, most - len(own)), constant_values=-1) for own in found]
+    return VideoPairs(np.column_stack(frames), np.empty(0), np.arange(1, most + 1)), step_s
 
 
 def every(pairs: VideoPairs, n: int) -> IntArray:
@@ -294,6 +356,8 @@ def describe_times(primary: FloatArray, secondary: FloatArray, pairs: VideoPairs
             count = sum(missing for _, missing in gaps)
             lost = f"{count} frame{'s are' if count > 1 else ' is'} missing: {first}{more}"
         sentences.append(f"The {which} video has {len(seconds)} frames, {rate}; {lost}.")
+    if not len(pairs.apart_s):
+        return sentences
     largest = 1000 * float(np.abs(pairs.apart_s).max())
     sentences.append(
         f"{len(pairs.frames)} frames of both belong together; their time stamps differ by at most "

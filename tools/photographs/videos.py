@@ -1,4 +1,4 @@
-"""Videos written by the tests: frame k shows its number as a bar of grey."""
+"""Small videos: frame k shows its number as a bar of grey, or what is drawn for it; with sound."""
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from stereocal.rig.compiled import FloatArray
 from stereocal.system.photograph import GreyImage
 
 WIDTH, HEIGHT = 160, 96
 TICKS = 90_000
+HERTZ = 16_000
 
 
 def picture(number: int) -> GreyImage:
@@ -37,10 +39,12 @@ def write_video(
     numbers: Sequence[int] | None = None,
     ticks: int = TICKS,
     preset: str = "medium",
+    sound: FloatArray | None = None,
 ) -> Path:
     """A video with these time stamps; frame k shows `numbers[k]`, or k, in grey or colours.
 
     Args:
+        sound: samples, `HERTZ` a second.
         ticks: units of a time stamp in a second; an AVI has one frame in each.
         preset: how much libx264 computes for a small file; `ultrafast` has no B-frames.
     """
@@ -48,6 +52,8 @@ def write_video(
 
     with av.open(str(path), "w") as container:
         stream: Any = container.add_stream(codec, rate=min(ticks, 30))
+        if sound is not None:
+            heard: Any = container.add_stream("aac", rate=HERTZ, layout="mono")
         stream.height, stream.width = draw(0).shape[:2]
         stream.pix_fmt = "yuv420p"
         stream.options = {"crf": "12", "preset": preset} if codec == "libx264" else {}
@@ -61,4 +67,8 @@ def write_video(
             frame.pts, frame.time_base = round(time * ticks), Fraction(1, ticks)
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
+        if sound is not None:
+            samples = av.AudioFrame.from_ndarray(sound[None].astype(np.float32), "flt", "mono")
+            samples.sample_rate = HERTZ
+            container.mux([*heard.encode(samples), *heard.encode(None)])
     return path

@@ -1,0 +1,137 @@
+"""Photographs and videos of cameras that were started by hand are paired by the motion."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stereocal.cli import main
+from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_dataset
+from stereocal.frames.by_motion import paired_by_motion
+from stereocal.frames.pairing import Pairing
+from stereocal.frames.video.extract import by_themselves
+from stereocal.frames.video.sound import heard_later
+from stereocal.intrinsics.stereo_boards import orders_of
+from stereocal.refined.out_of_step import with_offset_if_out_of_step
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.compiled import FloatArray
+from stereocal.rig.rigid_object import BoardPattern, RigidObject
+from tools.photographs.rendering import HERE
+from tools.photographs.started_by_hand import CAMERA, RATE, RIG, START_S, Bar, write_sample
+
+STEP_S = 2 / RATE
+
+
+def _counts(of: int) -> tuple[dict[str, int], dict[str, int]]:
+    return {f"left/{k}": k for k in range(of)}, {f"right/{k}": k for k in range(of)}
+
+
+def _seen(
+    points_m: Callable[[float], FloatArray], of: int, start_s: float
+) -> dict[str, FloatArray]:
+    """Of each photograph, the pixels of points that are at `points_m` of a time in seconds."""
+    rng, found = np.random.default_rng(1), {}
+    for side, pose, first in (("left", HERE, 0.0), ("right", RIG.pose, start_s)):
+        for k in range(of):
+            pixels = CAMERA.project(pose.apply(points_m(first + k / 15)))
+            found[f"{side}/{k}"] = pixels + rng.normal(0.0, 0.1, pixels.shape)
+    return found
+
+
+def _open(of: int, heard: float | None = None) -> Pairing:
+    return Pairing((), (), (), "", True, _counts(of), heard)
+
+
+def test_ends_that_look_alike_are_followed_and_told_apart() -> None:
+    """A and B are exchanged from photographs to photographs, as reading order does."""
+    seen = _seen(Bar(5).ends_m, 150, 40.4 / 15)
+    rng = np.random.default_rng(2)
+    turned = {name for name in seen if rng.random() < 0.5}
+    mixed = {name: own[::-1] if name in turned else own for name, own in seen.items()}
+    orders = [np.arange(2), np.array([1, 0])]
+    about = (CAMERA, CAMERA), RigidObject.bar(1.0), orders
+    found = paired_by_motion(_open(150), mixed, *about)
+    assert found.motion is not None
+    assert found.motion.later + found.motion.late == pytest.approx(40.4, abs=0.02)
+    assert found.motion.exchanged in (turned, {*seen} - turned)
+    assert {pair.frame: pair.secondary for pair in found.pairs}[60] == "right/20"
+
+
+def test_boards_that_look_alike_when_turned() -> None:
+    pattern = BoardPattern(6, 4, 0.08)
+    board, bar = RigidObject.of_board(pattern), Bar(6)
+
+    def points_m(at_s: float) -> FloatArray:
+        first, last = bar.ends_m(at_s)
+        along = (last - first) / np.linalg.norm(last - first)
+        down = np.cross([0.2, 0.3, 1.0], along)
+        centred = board.points - board.points.mean(axis=0)
+        axes = np.stack([along, down / np.linalg.norm(down)])
+        return np.asarray((first + last) / 2 + centred[:, :2] @ axes)
+
+    seen, half = _seen(points_m, 120, 25.25 / 15), orders_of(pattern)[1]
+    mixed = {name: own[half] if name.startswith("right") else own for name, own in seen.items()}
+    found = paired_by_motion(_open(120), mixed, (CAMERA, CAMERA), board, orders_of(pattern))
+    assert found.motion is not None
+    assert found.motion.later + found.motion.late == pytest.approx(25.25, abs=0.02)
+
+
+def test_sound_decides_between_offsets_that_fit_and_none_other() -> None:
+    """The motion repeats itself every 4 s."""
+    bar = Bar(7)
+    seen = _seen(lambda at_s: bar.ends_m(at_s % 4.0), 180, 50 / 15)
+    about = (CAMERA, CAMERA), RigidObject.bar(1.0), [np.arange(2)]
+    with pytest.raises(StereocalError, match="two offsets fit nearly as well"):
+        paired_by_motion(_open(180), seen, *about)
+    found = paired_by_motion(_open(180, heard=50.3), seen, *about)
+    assert found.motion is not None and found.motion.later == 50
+    assert "sound" in found.sentence
+    once = _seen(bar.ends_m, 180, 50 / 15)
+    contradicted = paired_by_motion(_open(180, heard=-20.0), once, *about)
+    assert contradicted.motion is not None and contradicted.motion.later == 50
+    assert "contradict" in contradicted.sentence
+
+
+def test_claps_are_heard() -> None:
+    def rises(first: int, seed: int) -> FloatArray:
+        rng = np.random.default_rng(seed)
+        own = np.abs(rng.normal(0.0, 0.05, 1200))
+        own[np.array([180, 411, 530, 900, 1017]) - first] += 2.0
+        return own
+
+    assert heard_later(rises(0, 1), rises(-150, 2)) == pytest.approx(-1.5, abs=0.02)
+    assert heard_later(rises(120, 3), rises(0, 4)) == pytest.approx(-1.2, abs=0.02)
+    rng = np.random.default_rng(5)
+    assert heard_later(np.abs(rng.normal(size=1200)), np.abs(rng.normal(size=1000))) is None
+    assert heard_later(np.empty(0), rises(0, 1)) is None
+
+
+def test_frames_are_taken_at_equal_times_of_both_rates() -> None:
+    primary, secondary = np.arange(300) / 60, np.delete(3.0 + np.arange(100) / 25, 40)
+    pairs, step_s = by_themselves(primary, secondary, None)
+    assert step_s == pytest.approx(0.08)
+    assert (pairs.frames[:, 1] >= 0).sum() == 49  # one is missing
+    there = (pairs.frames >= 0).all(axis=1)
+    first, second = pairs.frames[there].T
+    np.testing.assert_allclose(primary[first], secondary[second] - 3.0, atol=0.5 / 60 + 1e-9)
+
+
+def test_videos_of_cameras_started_by_hand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("av")
+    videos = write_sample(tmp_path)
+    table = tmp_path / "correspondences.csv"
+    command = ["detect", str(tmp_path), "--target", "balls:red,yellow", "--out", str(table)]
+    assert main([*command, "--videos", *map(str, videos), "--pair-by", "motion"]) == 0
+    said = capsys.readouterr().err
+    assert "The sound says the same" in said
+    fit, _ = with_offset_if_out_of_step(read_dataset(tmp_path), RefineSettings())
+    later = START_S / STEP_S
+    frames = fit.dataset.correspondences.frame
+    # The pairs are of whole steps, and the rest is found with the pose.
+    assert fit.time_offset.frames == pytest.approx(later - round(later), abs=0.02)
+    assert len(frames) > 120
+    assert np.linalg.norm(fit.pose.angles - np.array(RIG.pose.angles)) < 0.01
