@@ -1,11 +1,14 @@
 """Are cameras out of step brought into step though nobody asks, and those in step left alone?
 
-    python -m benchmarks.in_step [late|sound|rigs|sound-rigs] [--rigs 60] [--seed 1000]
+    python -m benchmarks.in_step [late|sound|rigs|drifting-rigs|sound-rigs] [--rigs 60]
+        [--seed 1000]
 
 - late: pairs 0.3 to 2 frames out of step, of 60 to 250 frames, bars of 3 to 60 px a frame: how many
   offsets are within 4 stated errors of the truth;
 - sound: pairs in step, of six kinds: how many get an offset;
 - rigs: 3 to 5 cameras, each second one late by up to 1.5 frames, and one in any case;
+- drifting-rigs: 3 cameras, of which the last drifts by 1e-4 to 1e-3 frames per frame, or does not;
+  lenses off by up to 0.4 px;
 - sound-rigs: the same in step, with smooth errors of the lenses, and with objects at random places.
 """
 
@@ -122,6 +125,27 @@ def late_rigs(rigs: int, seed: int) -> None:
     print(f"late rigs: {right} of {rigs} right, rms error {rms:.2f} of the stated")
 
 
+def drifting_rigs(rigs: int, seed: int) -> None:
+    """Print how many rigs have the right drift, and how many get one that have none."""
+    right, errors, wrong = 0, list[float](), 0
+    for number in range(seed, seed + rigs):
+        rng = np.random.default_rng([number, 2])
+        late, drift = rng.uniform(0.05, 1.0, 3), float(rng.choice([-1, 1]) * rng.uniform(1, 10))
+        late[0], misfit = 0.0, float(rng.choice([0.0, 0.2, 0.4]))
+        for put_in in (1e-4 * drift, 0.0):
+            recording = wave_wand(number, late, 300, misfit, drift=put_in)[1]
+            last = calibrate_rig(recording).offsets[-1]
+            wrong += bool(last.drift and not put_in)
+            if put_in and last.drift:
+                errors.append((last.drift - put_in) / last.drift_sigma)
+                right += abs(errors[-1]) < HELD
+    rms = np.sqrt(np.mean(np.square(errors)))
+    print(
+        f"drifting rigs: of {rigs}, {len(errors)} drifts found, {right} right, rms error {rms:.2f} "
+        f"of the stated; without one, {wrong} of {rigs} found"
+    )
+
+
 def sound_rigs(rigs: int, seed: int) -> None:
     """Print how many rigs in step get offsets."""
 
@@ -142,7 +166,13 @@ def sound_rigs(rigs: int, seed: int) -> None:
         print(f"rigs, {kind}: {len(late)} of {rigs} get offsets {late or ''}", flush=True)
 
 
-STUDIES = {"late": late_pairs, "sound": sound_pairs, "rigs": late_rigs, "sound-rigs": sound_rigs}
+STUDIES = {
+    "late": late_pairs,
+    "sound": sound_pairs,
+    "rigs": late_rigs,
+    "drifting-rigs": drifting_rigs,
+    "sound-rigs": sound_rigs,
+}
 
 
 def main() -> None:

@@ -37,6 +37,7 @@ from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.geometry import Pose
 from stereocal.rig.lengths_in_words import question_about_units
 from stereocal.rig.recording import Recording
+from stereocal.rig.tracks import TimeOffset
 from stereocal.system.numbers import count
 from stereocal.system.tasks import Progress
 
@@ -140,9 +141,13 @@ def _of_pairs(
         return RigCalibration(fit, pairs, tuple(wrong), left_out, unreached, offsets, warnings)
 
     rig = fitted(replace(start, noise_px=screening.sigma_px), settings)
+    if settings.time_offsets:
+        drifting = replace(settings, time_drifts=True)
+        tried = fitted(Start.of(rig.fit, rig.shifts), drifting)
+        rig, settings = (tried, drifting) if tried.drifts else (rig, settings)
     if lenses := lenses_with_distortion(rig):
         freed = replace(settings, lenses={**settings.lenses, **lenses})
-        rig = better_held_out(rig, fitted(Start.of(rig.fit, rig.time_offsets), freed))
+        rig = better_held_out(rig, fitted(Start.of(rig.fit, rig.shifts), freed))
     report(steps, steps)
     return rig
 
@@ -162,7 +167,7 @@ def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration | Non
     fit.end_at(refined)
     left_out = tuple(sorted({*screening.left_out, *refined.outlying_frames}))
     warnings = tuple(camera_warnings(fit))
-    return RigCalibration(fit, pairs, (), left_out, {}, np.zeros(2), warnings)
+    return RigCalibration(fit, pairs, (), left_out, {}, (TimeOffset(),) * 2, warnings)
 
 
 def _consistent(recording: Recording, pairs: Pairs, settings: RigSettings) -> tuple[Pairs, Fused]:

@@ -14,6 +14,7 @@ from stereocal.refined.two_views import unknowns_of_views, with_lens
 from stereocal.refined.unknowns import (
     DEFAULT_BASELINE,
     DEFAULT_DISTANCE,
+    WIDE_DRIFT,
     WIDE_TIME,
     Block,
     LensPrior,
@@ -23,7 +24,7 @@ from stereocal.refined.unknowns import (
     lens_block,
     lens_prior,
 )
-from stereocal.refined.views import DISTORTION, EACH, LENS, TIME, TRANSLATION, Cameras
+from stereocal.refined.views import DISTORTION, DRIFT, EACH, LENS, TIME, TRANSLATION, Cameras
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -43,6 +44,8 @@ class RigSettings:
     recording's, else 0.1 %."""
     time_offsets: bool | None = None
     """Whether each camera may be out of step by some frames; None: where that is significant."""
+    time_drifts: bool = False
+    """Whether these offsets drift."""
 
 
 def lens_places(number: int) -> list[int]:
@@ -79,7 +82,12 @@ def unknowns_of_rig(
             blocks.append((turns + shifts, None))
         blocks.append(lens_block(name, lens_prior(camera, settings.lenses.get(name)), places))
         offset = WIDE_TIME * bool(settings.time_offsets and number > 0)
-        blocks.append(([(f"{name} time offset", offset, [first + TIME])], None))
+        drift = WIDE_DRIFT * bool(offset and settings.time_drifts)
+        times = [
+            (f"{name} time offset", offset, [first + TIME]),
+            (f"{name} time drift", drift, [first + DRIFT]),
+        ]
+        blocks.append((times, None))
     stated = recording.object.sigma_m
     longest = recording.object.longest_m
     sigma = DEFAULT_DISTANCE if stated is None else stated / longest
@@ -120,17 +128,17 @@ class RigFit(RobustFit):
         recording: Recording,
         poses: Sequence[Pose],
         settings: RigSettings,
-        velocities: FloatArray | None = None,
+        motion: FloatArray | None = None,
         held: RefineSettings | None = None,
     ) -> None:
         """From first poses.
 
         Args:
-            velocities: (n, 2): of the points in pixels per frame, if known.
+            motion: (n, 3): as of `Observations.of_recording`, if known.
             held: with the noise that is not to be estimated.
         """
         self.recording, self.rig_settings = recording, settings
-        seen = Observations.of_recording(recording, velocities)
+        seen = Observations.of_recording(recording, motion)
         unknowns = unknowns_of_rig(recording, poses, settings, seen.has_lengths)
         R, baselines = np.array([pose.R for pose in poses]), baselines_of(recording, settings)
         super().__init__(seen, unknowns, held or RefineSettings(), R, baselines)

@@ -112,9 +112,10 @@ def rig_notes(rig: RigFile) -> list[str]:
             )
         if round(offset, DIGITS):
             error = rig.standard_errors[name]["time_offset"]
+            drift = rig.drifts[name].drift_in_words if name in rig.drifts else ""
             notes.append(
                 f"The camera {name} takes its frames {offset:+.{DIGITS}f} ± {error:.{DIGITS}f} "
-                f"frame intervals after the camera {first}."
+                f"frame intervals after the camera {first}{drift}."
             )
     return notes
 

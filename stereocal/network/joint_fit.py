@@ -1,7 +1,8 @@
 """The joint fit of all cameras, in rounds where they are brought into step."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from stereocal.network.fit import RigFit, RigSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
-from stereocal.rig.tracks import interpolate
+from stereocal.rig.tracks import TimeOffset, interpolate
 
 MOST_ROUNDS = 8
 IN_STEP = 0.05
@@ -30,55 +31,67 @@ class Start:
     noise_px: float
 
     @classmethod
-    def of(cls, fit: RigFit, offsets: FloatArray) -> "Start":
-        """Where another ended, with the offsets (c,) that its points have been shifted by."""
-        late = dict(zip(_offset_names(fit.recording), offsets.tolist(), strict=True))
-        return cls(fit.poses, {**fit.unknowns.named(fit.p), **late}, fit.sigma_px)
+    def of(cls, fit: RigFit, offsets: Sequence[TimeOffset]) -> "Start":
+        """Where another ended, with the offsets that its points have been shifted by."""
+        late = {f"{name} time offset": own.frames for name, own in _by_camera(fit, offsets)}
+        drifts = {f"{name} time drift": own.drift for name, own in _by_camera(fit, offsets)}
+        return cls(fit.poses, {**fit.unknowns.named(fit.p), **late, **drifts}, fit.sigma_px)
+
+
+def _by_camera(fit: RigFit, offsets: Sequence[TimeOffset]) -> Iterator[tuple[str, TimeOffset]]:
+    return zip(fit.recording.cameras, offsets, strict=True)
 
 
 def joint_fit(
     recording: Recording, start: Start, settings: RigSettings
-) -> tuple[RigFit, FloatArray]:
+) -> tuple[RigFit, tuple[TimeOffset, ...]]:
     """The fit, and by how many frames each camera is late."""
-    keys, p = _offset_names(recording), dict(start.values)
-    offsets = np.array([p.pop(name, 0.0) for name in keys])
+    keys = [f"{name} time {what}" for what in ("offset", "drift") for name in recording.cameras]
+    p, reference = dict(start.values), float(np.round(recording.frame.mean()))
+    late = np.array([p.pop(name, 0.0) for name in keys])
     poses, noise_px = start.poses, start.noise_px
     for _ in range(MOST_ROUNDS):
-        shifted, velocities = recording, None
+        shifted, motion = recording, None
         if settings.time_offsets:
-            shifted, velocities = _shifted(recording, offsets)
-        fit = RigFit(shifted, poses, settings, velocities)
+            shifted, motion = _shifted(recording, _offsets(late, reference))
+        fit = RigFit(shifted, poses, settings, motion)
         fit.start_at(p, noise_px)
         if not fit.run():
             raise StereocalError(NO_RIG)
         if not settings.time_offsets:
             break
         values = fit.unknowns.named(fit.p)
+        free = [key in values for key in keys]
         remaining = np.array([values.pop(name, 0.0) for name in keys])
         sigma = np.sqrt(np.diag(fit.unknowns.covariance(fit.information)))
-        places = [fit.unknowns.names.index(name) for name in keys if name in fit.unknowns.names]
-        offsets, poses, p, noise_px = offsets + remaining, fit.poses, values, fit.sigma_px
-        if (np.abs(remaining[1:]) < IN_STEP * sigma[places]).all():
+        places = [fit.unknowns.names.index(name) for name in compress(keys, free)]
+        late, poses, p, noise_px = late + remaining, fit.poses, values, fit.sigma_px
+        if (np.abs(remaining[free]) < IN_STEP * sigma[places]).all():
             break
-    return fit, offsets
+    return fit, _offsets(late, reference)
 
 
-def _offset_names(recording: Recording) -> list[str]:
-    """The names of the unknown time offsets."""
-    return [f"{name} time offset" for name in recording.cameras]
+def _offsets(late: FloatArray, reference: float) -> tuple[TimeOffset, ...]:
+    """Of the frames and the drifts (2 c,) of all cameras."""
+    frames, drifts = late.reshape(2, -1).tolist()
+    return tuple(TimeOffset(*own, reference) for own in zip(frames, drifts, strict=True))
 
 
-def _shifted(recording: Recording, offsets: FloatArray) -> tuple[Recording, FloatArray]:
+def _shifted(recording: Recording, offsets: Sequence[TimeOffset]) -> tuple[Recording, FloatArray]:
     """The points at the instants of the reference's frames, without those of late cameras that have
-    no neighbours there; and their velocities (n, 2), in pixels per frame."""
-    offset = offsets[recording.camera]
+    no neighbours there; and their motion (n, 3), as of `Observations.of_recording`."""
+    at = np.array([own.at(recording.frame) for own in offsets])
+    offset = at[recording.camera, np.arange(len(recording.frame))]
     track = recording.camera * len(recording.object.names) + recording.target
     tracks = interpolate(track, recording.frame, recording.points, offset)
-    moved, known = offset != 0.0, tracks.known.copy()
+    moved = np.array([own.is_shift for own in offsets])[recording.camera]
+    known = tracks.known.copy()
     for number, camera in enumerate(recording.cameras.values()):
         of_camera = recording.camera == number
         known[of_camera] &= tracks.inside(camera.image_size)[of_camera]
     points = np.where((moved & known)[:, None], tracks.positions, recording.points)
     usable = ~moved | known
     shifted = replace(recording, points=points).where(usable)
-    return shifted, np.nan_to_num(tracks.velocities[usable])
+    since = recording.frame - offsets[0].reference
+    motion = np.column_stack([np.nan_to_num(tracks.velocities), since])
+    return shifted, motion[usable]

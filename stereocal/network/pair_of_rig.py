@@ -27,7 +27,6 @@ from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters, Timing
 from stereocal.rig.recording import CameraPair, Recording
-from stereocal.rig.tracks import TimeOffset
 from stereocal.system.tasks import Progress
 
 TIED = 1.0 - 1e-9
@@ -99,12 +98,12 @@ def data_of_pair(recording: Recording, pair: CameraPair, rig: RigFile | None) ->
     out |= np.isin(recording.frame, rig.about.frames_left_out)
     dataset = recording.where(~out).pair(*pair)
     first, second = (
-        rig.time_offsets[name] + rig.start_frames.get(name, 0) - recording.start_frames.get(name, 0)
-        for name in pair
+        rig.start_frames.get(name, 0) - recording.start_frames.get(name, 0) for name in pair
     )
-    offset = second - first
-    if offset:
-        shifted = usable_after(dataset, TimeOffset(offset)).correspondences
+    offset = rig.shift(*pair)
+    offset = replace(offset, frames=offset.frames + second - first)
+    if offset.is_shift:
+        shifted = usable_after(dataset, offset).correspondences
         unknown = np.full_like(shifted.motion, np.nan)
         shifted = replace(shifted, recorded=shifted.recorded * np.nan, motion=unknown)
         dataset = replace(dataset, correspondences=shifted)

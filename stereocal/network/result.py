@@ -21,14 +21,16 @@ from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
 from stereocal.refined.design_effect import design_effect
 from stereocal.refined.out_of_step import SIGNIFICANT, SMALLEST
+from stereocal.refined.time_offset import DRIFTING
 from stereocal.refined.two_views import rig_of
-from stereocal.refined.views import EACH, TIME
+from stereocal.refined.views import DRIFT, EACH, TIME
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, clusters_of, evenly_divided, follow_each_other
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
+from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 
 RUNS = 6
 """Into which frames that follow each other are divided for the design effect: shorter runs repeat
@@ -48,8 +50,8 @@ class RigCalibration:
     """Frames that contradict the others, and no single image does; ascending."""
     unreached: Mapping[str, str]
     """Cameras that could not be connected with the others, and why."""
-    time_offsets: FloatArray
-    """(c,): by how many frames each camera is late; 0 if they are in step."""
+    shifts: tuple[TimeOffset, ...]
+    """By how much each camera is late; 0 if they are in step."""
     warnings: tuple[str, ...] = ()
 
     @property
@@ -116,11 +118,31 @@ class RigCalibration:
         return np.asarray(M @ found @ M.T)
 
     @property
+    def time_offsets(self) -> FloatArray:
+        """(c,): by how many frames each camera is late, in the middle of the recording."""
+        return np.array([own.frames for own in self.shifts])
+
+    @cached_property
+    def offsets(self) -> tuple[MeasuredOffset, ...]:
+        """By how much each camera is late, with its errors."""
+        errors = np.sqrt(np.diag(self.covariance)[:-1].reshape(-1, EACH)[:, [TIME, DRIFT]])
+        return tuple(
+            MeasuredOffset(own.frames, own.drift, own.reference, *sigma)
+            for own, sigma in zip(self.shifts, errors.tolist(), strict=True)
+        )
+
+    @property
     def out_of_step(self) -> bool:
         """Whether a camera is out of step with the reference, significantly."""
-        errors = np.sqrt(np.diag(self.covariance)[:-1].reshape(-1, EACH)[:, TIME])
-        late = np.abs(self.time_offsets)
-        return bool(((late > SIGNIFICANT * errors) & (late >= SMALLEST)).any())
+        return any(
+            own.is_claimed(SIGNIFICANT) and own.most(self.fit.frames) >= SMALLEST
+            for own in self.offsets
+        )
+
+    @property
+    def drifts(self) -> bool:
+        """Whether a camera's offset drifts, significantly."""
+        return any(abs(own.drift) > DRIFTING * own.drift_sigma for own in self.offsets)
 
     @property
     def image_px(self) -> Mapping[str, float]:

@@ -57,6 +57,8 @@ class RigFile(ResultFile):
     about: AboutRig
     volume: Volume | None = None
     """Where the object was, as the reference sees it; None if not in front of it."""
+    drifts: Mapping[str, MeasuredOffset] = field(default_factory=dict)
+    """Of cameras whose offset changes from frame to frame."""
     start_frames: Mapping[str, int] = field(default_factory=dict)
     """By camera, the frame at which its frame 0 was taken, if the recording counted them apart."""
     others: Mapping[str, Any] = field(default_factory=dict)
@@ -105,7 +107,7 @@ class RigFile(ResultFile):
         a, b = self.names.index(first), self.names.index(second)
         covariance = pair_covariance(rig, a, b, self.q, self.R, self.covariance)
         figures, stated = self.about.figures, self.object
-        offset = self.time_offsets[second] - self.time_offsets[first]
+        offset = self.shift(first, second)
         return RigParameters(
             rig.primary,
             rig.secondary,
@@ -127,11 +129,20 @@ class RigFile(ResultFile):
             },
             noise_px=self.noise_px,
             volume=self.volume,
-            time_offset=MeasuredOffset(offset, sigma=float(np.sqrt(covariance[-2, -2])))
-            if offset
+            time_offset=replace(offset, sigma=float(np.sqrt(covariance[-2, -2])))
+            if offset.is_shift
             else None,
             camera_names=(first, second),
             start_frame=self.start_frames.get(second, 0) - self.start_frames.get(first, 0),
+        )
+
+    def shift(self, first: str, second: str) -> MeasuredOffset:
+        """By how much the second camera is late after the first, without errors."""
+        drift = {name: own.drift for name, own in self.drifts.items()}
+        return MeasuredOffset(
+            self.time_offsets[second] - self.time_offsets[first],
+            drift.get(second, 0.0) - drift.get(first, 0.0),
+            next((own.reference for own in self.drifts.values()), 0.0),
         )
 
     @cached_property
@@ -148,6 +159,7 @@ class RigFile(ResultFile):
         cameras = {
             name: {
                 **placed.to_json(),
+                **(self.drifts[name].to_json() if name in self.drifts else {}),
                 "time_offset_frames": self.time_offsets[name],
                 **({START: self.start_frames[name]} if any(self.start_frames.values()) else {}),
                 "standard_errors": self.standard_errors[name],
@@ -188,6 +200,11 @@ class RigFile(ResultFile):
         if about.figures and about.figures.weakest_camera not in cameras:
             raise ValueError("the weakest camera")
         late = {name: float(each["time_offset_frames"]) for name, each in data["cameras"].items()}
+        drifts = {
+            name: drift
+            for name, each in data["cameras"].items()
+            if (drift := _drift_in(each)) is not None
+        }
         starts, late = counts_and_shutters(late, covariance)  # whole frames are of older files
         starts = {name: int(data["cameras"][name].get(START, starts[name])) for name in cameras}
         read = cls(
@@ -198,10 +215,21 @@ class RigFile(ResultFile):
             float(data["noise_px"]),
             about,
             None if volume is None else Volume.from_json(volume),
+            drifts,
             starts if any(starts.values()) else {},
         )
         known = read.to_json()
         return replace(read, others={name: data[name] for name in data if name not in known})
+
+
+def _drift_in(camera: Mapping[str, Any]) -> MeasuredOffset | None:
+    """The offset of a camera in a file, if it drifts."""
+    offset = {"value": camera["time_offset_frames"], "standard_error": 0.0}
+    return (
+        MeasuredOffset.from_json({**camera, "time_offset_frames": offset})
+        if "time_drift" in camera
+        else None
+    )
 
 
 def _unknowns(camera: Camera) -> tuple[str, ...]:
@@ -272,6 +300,7 @@ def rig_file(rig: RigCalibration) -> RigFile:
         float(rig.fit.sigma_px),
         about,
         Volume.of_bars(points) if sighted else None,
+        {name: own for name, own in zip(rig.names, rig.offsets, strict=True) if own.drift},
         starts if any(starts.values()) else {},
     )
 

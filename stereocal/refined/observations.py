@@ -80,13 +80,12 @@ class Observations:
         )
 
     @classmethod
-    def of_recording(
-        cls, recording: Recording, velocities: FloatArray | None = None
-    ) -> "Observations":
+    def of_recording(cls, recording: Recording, moving: FloatArray | None = None) -> "Observations":
         """Those of the points that two cameras or more see, with units as in a pair.
 
         Args:
-            velocities: (n, 2): of the points in pixels per frame, if cameras may be late.
+            moving: (n, 3): of the points, velocities in pixels per frame and the frame from which
+                the drift counts, if cameras may be late.
         """
         frames, images = recording.images()
         of_rows = np.nonzero(np.isfinite(images[..., 0]).sum(axis=2) > 1)
@@ -101,10 +100,9 @@ class Observations:
         for number, camera in enumerate(cameras):
             seen = np.isfinite(pixels[:, :, number, 0])
             rays[:, :, number][seen] = camera.undistort(pixels[:, :, number][seen])
-        motion = np.zeros((0 if velocities is None else len(first), *pixels.shape[1:3], 3))
-        if velocities is not None:
-            _, moving = recording.images(np.pad(velocities, [(0, 0), (0, 1)]))
-            motion[part, place] = np.nan_to_num(moving[of_rows])
+        motion = np.zeros((0 if moving is None else len(first), *pixels.shape[1:3], 3))
+        if moving is not None:
+            motion[part, place] = np.nan_to_num(recording.images(moving)[1][of_rows])
         distances = recording.object.distance(*targets.T)
         return cls(
             frames[kept],

@@ -76,11 +76,9 @@ def with_offset_if_out_of_step(
 def _certain_fit(dataset: Dataset, settings: RefineSettings) -> RefinedResult | None:
     """The fit with the time offset; None if it is not certain."""
     start = first_value(dataset, float(np.round(dataset.correspondences.time_frame.mean())))
-    found = fit_from(dataset, replace(settings, time_offset=True), *start)
-    if not _is_certain(found):
-        return None
-    found = _drifting(dataset, found)
-    return found if _fits_held_out_frames(dataset, found, settings) else None
+    found = _drifting(dataset, fit_from(dataset, replace(settings, time_offset=True), *start))
+    certain = _is_certain(found) and _fits_held_out_frames(dataset, found, settings)
+    return found if certain else None
 
 
 def _is_certain(fit: RefinedResult) -> bool:
@@ -89,7 +87,9 @@ def _is_certain(fit: RefinedResult) -> bool:
     if not 0.0 < offset.sigma < MAXIMUM_SIGMA or fit.outlying.mean() > MOST_OUTLYING:
         return False
     enough = max(SIGNIFICANT, float(EXPLAINED * degrees) ** 0.5)
-    return SMALLEST <= abs(offset.frames) <= LARGEST - STEP and offset.is_claimed(enough)
+    most = offset.most(fit.dataset.correspondences.time_frame)
+    within = most >= SMALLEST and abs(offset.frames) <= LARGEST - STEP
+    return within and offset.is_claimed(enough)
 
 
 def _is_worth_trying(fit: RefinedResult) -> bool:
@@ -99,7 +99,7 @@ def _is_worth_trying(fit: RefinedResult) -> bool:
         return False
     poor = fit.sigma_px.value > POOR_PX or fit.outlying.mean() > MOST_OUTLYING
     alike = fit.design_effect > ALIKE or found.is_claimed(TRIED)
-    return poor or (alike and abs(found.frames) >= SMALLEST)
+    return poor or (alike and found.most(fit.dataset.correspondences.time_frame) >= SMALLEST)
 
 
 def _drifting(dataset: Dataset, fit: RefinedResult) -> RefinedResult:

@@ -215,7 +215,8 @@ def spread_over_runs(fit: RefinedResult) -> float:
 
 
 def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
-    """The offset that the residuals of a fit without one suggest, by one Gauss-Newton step.
+    """The offset, and its drift, that the residuals of a fit without them suggest, by one
+    Gauss-Newton step.
 
     None if too few points have neighbours. This is the score test: of all that the fit leaves of
     the residuals, the part that follows the velocities in the image.
@@ -225,11 +226,15 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
     if np.isfinite(recorded.correspondences.motion[:, 0]).sum() < MINIMUM_ROWS:
         return None
     settings = replace(
-        fit.settings, time_offset=True, sigma_px=fit.sigma_px.value, scatter_m=fit.scatter_m.value
+        fit.settings,
+        time_offset=True,
+        time_drift=True,
+        sigma_px=fit.sigma_px.value,
+        scatter_m=fit.scatter_m.value,
     )
     solve = RobustFit.of_pair(recorded, fit.pose, settings, fit.rows)
     unknowns = solve.unknowns
-    p = np.append(fit.p, 0.0)
+    p = np.append(fit.p, [0.0, 0.0])
     limits = np.where(fit.outlying[fit.frame_of], 0.0, np.inf)
     units = solve.points, np.empty(len(solve.points))
     _, H, g = solve.sum_at(fit.q, 1 / solve.scatter, limits, *units)
@@ -238,6 +243,7 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
     # Of what the offset does not explain: bars that are waved by cameras out of step have errors
     # that follow each other for that reason alone.
     effect = design_effect(solve, fit.q, fit.used, fit.clusters, step)
-    sigma = np.sqrt(unknowns.covariance(H / effect)[-1, -1])
+    sigmas = np.sqrt(np.diag(unknowns.covariance(H / effect))[-2:])
     assert recorded.time_offset is not None
-    return MeasuredOffset(float(step[-1]), 0.0, recorded.time_offset.reference, float(sigma))
+    reference = recorded.time_offset.reference
+    return MeasuredOffset(float(step[-2]), float(step[-1]), reference, *sigmas.tolist())

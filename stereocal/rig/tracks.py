@@ -100,6 +100,10 @@ class MeasuredOffset(TimeOffset):
         whole = near if is_whole else math.trunc(self.frames)
         return whole, replace(self, frames=self.frames - whole)
 
+    def most(self, time_frame: npt.ArrayLike) -> float:
+        """The largest offset at these frames, either way."""
+        return float(np.abs(self.at(time_frame)).max())
+
     def is_claimed(self, sigmas: float) -> bool:
         """Whether the offset or its drift is at least this many standard errors from 0."""
         return abs(self.frames) > sigmas * self.sigma or abs(self.drift) > sigmas * self.drift_sigma
@@ -107,15 +111,17 @@ class MeasuredOffset(TimeOffset):
     def sentence(self) -> str:
         """The offset in words."""
         way = "later" if self.frames >= 0 else "earlier"
-        drift = (
-            f", drifting by {self.drift:.1e} ± {self.drift_sigma:.1e} frames per frame"
-            if self.drift_sigma
-            else ""
-        )
         return (
             f"The secondary camera takes its frames {self.interval(abs(self.frames))} frame "
-            f"intervals {way} than the primary{drift}."
+            f"intervals {way} than the primary{self.drift_in_words}."
         )
+
+    @property
+    def drift_in_words(self) -> str:
+        """How the offset changes; empty if it does not."""
+        if not self.drift_sigma:
+            return ""
+        return f", drifting by {self.drift:.1e} ± {self.drift_sigma:.1e} frames per frame"
 
     def interval(self, value: float) -> str:
         """A value with the standard error of the offset."""

@@ -10,7 +10,8 @@ from stereocal.errors import StereocalError
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
 from stereocal.network.in_words import rig_notes, rig_sentence
-from stereocal.network.rig_file import rig_file
+from stereocal.network.pair_of_rig import data_of_pair
+from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.wrong_inputs import _fewer_points, noise_of_rig
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
@@ -241,6 +242,21 @@ def test_cameras_out_of_step_have_their_offsets(asked: bool | None) -> None:
         if name != "c1":
             assert abs(own - true) < 5 * errors[name]["time_offset"]
     assert rig.fit.sigma_px < 0.25
+
+
+def test_an_offset_that_drifts_is_followed() -> None:
+    _, recording = wave_wand(6, np.array([0.0, 0.3, -0.2]), 150, drift=2e-3)
+    rig = calibrate_rig(recording)
+    last = rig.offsets[-1]
+    assert abs(last.drift - 2e-3) < 4 * last.drift_sigma < 1e-3
+    assert rig.fit.sigma_px < 0.25
+    read = RigFile.loads(rig_file(rig).dumps())
+    assert read.drifts["c3"].drift == read.shift("c1", "c3").drift == last.drift
+    assert "drifting by" in rig_notes(read)[-1]
+    pair = data_of_pair(recording, ("c1", "c3"), read)
+    rows = pair.correspondences
+    apart = rig.pair("c1", "c3").epipolar_distances(rows.primary, rows.secondary)
+    assert np.sqrt(np.mean(np.square(apart))) < 0.3
 
 
 def test_cameras_in_step_have_no_offsets() -> None:

@@ -115,7 +115,11 @@ def test_exchanged_targets_are_recognised_between_frames() -> None:
 def test_a_drift_is_found_asked_for_or_not() -> None:
     data = moving(0.3, drift=2e-3)
     assert "--time-drift" in screen(data, time_offset=True).time_note
-    for found in (screen(data, time_offset=True, time_drift=True), screen(data)):
+    asked, in_step_in_the_middle = (
+        screen(data, time_offset=True, time_drift=True),
+        moving(0.0, 2e-3),
+    )
+    for found in (asked, screen(data), screen(in_step_in_the_middle)):
         own = found.measured_offset
         assert own is not None
         assert abs(own.drift - 2e-3) < 4 * own.drift_sigma < 1e-3
