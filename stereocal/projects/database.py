@@ -1,7 +1,7 @@
 """A project's SQLite file: transactions, consistent reads, and messages for SQLite's errors.
 
-A connection lasts for one transaction or one read. Tabs, jobs and servers share the file: SQLite
-does the locking, and the recovery after a kill or a power cut.
+A connection lasts for one transaction or one read, or for a run of a page (`kept_open`). Tabs, jobs
+and servers share the file: SQLite does the locking, and the recovery after a kill or a power cut.
 """
 
 import hashlib
@@ -10,7 +10,7 @@ import secrets
 import sqlite3
 import threading
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -102,6 +102,7 @@ class _Connections(threading.local):
     def __init__(self) -> None:
         self.writing: dict[Path, sqlite3.Connection] = {}
         self.reading: dict[Path, sqlite3.Connection] = {}
+        self.kept: dict[Path, sqlite3.Connection] | None = None
 
 
 _OPEN = _Connections()
@@ -149,6 +150,8 @@ class Database:
                 yield db
             finally:
                 _OPEN.reading.pop(self.path, None)
+                with suppress(sqlite3.Error):
+                    db.execute("ROLLBACK")
 
     def rows(self, query: str, *values: Any) -> list[tuple[Any, ...]]:
         with self.reading() as db:
@@ -189,16 +192,32 @@ class Database:
         with translated_errors():
             if not self.path.exists():
                 raise StereocalError(NOT_THERE)
-            with closing(connect(self.path)) as db:
-                # Debian's SQLite overwrites what is deleted, which costs as much space as it frees.
-                for name in ("secure_delete = OFF", "foreign_keys = ON", "trusted_schema = OFF"):
-                    db.execute(f"PRAGMA {name}")
-                db.execute("PRAGMA synchronous = FULL")
-                _bring_up_to_date(db)
-                if journal_of(self.path.parent) == "delete":
-                    with suppress(sqlite3.Error):  # copied from another disk, and open elsewhere
-                        db.execute("PRAGMA journal_mode = DELETE")
+            if (kept := (_OPEN.kept or {}).get(self.path)) is not None:
+                yield kept
+                return
+            with ExitStack() as until_used:
+                db = until_used.enter_context(closing(_prepared(self.path)))
+                # One in creation gets its name when nothing has it open.
+                new = self.path.name.startswith(WAITING)
+                if _OPEN.kept is not None and not new and _locks_nobody_out(db):
+                    _OPEN.kept[self.path] = db
+                    until_used.pop_all()
                 yield db
+
+
+@contextmanager
+def kept_open() -> Iterator[None]:
+    """Within, this thread opens each project once, and not for each of its reads."""
+    if _OPEN.kept is not None:
+        yield
+        return
+    _OPEN.kept = {}
+    try:
+        yield
+    finally:
+        kept, _OPEN.kept = _OPEN.kept, None
+        for db in kept.values():
+            db.close()
 
 
 def create(path: Path) -> None:
@@ -238,6 +257,26 @@ def connect(path: Path) -> sqlite3.Connection:
         db = opened("mode=rw" if os.access(path.parent, os.W_OK) else "immutable=1")
         db.execute("PRAGMA locking_mode = EXCLUSIVE")
     return db
+
+
+def _prepared(path: Path) -> sqlite3.Connection:
+    """A connection to a project of this version."""
+    with ExitStack() as until_ready:
+        db = until_ready.enter_context(closing(connect(path)))
+        # Debian's SQLite overwrites what is deleted, which costs as much space as it frees.
+        for name in ("secure_delete = OFF", "foreign_keys = ON", "trusted_schema = OFF"):
+            db.execute(f"PRAGMA {name}")
+        db.execute("PRAGMA synchronous = FULL")
+        _bring_up_to_date(db)
+        if journal_of(path.parent) == "delete":
+            with suppress(sqlite3.Error):  # copied from another disk, and open elsewhere
+                db.execute("PRAGMA journal_mode = DELETE")
+        until_ready.pop_all()
+    return db
+
+
+def _locks_nobody_out(db: sqlite3.Connection) -> bool:
+    return bool(db.execute("PRAGMA locking_mode").fetchone() == ("normal",))
 
 
 def remove_database(path: Path) -> None:

@@ -9,6 +9,7 @@ import streamlit as st
 from streamlit.navigation.page import StreamlitPage
 from streamlit.runtime.scriptrunner import StopException
 
+from stereocal.projects.database import kept_open
 from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import scheduler_of
@@ -88,6 +89,7 @@ def check_settings() -> None:
         scheduler_of(os.environ)
 
 
+@kept_open()
 def run_page(page: StreamlitPage) -> None:
     """Draw a page with the queued messages above it; errors of a project become messages."""
     st.html(FITS)

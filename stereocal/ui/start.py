@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
+import plotly.graph_objects as go
 import streamlit as st
 
 from stereocal.errors import StereocalError, disk_errors
@@ -48,25 +49,27 @@ def has_sample_photographs() -> bool:
 
 
 @st.cache_resource(show_spinner=False)
-def _story() -> figures.Story:
-    return figures.read_story(ROOT / "assets" / "story.json")
+def _story() -> tuple[int, dict[str, tuple[go.Figure, str]]]:
+    """How many bars the story is about; its figures, and the same in words, by key."""
+    story = figures.read_story(ROOT / "assets" / "story.json")
+    parts = {
+        "story_lengths": (figures.plot_story_lengths, figures.describe_story_lengths),
+        "two_rays": (figures.plot_two_rays, figures.describe_two_rays),
+        "story_lines": (figures.plot_story_lines, figures.describe_story_lines),
+    }
+    drawn = {key: (plot(story), describe(story)) for key, (plot, describe) in parts.items()}
+    return len(next(iter(story.sets.values())).length_errors), drawn
 
 
 def show_story() -> None:
     """What one set and two do to the same real bars, and why, folded."""
-    story = _story()
-    bars = len(next(iter(story.sets.values())).length_errors)
+    bars, parts = _story()
     st.markdown(f"**Length errors of the same {bars} real bars**")
-    words = figures.describe_story_lengths(story)
-    show_figure(figures.plot_story_lengths(story), words, "story_lengths")
+    show_figure(*parts["story_lengths"], "story_lengths")
     with st.expander("Why"):
-        others = (
-            ("two_rays", figures.plot_two_rays, figures.describe_two_rays),
-            ("story_lines", figures.plot_story_lines, figures.describe_story_lines),
-        )
-        for place, (key, plot, describe) in zip(st.columns(2), others, strict=True):
+        for place, key in zip(st.columns(2), ("two_rays", "story_lines"), strict=True):
             with place:
-                show_figure(plot(story), describe(story), key, caption=True)
+                show_figure(*parts[key], key, caption=True)
 
 
 def _sample(folder: Path, names: Sequence[str], source: str) -> Project:

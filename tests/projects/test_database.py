@@ -73,6 +73,24 @@ def test_a_reader_sees_one_state_while_another_writes(database: Store) -> None:
     assert database.values("a") == {"x": 2}
 
 
+def test_a_run_of_a_page_sees_what_others_write_and_locks_nobody_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for journal in ("wal", "delete"):
+        monkeypatch.setattr(database_module, "journal_of", lambda _folder, it=journal: it)
+        project = Project.create(tmp_path / journal)
+        with ThreadPoolExecutor(1) as other, database_module.kept_open():
+            for number in range(3):
+                other.submit(project.database.keep_values, "a", {"x": number}).result()
+                assert project.database.values("a") == {"x": number}
+                with project.database.transaction():
+                    project.database.keep_values("b", {"x": number})
+                assert other.submit(project.database.values, "b").result() == {"x": number}
+            assert placed(FULL, tmp_path / journal).dataset is not None
+        kept = {path.suffix for path in project.database.path.parent.iterdir()}
+        assert kept == {files.SUFFIX}  # closed: without this, a log would stand beside it
+
+
 def test_without_a_write_ahead_log_a_rollback_journal_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
