@@ -14,6 +14,7 @@ from stereocal.ui.messages import ErrorsShown, end_here
 from stereocal.ui.photographs import has_photographs
 from stereocal.ui.prerequisites import is_asked
 from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
+from stereocal.ui.screen import is_narrow
 
 
 def show_what_was_read(project: Project | None) -> None:
@@ -36,10 +37,9 @@ def show_what_was_read(project: Project | None) -> None:
         f"{count(len(dataset.correspondences.frames), 'frame')}."
     )
     show_rig(project, dataset)
-    wide, narrow = (plot_coverage(dataset, small) for small in (False, True))
+    figure, words = plot_coverage(dataset, is_narrow()), describe_coverage(dataset)
     clicked = partial(open_clicked_frame, project)
-    chart = {"narrow": narrow, "on_select": clicked, "selection_mode": "points"}
-    show_figure(wide, describe_coverage(dataset), COVERAGE, **chart)
+    show_figure(figure, words, COVERAGE, on_select=clicked, selection_mode="points")
     st.caption("A click on a point opens its frame.")
     st.table(contents_table(dataset))
     dataset_download(dataset)

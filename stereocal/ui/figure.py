@@ -9,15 +9,6 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.ui.texts import escape_markdown
 
-WIDE_OR_NARROW = """<style>
-[class*="st-key-narrow"] { display: none; }
-@media (max-width: 640px) {
-  [class*="st-key-wide"] { display: none; }
-  [class*="st-key-narrow"] { display: flex; }
-}
-</style>"""
-"""Shows, of containers whose keys begin with `wide` or `narrow`, those for this screen."""
-
 _TARGET = "scroll_to"
 SCRIPT = """<script>/* {now} */
 (() => {{
@@ -40,34 +31,19 @@ FOLLOWS_MS = 1500
 
 
 def show_figure(
-    figure: go.Figure,
-    words: str,
-    key: str,
-    *,
-    caption: bool = False,
-    narrow: go.Figure | None = None,
-    **chart: Any,
+    figure: go.Figure, words: str, key: str, *, caption: bool = False, **chart: Any
 ) -> None:
     """A figure.
 
     Args:
         words: the same for screen readers.
         caption: the words stand below it too, where they say what is not in the figure.
-        narrow: the same figure for a narrow screen.
         chart: passed on to `st.plotly_chart`.
     """
-    for each in (figure, narrow):
-        if each and each.layout.scene.xaxis.title.text:  # its texts follow no style sheet
-            each.layout.font.color = st.get_option(
-                f"theme.{st.context.theme.type or 'light'}.textColor"
-            )
-    if narrow is None:
-        st.plotly_chart(figure, key=key, alt=words, **chart)
-    else:
-        st.html(WIDE_OR_NARROW)
-        wide, small = (st.container(key=f"{size}_{key}") for size in ("wide", "narrow"))
-        wide.plotly_chart(figure, key=key, alt=words, **chart)
-        small.plotly_chart(narrow, key=f"{key}_narrow", alt=words, **chart)
+    if figure.layout.scene.xaxis.title.text:  # its texts follow no style sheet
+        theme = st.context.theme.type or "light"
+        figure.layout.font.color = st.get_option(f"theme.{theme}.textColor")
+    st.plotly_chart(figure, key=key, alt=words, **chart)
     if caption:
         st.caption(escape_markdown(words))
 

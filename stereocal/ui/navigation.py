@@ -27,6 +27,7 @@ from stereocal.ui.menu import (
 from stereocal.ui.messages import ErrorsShown, forget_messages, show_messages
 from stereocal.ui.page_states import PageState, page_states
 from stereocal.ui.project import leave_pair, open_created, open_or_none, show_project, show_saved
+from stereocal.ui.screen import tell_screen
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.warm_up import compiling_shown
 
@@ -102,6 +103,7 @@ def run_page(page: StreamlitPage) -> None:
     top = st.container()
     told = show_messages(top)
     _take_focus(page)
+    tell_screen()
     begin_page(page.url_path)
     if page.url_path in ("", RIG):  # of the whole project
         leave_pair()

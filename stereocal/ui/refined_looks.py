@@ -17,6 +17,7 @@ from stereocal.ui import jobs
 from stereocal.ui.answer import curves_are_ready, make
 from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.figure import show_figure
+from stereocal.ui.screen import is_narrow
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.tradeoff import costs_of
@@ -74,8 +75,8 @@ def show_misfit(_project: Project, run: Run, _answer: Run | None) -> None:
         return
     with st.spinner("Looking at the residuals."):
         make(run, "misfit")
-    wide, narrow = (lens.plot_misfit(run.misfit, small) for small in (False, True))
-    show_figure(wide, lens.describe_misfit(run.misfit), "misfit", narrow=narrow)
+    figure = lens.plot_misfit(run.misfit, is_narrow())
+    show_figure(figure, lens.describe_misfit(run.misfit), "misfit")
 
 
 def show_trade_off(project: Project, run: Run, answer: Run | None) -> None:

@@ -34,6 +34,7 @@ from stereocal.ui.messages import callback, fragment, readable
 from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import FILES, other_formats, parameter_downloads
 from stereocal.ui.review import look_closely
+from stereocal.ui.screen import is_narrow
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import Figure, frames_to_come
@@ -145,8 +146,7 @@ def _show_rig(project: Project, found: Calibration, answer: Run | None) -> None:
     named = METHOD_NAMES.__getitem__
     method = choose(project, name, "Set", methods, usual, place=left, format_func=named)
     view = choose(project, "rig_view", "Seen from", VIEWS, place=right)
-    wide, narrow = (plot_rig(found, method, view, small) for small in (False, True))
-    show_figure(wide, describe_rig(found, method), "rig", narrow=narrow)
+    show_figure(plot_rig(found, method, view, is_narrow()), describe_rig(found, method), "rig")
 
 
 def _view(project: Project) -> Field:
@@ -164,7 +164,7 @@ def _look_at_frame(project: Project, calibration: Calibration, frame: int) -> No
 @callback
 def open_clicked_frame(project: Project) -> None:
     """Open the frame of a point of the figure of the Data page: its photographs, or its errors."""
-    frame, calibration = _clicked_frame(COVERAGE, f"{COVERAGE}_narrow"), project.calibration
+    frame, calibration = _clicked_frame(COVERAGE), project.calibration
     if frame is None:
         return
     if screening.photographed(project):
@@ -176,10 +176,10 @@ def open_clicked_frame(project: Project) -> None:
         raise StereocalError(f"Frame {frame}: its errors are shown once you have calibrated.")
 
 
-def _clicked_frame(*charts: str) -> int | None:
-    """The frame of the first point that was clicked in one of these figures."""
-    shown = filter(None, map(st.session_state.get, charts))
-    points = [point for each in shown for point in each["selection"]["points"]]
+def _clicked_frame(chart: str) -> int | None:
+    """The frame of the first point that was clicked in a figure."""
+    shown = st.session_state.get(chart)
+    points = shown["selection"]["points"] if shown else ()
     return int(np.ravel(points[0]["customdata"])[0]) if points else None
 
 

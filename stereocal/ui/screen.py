@@ -4,7 +4,7 @@ from typing import Any
 
 import streamlit as st
 
-NAME, KEY = "stereocal_screen", "screen"
+NAME, KEY, NARROW = "stereocal_screen", "screen", "screen_is_narrow"
 JS = """export default function ({ data, setStateValue }) {
   const narrow = matchMedia("(max-width: 640px)")
   const tell = () => { if (narrow.matches !== data.narrow) setStateValue("narrow", narrow.matches) }
@@ -12,9 +12,11 @@ JS = """export default function ({ data, setStateValue }) {
   tell()
   return () => narrow.removeEventListener("change", tell)
 }"""
-NARROW = "screen_is_narrow"
-"""Where the session keeps whether this tab is on a narrow screen; nothing until it has told, just
-after its first draw."""
+
+
+def is_narrow() -> bool:
+    """Whether this tab is on a narrow screen; before it has told, it is taken for a wide one."""
+    return bool(st.session_state.get(NARROW, False))
 
 
 def tell_screen() -> None:
@@ -27,5 +29,4 @@ def tell_screen() -> None:
 
     component = st.components.v2.component(NAME, js=JS)
     with st.container(key="arrival_screen"):
-        data = {"narrow": st.session_state.get(NARROW)}
-        component(key=KEY, data=data, on_narrow_change=note)
+        component(key=KEY, data={"narrow": is_narrow()}, on_narrow_change=note)

@@ -25,10 +25,10 @@ from stereocal.ui import jobs
 from stereocal.ui.answer import final_run
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
-from stereocal.ui.figure import WIDE_OR_NARROW, show_figure
+from stereocal.ui.figure import show_figure
 from stereocal.ui.forms import describe_settings
 from stereocal.ui.messages import fragment, readable, show_stale
-from stereocal.ui.screen import NARROW, tell_screen
+from stereocal.ui.screen import is_narrow
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.validation import (
@@ -71,7 +71,6 @@ def show_validation(
         job = follow_validation(project, datasets, settings, with_refined(project).value())
         if job.state == "done":
             last, job = last_validation(project, datasets, settings), None
-    tell_screen()
     # Only while runs come: a permanent timer would interrupt every longer run of the page.
     every = EVERY_S if job is not None and job.state == "running" else None
     fragment(_show, run_every=every)(project, datasets, settings, last, job, every is not None)
@@ -190,21 +189,14 @@ def _show_evaluation(project: Project, shown: Shown, datasets: Sequence[Dataset]
         told = "The parameter files keep the threshold and the figures of their own validation"
         st.caption(f"{told}: {_describe_protocol(of_files)}")
     columns, picture = _choose_view(project, refined)
-    charts = {"fits": {"validation": columns}}
-    if len(columns) > 1:
-        st.html(WIDE_OR_NARROW)
-        each = {f"validation_{column}": [column] for column in columns}
-        charts = {"wide": {"validation": columns}, "narrow": each}
-        narrow = st.session_state.get(NARROW)
-        if narrow is not None:
-            del charts["wide" if narrow else "narrow"]
-    for place, of_place in charts.items():
-        with st.container(key=place):
-            for name, parts in of_place.items():
-                key = f"{shown.key} {bins.value()} {refined.value()} {parts}"
-                figure = _KEPT.once(key, partial(plot_validation, pooled, parts))
-                words, config = describe_validation(pooled, parts), _saved_as(picture, name)
-                show_figure(figure, words, name, config=config)
+    charts = {"validation": columns}
+    if is_narrow() and len(columns) > 1:
+        charts = {f"validation_{column}": [column] for column in columns}
+    for name, parts in charts.items():
+        key = f"{shown.key} {bins.value()} {refined.value()} {parts}"
+        figure = _KEPT.once(key, partial(plot_validation, pooled, parts))
+        words, config = describe_validation(pooled, parts), _saved_as(picture, name)
+        show_figure(figure, words, name, config=config)
     if not whole:
         return
     if len(screenings) == 1 and (note := _note(evaluation, screenings[0])):

@@ -221,10 +221,10 @@ def test_a_narrow_screen_shows_all_of_the_validation(
         for text in figure.locator(".legend text").all():
             box = text.bounding_box()
             assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= 420
-    expect(page.locator(".st-key-wide")).to_be_hidden()
+    expect(page.locator(".st-key-validation")).to_have_count(0)
     page.set_viewport_size({"width": 1400, "height": 900})
-    expect(page.locator(".st-key-wide .legend").first).to_be_visible()
-    expect(page.locator(".st-key-narrow")).to_be_hidden()
+    expect(page.locator(".st-key-validation .legend").first).to_be_visible()
+    expect(page.locator(".st-key-validation_residual")).to_have_count(0)
     context.close()
 
 
