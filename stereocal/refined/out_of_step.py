@@ -26,7 +26,7 @@ from stereocal.refined.time_offset import (
 )
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.tracks import COUNTED, WHOLE
+from stereocal.rig.tracks import COUNTED, WHOLE, TimeOffset
 
 TRIED, SIGNIFICANT = 2.0, 5.0
 """Standard errors from which an offset is tried, and applied."""
@@ -119,14 +119,14 @@ def _fits_held_out_frames(dataset: Dataset, fit: RefinedResult, settings: Refine
     shifted = usable_after(dataset, offset)
     used = fit.frames[~fit.outlying]
     with_offset = without = 0.0
-    offsets = list[float]()
+    offsets = list[TimeOffset]()
     for part in np.array_split(used, PARTS):
         rest, noise = np.setdiff1d(used, part), fit.sigma_px.value
         try:
             found = refine(shifted.of_frames(rest), fit.settings, fit.pose)
         except StereocalError:
             return False
-        offsets.append(found.time_offset.frames)
+        offsets.append(found.time_offset)
         with_offset += _chi_square(found, shifted.of_frames(part), noise)
         try:
             found = refine(dataset.of_frames(rest), settings, fit.pose)
@@ -135,8 +135,10 @@ def _fits_held_out_frames(dataset: Dataset, fit: RefinedResult, settings: Refine
             continue
         without += _chi_square(found, dataset.of_frames(part), noise)
     # The jackknife over runs, whose errors are alike.
-    spread = (PARTS - 1) ** 0.5 * float(np.std(offsets))
-    return with_offset < without and abs(fit.time_offset.frames) > SIGNIFICANT * spread
+    spread = (PARTS - 1) ** 0.5 * np.std([(own.frames, own.drift) for own in offsets], axis=0)
+    own = fit.time_offset
+    significant = np.abs([own.frames, own.drift]) > SIGNIFICANT * spread
+    return with_offset < without and bool(significant.any())
 
 
 def _chi_square(fit: RefinedResult, dataset: Dataset, noise_px: float) -> float:
