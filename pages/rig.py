@@ -4,6 +4,10 @@ from stereocal.ui.menu import page_head
 
 page_head("Rig", "Do all cameras agree?")
 
+from stereocal.ui.project import current_project
 from stereocal.ui.rig import show_page
+from stereocal.ui.started_by_hand import show_in_step
 
 show_page()
+if (project := current_project()) is not None:
+    show_in_step(project)

@@ -123,7 +123,7 @@ def parse_dataset(
     """
     found = find_description(files, source)
     if found.is_recording:
-        recording = parse_recording(files, source, photographs, lens_model)
+        recording = parse_recording(files, source, photographs, lens_model, pair=pair)
         with naming(source):
             if pair is None and len(recording.cameras) > 2:
                 raise StereocalError(

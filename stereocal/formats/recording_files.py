@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import permutations
 from pathlib import Path, PurePosixPath
@@ -158,6 +159,7 @@ def parse_recording(
     photographs: bool = False,
     lens_model: LensModel | None = None,
     with_points: bool = True,
+    pair: str | None = None,
 ) -> Recording:
     """The recording from files by name, which may all be in one subfolder.
 
@@ -165,6 +167,7 @@ def parse_recording(
         photographs: whether there are photographs too, in which targets can be detected.
         lens_model: meaning of four distortion coefficients if a camera file does not state it.
         with_points: whether to read its points; else it has none.
+        pair: the only cameras to bring into step, such as `left-right`, and to keep; None: all.
     """
     found = find_description(files, source)
     if not found.is_recording:
@@ -186,7 +189,10 @@ def parse_recording(
     )
     if not found.counts_own_frames and found.entries.get(RATES) is not None:
         raise StereocalError(f'{found.where}: "{RATES}" is for cameras with "frames": "own".')
-    return _in_step(found, recording) if with_points and found.counts_own_frames else recording
+    if with_points and found.counts_own_frames:
+        recording = _in_own_frames(found, recording, pair)
+        return recording if recording.start_frames else _in_step(found, recording)
+    return recording
 
 
 def _points(
@@ -217,22 +223,26 @@ def _points(
     return replace(parts[0], **columns, beyond_view=beyond if any(beyond.values()) else {})
 
 
+def _in_own_frames(found: Description, recording: Recording, pair: str | None) -> Recording:
+    """The recording in frames of one rate; in step if the starts of its cameras are stated."""
+    with naming(found.source):
+        recording = at_stated_rates(recording, found.entries.get(RATES))
+        known = dict[str, int]()
+        if (starts := found.entries.get(STARTS)) is not None:
+            with suppress(ValueError):
+                known = of_plain(starts, dict[str, int])
+            if known.keys() != recording.cameras.keys():
+                raise StereocalError(f'"{STARTS}" must give a whole number of each camera.')
+        recording = replace(recording.counted_from(known), start_frames=known)
+        return recording.of_cameras(recording.pair_named(pair)) if pair else recording
+
+
 def _in_step(found: Description, recording: Recording) -> Recording:
     """The recording with one count of frames, that of its first camera."""
     with naming(found.source):
-        recording = at_stated_rates(recording, found.entries.get(RATES))
-        starts = found.entries.get(STARTS)
-        if starts is None:
-            brought = bring_into_step(recording)
-            notes = (*recording.step_notes, *brought.sentences())
-            return replace(brought.recording, step_notes=notes)
-        try:
-            known = of_plain(starts, dict[str, int])
-        except ValueError as error:
-            raise StereocalError(f'"{STARTS}" must give a whole number of each camera.') from error
-        if known.keys() != recording.cameras.keys():
-            raise StereocalError(f'"{STARTS}" must give a whole number of each camera.')
-        return replace(recording.counted_from(known), start_frames=known)
+        brought = bring_into_step(recording)
+    notes = (*recording.step_notes, *brought.sentences())
+    return replace(brought.recording, step_notes=notes)
 
 
 def _object(description: Description) -> RigidObject:

@@ -329,7 +329,8 @@ class Recording(TableAnswer):
         if not len(a):
             raise StereocalError(
                 f"The cameras {first} and {second} see no point in the same frame. "
-                f"{self.describe_pairs()}"
+                f"{self.describe_pairs()} If each counts its own frames, since it was started by "
+                "hand, bring them into step first, with `sync`."
             )
         measured, names = self.baseline_m(first, second), self.object.names
         return Dataset(

@@ -10,6 +10,7 @@ import pytest
 from stereocal.cli import main
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.rig.dataset import Dataset
+from tests.files import write
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +48,19 @@ def test_cameras_that_count_their_own_frames_are_brought_into_step_unasked(by_ha
     assert any("one frame off" in note for note in found.step_notes)
     pair: Dataset = read_dataset(by_hand)
     assert (pair.start_frame, pair.step_notes) == (41, found.step_notes)
+
+
+def test_a_pair_needs_no_third_camera(by_hand: Path, tmp_path: Path) -> None:
+    """Camera 3 saw one frame only, which tells nothing."""
+    files = {path.name: path.read_bytes() for path in by_hand.iterdir()}
+    described = json.loads(files["dataset.json"])
+    described["cameras"]["3"] = described["cameras"]["1"]
+    files["dataset.json"] = json.dumps(described).encode()
+    files["points.csv"] += b"7,3,A,400,300\n"
+    write(files, tmp_path)
+    with pytest.raises(ValueError, match="cannot be told"):
+        read_recording(tmp_path)
+    assert read_dataset(tmp_path, pair="1-2").start_frame == 41
 
 
 def test_a_table_for_each_camera_is_read(by_hand: Path, tmp_path: Path) -> None:
