@@ -21,7 +21,7 @@ from stereocal.errors import StereocalError
 from stereocal.refined.outliers import outlying
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, contiguous
-from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.rig.geometry import Pose, sampson, triangulate_rays
 
 MINIMUM_FRAMES = 6
 """12 pairs for 5 angles: with fewer, wrong labels can fit as well."""
@@ -250,16 +250,3 @@ def _refined(E: FloatArray, rays: FloatArray) -> Pose | None:
 def distances(E: FloatArray, rays: FloatArray) -> FloatArray:
     """(2, f): Sampson distances, root mean square over the targets of a frame, normalised units."""
     return np.asarray(np.sqrt((sampson(E, rays) ** 2).mean(axis=-1)))
-
-
-def sampson(E: FloatArray, rays: FloatArray) -> FloatArray:
-    """(...,): signed Sampson distances of pairs (..., 4), x and y of both cameras, in their units.
-
-    Hartley and Zisserman (2004), Multiple View Geometry, equation 11.9.
-    """
-    one = np.ones((*rays.shape[:-1], 1))
-    p = np.concatenate([rays[..., :2], one], axis=-1)
-    q = np.concatenate([rays[..., 2:], one], axis=-1)
-    lines, back = p @ E.T, q @ E
-    squared = (lines[..., :2] ** 2).sum(axis=-1) + (back[..., :2] ** 2).sum(axis=-1)
-    return np.asarray((q * lines).sum(axis=-1) / np.sqrt(squared))

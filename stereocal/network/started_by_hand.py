@@ -23,7 +23,7 @@ from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import fit_time_offset, spread_over_runs
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.geometry import homogeneous, triangulate_rays
+from stereocal.rig.geometry import sampson, triangulate_rays
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.tracks import MeasuredOffset, interpolate
 from stereocal.system.latest import Latest
@@ -281,7 +281,7 @@ class _Seen:
         pose = robust_pose(self.cameras, rays) if len(frames) >= FEWEST else None
         if pose is None:
             return _Candidate(offset)
-        px = self.focal_px * float(np.median(_distances(pose.essential, rays)))
+        px = self.focal_px * float(np.median(np.abs(sampson(pose.essential, rays.T))))
         shift = whole + other.first - one.first
         ends = np.concatenate([one.rays[frames], other.rays[frames - shift]], axis=2)[:, [0, -1]]
         ends = ends[np.isfinite(ends).all(axis=(1, 2))]
@@ -376,14 +376,6 @@ def _two_best(
             "recording of an irregular motion decides, or an offset that you know to a few frames."
         )
     return best, other
-
-
-def _distances(E: FloatArray, rays: FloatArray) -> FloatArray:
-    """(n,): Sampson's distances from the epipolar lines, on the planes z = 1."""
-    one, other = homogeneous(rays[:2].T), homogeneous(rays[2:].T)
-    to, back = one @ E.T, other @ E
-    squares = np.square(to[:, :2]).sum(axis=1) + np.square(back[:, :2]).sum(axis=1)
-    return np.asarray(np.abs((other * to).sum(axis=1)) / np.sqrt(squares))
 
 
 def _valleys(offsets: FloatArray, errors: FloatArray) -> list[float]:

@@ -327,3 +327,16 @@ def homogeneous(points: npt.ArrayLike) -> FloatArray:
     """(n, 3): points (n, 2) of a plane with a third coordinate of 1."""
     points = np.asarray(points, dtype=np.float64)
     return np.column_stack([points, np.ones(len(points))])
+
+
+def sampson(E: FloatArray, rays: FloatArray) -> FloatArray:
+    """(...,): signed Sampson distances of pairs (..., 4), x and y of both cameras, in their units.
+
+    Hartley and Zisserman (2004), Multiple View Geometry, equation 11.9.
+    """
+    one = np.ones((*rays.shape[:-1], 1))
+    p = np.concatenate([rays[..., :2], one], axis=-1)
+    q = np.concatenate([rays[..., 2:], one], axis=-1)
+    lines, back = p @ E.T, q @ E
+    squared = (lines[..., :2] ** 2).sum(axis=-1) + (back[..., :2] ** 2).sum(axis=-1)
+    return np.asarray((q * lines).sum(axis=-1) / np.sqrt(squared))
