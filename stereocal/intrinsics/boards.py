@@ -27,6 +27,7 @@ from stereocal.intrinsics.board_corners import (
     halved,
     refine_corners,
 )
+from stereocal.intrinsics.proposed_board import proposed_board
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.photograph import GreyImage, PhotographFile, read_photograph
@@ -168,9 +169,11 @@ def find_boards(
     if not views:
         many = f"any of the {len(refused)} photographs"
         count = many if len(refused) > 1 else "the photograph"
+        board = proposed_board(photographs)
+        shown = f" They seem to show one with {board}: state that." if board else ""
         raise StereocalError(
             f"No board with {pattern} inner corners was found in {count} ({refused[0].name}: "
-            f"{refused[0].reason})."
+            f"{refused[0].reason}).{shown}"
         )
     return BoardSearch(pattern, views, refused)
 

@@ -16,6 +16,7 @@ from stereocal.intrinsics import files, quality
 from stereocal.intrinsics.boards import find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens, digest_of_draws
 from stereocal.intrinsics.lens_fit import LensSettings
+from stereocal.intrinsics.proposed_board import proposed_board
 from stereocal.projects.database import DamagedError
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
@@ -41,6 +42,7 @@ from stereocal.ui.messages import (
 )
 from stereocal.ui.print_downloads import board_to_print
 from stereocal.ui.project import current_project, project_to_write
+from stereocal.ui.proposal import fields_of_board
 from stereocal.ui.start import has_sample_photographs, load_sample_boards
 from stereocal.ui.texts import BOARDS, escape_markdown, escaped_table
 
@@ -145,6 +147,8 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
         if given.problems or not given.photographs:
             none = "There is no photograph among these files."
             raise StereocalError(" ".join(given.problems) or none)
+        if "board_columns" not in own.project.settings:
+            _propose_board(own)
 
     title = f"Photographs of the board by the {which} camera, or a zip of them"
     kinds, key = intake.PHOTOGRAPH_KINDS, f"upload_boards_{which}"
@@ -170,6 +174,14 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
     last = "Cancelled. What is shown is the last finished lens."
     jobs.show_job(project, JOB_KINDS[which], last)
     return store
+
+
+def _propose_board(store: ProjectLens) -> None:
+    """Fill in what is printed on the board, where the first photographs show it."""
+    with st.spinner("Looking at the first photographs ..."):
+        board = proposed_board(store.photographs)
+    if board is not None:
+        store.project.keep_settings(fields_of_board(board))
 
 
 def _lens_form(project: Project) -> LensSettings:

@@ -110,12 +110,17 @@ def _values(held: HeldObject) -> dict[str, Any]:
         case Tags(dictionary=dictionary, ids=(a, b)):
             return {"held_tags": f"{dictionary}:{a},{b}"}
         case ProposedBoard() as board:
-            size = {"board_columns": board.columns, "board_rows": board.rows}
-            if board.dictionary is None:
-                return {"board_kind": CHESSBOARD, **size}
-            markers = {"board_dictionary": board.dictionary, MARKER_PART: board.marker}
-            return {"board_kind": CHARUCO, **size, **markers}
+            return fields_of_board(board)
     return {}
+
+
+def fields_of_board(board: ProposedBoard) -> dict[str, Any]:
+    """The fields of a board, by setting."""
+    size = {"board_columns": board.columns, "board_rows": board.rows}
+    if board.dictionary is None:
+        return {"board_kind": CHESSBOARD, **size}
+    markers = {"board_dictionary": board.dictionary, MARKER_PART: board.marker}
+    return {"board_kind": CHARUCO, **size, **markers}
 
 
 def _picture(store: ProjectPhotographs, said: dict[str, Any]) -> bytes:

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.board_corners import are_crossings, find_chessboard
-from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_board
+from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_board, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
 from stereocal.intrinsics.files import about, pack_lens, pack_search, unpack_lens, unpack_search
 from stereocal.intrinsics.lens_fit import (
@@ -44,6 +44,7 @@ from tests.lens import (
     photographed,
     search,
     views,
+    write_boards,
 )
 from tests.rigs.fisheyes import draw_case
 from tools.photographs.board_series import draw_board_poses
@@ -73,6 +74,13 @@ def moved(found: BoardSearch, at: int, corners: FloatArray) -> BoardSearch:
 def all_over() -> FloatArray:
     u, v = np.meshgrid(np.arange(8, 640, 16), np.arange(8, 480, 16))
     return np.column_stack([u.ravel(), v.ravel()]).astype(np.float64)
+
+
+def test_a_search_for_another_board_names_the_one_that_is_seen(tmp_path: Path) -> None:
+    write_boards(tmp_path, 2)
+    photographs = {path.name: path for path in sorted(tmp_path.iterdir())}
+    with pytest.raises(StereocalError, match="with 8x6"):
+        find_boards(photographs, BoardPattern(12, 9, 0.03), AtOnce())
 
 
 def test_the_stated_errors_of_a_lens_from_four_to_seven_boards_are_true() -> None:

@@ -64,6 +64,8 @@ def test_photographs_to_the_projects_camera(
 ) -> None:
     upload(app, boards)
     assert any("Of the primary camera: 7 photographs" in item.value for item in app.markdown)
+    # As the photographs show.
+    assert [app.number_input(key=f"board_{name}").value for name in ("columns", "rows")] == [8, 6]
     calibrate(small_board(app))
     assert not app.error
     assert "The focal length fx is" in messages(app)
