@@ -11,11 +11,14 @@ repeat each other, and count for more than they tell.
 Of boards taken one by one, each is a run: its corners share its errors (focus, tilt, bend), and a
 few boards have few of these. A further recording of half as many boards differs by what their
 number makes, which boards drawn with replacement show.
+
+Such errors count for more than noise in the forecast, where lenses and pose may follow them, as of
+few places or boards: the recording at hand shows less. A further one may show as little.
 """
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -49,6 +52,13 @@ SMALLEST_RATIO = 1.1
 DRAWN = 200
 FEWEST_BOARDS, MOST_GROUPS = 5, 20
 LENGTH_OF_BOARDS = 1 / 2
+IN_IMAGES = "mean_reprojection_px"
+OF_LENGTHS: Mapping[str, Callable[..., Any]] = {
+    "mean_error_3d": partial(np.mean, axis=-1),
+    "median_error_3d": partial(np.median, axis=-1),
+    "p95_error_3d": partial(np.percentile, q=95, axis=-1),
+}
+"""Figures of a forecast, of the errors in the images and of those of the lengths."""
 LARGEST = float(np.log(3.0))
 """Half width in logarithms: few frames show runs that differ by far more than recordings do."""
 
@@ -60,19 +70,16 @@ class Further:
     in_images: float = 0.0
     of_pairs: float = 0.0
     """Of the FCP and of shares of pairs: of their logarithm where they are small."""
-    mean_length: float = 0.0
-    median_length: float = 0.0
-    p95_length: float = 0.0
+    of_lengths: Mapping[str, float] = field(default_factory=dict)
+    """By figure."""
+    shown_px: float = math.inf
+    """The mean reprojection error of the recording at hand, which was fitted."""
 
     def of(self, figure: str) -> float:
         """That of a figure of a forecast. Thresholds follow the errors in the images."""
-        return {
-            "mean_error_3d": self.mean_length,
-            "median_error_3d": self.median_length,
-            "p95_error_3d": self.p95_length,
-            "mean_reprojection_px": self.in_images,
-            "threshold_px": self.in_images,
-        }.get(figure, self.of_pairs)
+        if figure in (IN_IMAGES, "threshold_px"):
+            return self.in_images
+        return self.of_lengths.get(figure, self.of_pairs)
 
 
 def further_recordings(
@@ -97,15 +104,14 @@ def further_recordings(
         seen = _seen_by(model, rig)
         errors = errors_of(seen, rig.pose)
         px = np.bincount(at, errors.reprojection_px[used]) / np.bincount(at)
-        mean, median = partial(np.mean, axis=-1), partial(np.median, axis=-1)
-        p95 = partial(np.percentile, q=95, axis=-1)
-        in_images = half_width(px, mean, length, rng)
+        in_images = half_width(px, OF_LENGTHS["mean_error_3d"], length, rng)
         # Small overlaps show little of what changes the errors.
         of_pairs = max(_half_width_of_fcp(seen, rig.pose, used, at, length, rng), in_images)
-        of_lengths = (
-            half_width(errors.length[bars], own, length, rng) for own in (mean, median, p95)
-        )
-        found[method] = Further(in_images, of_pairs, *of_lengths)
+        of_lengths = {
+            name: half_width(errors.length[bars], own, length, rng)
+            for name, own in OF_LENGTHS.items()
+        }
+        found[method] = Further(in_images, of_pairs, of_lengths, float(px.mean()))
     return found
 
 
@@ -150,12 +156,13 @@ def _further_boards(
             np.concatenate([known[board] for board in boards])
             for boards in _drawn_boards(len(known), seed)
         ]
-        of_lengths = (
-            _half_width_of_boards(np.array([figure(own) for own in samples]), len(known))
-            for figure in (np.mean, np.median, partial(np.percentile, q=95))
-        )
+        of_lengths = {
+            name: _half_width_of_boards(np.array([figure(own) for own in samples]), len(known))
+            for name, figure in OF_LENGTHS.items()
+        }
         of_pairs = _half_width_of_boards_fcp(seen, rig.pose, np.flatnonzero(used), at)
-        found[method] = Further(in_images, max(of_pairs, in_images), *of_lengths)
+        of_pairs = max(of_pairs, in_images)
+        found[method] = Further(in_images, of_pairs, of_lengths, float(px.mean()))
     return found
 
 
@@ -263,15 +270,16 @@ def _half_width(frames: int, length: int, spread: Callable[[int], tuple[float, f
     return min(float(np.sqrt(squares + 1.96**2 * of_frames * recordings)), LARGEST)
 
 
-def widened(estimate: Estimate, half: float) -> Estimate:
-    """An interval with a further half width in logarithms, added in quadrature on either side."""
+def widened(estimate: Estimate, half: float, shown: float = math.inf) -> Estimate:
+    """An interval with a further half width in logarithms, added in quadrature on either side, and
+    down to that below what was `shown`."""
     if not half or not estimate.value > 0:
         return estimate
     value = estimate.value
     down = math.log(value / estimate.low) if estimate.low > 0 else math.inf
     return replace(
         estimate,
-        low=value * math.exp(-math.hypot(down, half)),
+        low=min(value * math.exp(-math.hypot(down, half)), shown * math.exp(-half)),
         high=value * math.exp(math.hypot(math.log(estimate.high / value), half)),
     )
 

@@ -137,3 +137,12 @@ def test_boards_of_single_corners_have_no_lengths_to_draw() -> None:
     data = pair.recording.pair("primary", "secondary")
     forecast = forecast_files(calibrate(data, refined=RefineSettings()))
     assert not forecast.draws.further
+
+
+def test_intervals_of_few_boards_hold_what_these_show() -> None:
+    """Whose errors lenses and pose follow: the forecast in the images is 1.08 times as large."""
+    pair = sound(0, frames=8, baseline=True)
+    found = forecast_files(calibrate(pair.recording.pair("primary", "secondary"))).draws
+    for method, further in found.further.items():
+        said = found.figures[method].mean_reprojection_px
+        assert said.low <= 1.0001 * further.shown_px * np.exp(-further.in_images)
