@@ -1,6 +1,7 @@
-"""The settings of the search: their forms, and which of them have changed."""
+"""The settings of the search and of the refined method: their forms, and what has changed since a
+result was made, for the menu and for `messages.show_stale`."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import cycle
 from typing import Any
@@ -11,9 +12,15 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.projects.project import Project
+from stereocal.projects.recording import REFINED
+from stereocal.refined.results import Calibration
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.dataset import Dataset
 from stereocal.system.settings import About, asked, descriptions
 from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
+from stereocal.ui.lengths import describe_uncertainties
+from stereocal.ui.texts import REFINED_SET, escape_markdown
 
 RATIOS = (0.01, 0.99)
 """Ends of the slider of the acceptance ratio."""
@@ -24,6 +31,13 @@ LARGEST_WHOLE = 2**53 - 1
 """In a browser."""
 DELTAS = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1)
 """Positions of the slider of the first step, rad."""
+_LENGTHS = {
+    "baseline_m": "baseline",
+    "target_distance_m": "distance between the targets",
+    "baseline_sigma_m": "uncertainty of the baseline",
+    "target_distance_sigma_m": "uncertainty of the distance between the targets",
+}
+"""What is asked on the Data page and changes a result."""
 _FRAMES = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
 """Shown with the frames left out and the time offset, not in the line of settings."""
 
@@ -102,6 +116,89 @@ def ask(place: DeltaGenerator, about: About, own: Field, disabled: bool = False)
     shown = {} if isinstance(about.default, int) else {"format": "%.10g"}
     step = 1 if isinstance(about.default, int) else about.default / 10
     return own.number_input(about.title, place, help=about.help, step=step, **shown)
+
+
+def refine_form(project: Project, dataset: Dataset) -> None:
+    """The form of the refined method: uncertainties from the Data page, and the image noise."""
+    st.markdown("**The refined set**")
+    if project.settings.get(REFINED) is not None:
+        st.caption("The refined set is the rig's: its lenses, lengths and noise are set there.")
+        return
+    st.caption(REFINED_SET)
+    st.caption(escape_markdown(describe_uncertainties(dataset)))
+    st.page_link("pages/data.py", label="State it on the Data page")
+    noise, free = _refined_fields(project)
+    title, none = "Estimate the distortion of", "no camera: as its file says"
+    told = "k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders."
+    st.multiselect(title, CAMERAS, placeholder=none, help=told, **free.widget())
+    noise.number_input("Noise of an image point, px", help="0: found from the images.")
+
+
+def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
+    """The settings of the refined method, also for pages that do not show the form.
+
+    They hold the uncertainties of the lengths, which a data set's digest does not cover. Those of a
+    pair of a rig hold what the rig says.
+    """
+    of_rig = project.settings.get(REFINED)
+    if of_rig is not None:
+        return RefineSettings.from_json(of_rig)
+    search, (noise, free) = search_values(project), _refined_fields(project)
+    return RefineSettings(
+        baseline_sigma_m=dataset.baseline_sigma_m,
+        distance_sigma_m=dataset.target_distance_sigma_m,
+        sigma_px=noise.value() or None,
+        free_distortion=tuple(free.value()),
+        time_offset=search["time_offset"],
+        time_drift=search["time_drift"],
+    )
+
+
+def _refined_fields(project: Project) -> tuple[Field, Field]:
+    """The image noise, and the cameras whose distortion is free, in the order of `CAMERAS`."""
+    noise = setting(project, "refine_sigma_px", 0.0, Number(0.0, 1e5))
+
+    def in_order(value: Any) -> list[CameraName]:
+        return [name for name in CAMERAS if name in value]
+
+    return noise, setting(project, "free_distortion", [], in_order)
+
+
+def since_calibration(project: Project, result: Calibration, dataset: Dataset) -> str:
+    """What data and form say now that they did not when a result was made; empty if nothing."""
+    found = [*_of_data(result.dataset, dataset)]
+    found += changed_settings(result.settings.to_json(), form_values(project, dataset))
+    if result.refined is not None:
+        made_with, now = result.refined.settings, refine_settings(project, dataset)
+        if made_with.sigma_px != now.sigma_px:
+            found.append("noise of an image point")
+        if made_with.free_distortion != now.free_distortion:
+            found.append("cameras whose distortion is estimated")
+    return ", ".join(found)
+
+
+def _of_data(then: Dataset, now: Dataset) -> Iterator[str]:
+    for name, title in _LENGTHS.items():
+        was, value = getattr(then, name), getattr(now, name)
+        if was != value:
+            yield f"{title} ({_metres(was)}, now {_metres(value)})"
+    if then.sha256 == now.sha256:
+        return
+    for which in CAMERAS:
+        if _lens(then, which) != _lens(now, which):
+            yield f"lens of the {which} camera"
+    others = "primary", "secondary", "baseline_m", "target_distance_m"
+    if replace(then, **{name: getattr(now, name) for name in others}).sha256 != now.sha256:
+        yield "points"
+
+
+def _metres(value: float | None) -> str:
+    return "not stated" if value is None else f"{value:g} m"
+
+
+def _lens(dataset: Dataset, which: str) -> Any:
+    camera = getattr(dataset, which)
+    return camera.to_json(), camera.uncertainty and camera.uncertainty.to_json()
 
 
 def changed_settings(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:

@@ -13,9 +13,7 @@ from stereocal.projects.recording import RIG_FILES, ProjectRecording
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import count
-from stereocal.ui.forms import search_values
-from stereocal.ui.refined import refine_settings
-from stereocal.ui.stale import since_calibration
+from stereocal.ui.forms import refine_settings, search_values, since_calibration
 from stereocal.ui.validation import chosen_data
 
 Mark = Literal["done", "stale", "missing"]

@@ -13,7 +13,7 @@ from stereocal.ui.lengths import ask_if_measured
 from stereocal.ui.messages import end_here, readable
 from stereocal.ui.photographs import has_photographs
 from stereocal.ui.project import begin_project, current_project
-from stereocal.ui.rig_pairs import pair_buttons
+from stereocal.ui.rig import pair_buttons
 
 
 def is_asked(project: Project) -> bool:

@@ -19,11 +19,10 @@ from stereocal.rig.dataset import Dataset
 from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
 from stereocal.ui.answer import KIND, compute_all, make
-from stereocal.ui.forms import form_values
+from stereocal.ui.forms import form_values, since_calibration
 from stereocal.ui.menu import button_type
 from stereocal.ui.messages import ErrorsShown, readable, show_stale
 from stereocal.ui.screening import asked_to_calibrate, calibrate_next, is_long
-from stereocal.ui.stale import since_calibration
 from stereocal.ui.validation import kept_protocol
 from stereocal.workflow import STEPS, Run
 

@@ -1,4 +1,6 @@
-"""The Rig page: all cameras of a recording together."""
+"""The Rig page: all cameras of a recording together, and buttons that open one of its pairs."""
+
+from functools import partial
 
 import numpy as np
 import streamlit as st
@@ -23,14 +25,16 @@ from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import callback, end_here
-from stereocal.ui.project import current_project
-from stereocal.ui.rig_pairs import open_pair, pair_buttons
+from stereocal.ui.navigation import go_to
+from stereocal.ui.project import current_project, open_project
+from stereocal.ui.screening import calibrate_next
 from stereocal.ui.texts import escape_markdown
 
 KIND: jobs.Kind = "rig"
 GRAPH = "rig_graph"
 TIME_OFFSETS = "rig_time_offsets"
 NOTES = "rig_pairs_without_files"
+OPENED = "The bars that both cameras saw, with the rig's lenses and baseline."
 
 
 def rig_work(project: Project, time_offsets: bool) -> jobs.PageWork:
@@ -105,3 +109,27 @@ def _show_rig(store: ProjectRecording, rig: RigFile) -> None:
     st.header("The cameras", divider="gray")
     show_figure(plot_cameras(rig), words, "rig_cameras")
     st.table(camera_table(rig))
+
+
+def pair_buttons(project: Project, page: str = "calibrate") -> None:
+    """A button for each pair that shares bars.
+
+    Args:
+        page: what it opens.
+    """
+    store = ProjectRecording(project)
+    with st.container(horizontal=True):
+        for name in store.pair_names:
+            press = partial(open_pair, store, name, page)
+            shown = f"Pair {escape_markdown(name)}"
+            st.button(shown, key=f"open_pair_{name}", on_click=press, help=OPENED)
+
+
+@callback
+def open_pair(store: ProjectRecording, name: str, page: str = "calibrate") -> None:
+    """Open a page of a pair; Calibrate calibrates it the first time (a callback)."""
+    pair = store.pair(name)
+    open_project(pair.id, name)
+    if page == "calibrate" and pair.calibration is None:
+        calibrate_next()
+    go_to(page)

@@ -17,10 +17,17 @@ from stereocal.rig.dataset import Dataset
 from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, Number, choose, setting
-from stereocal.ui.forms import ABOUT, ask, changed_settings, field_of, search_form, search_values
+from stereocal.ui.forms import (
+    ABOUT,
+    ask,
+    changed_settings,
+    field_of,
+    refine_settings,
+    search_form,
+    search_values,
+)
 from stereocal.ui.intake import take_one
 from stereocal.ui.messages import callback, readable, show_refusal
-from stereocal.ui.refined import refine_settings
 from stereocal.ui.screening import is_long, screenings_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.workflow import usual_frames

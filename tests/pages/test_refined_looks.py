@@ -11,7 +11,7 @@ from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
 from stereocal.rig.dataset import Dataset
-from stereocal.ui.refined import refine_settings
+from stereocal.ui.forms import refine_settings
 from stereocal.verdict.forecast import Forecast
 from stereocal.verdict.other_seeds import conclusions_of_seeds
 from tests.pages.stored_projects import (

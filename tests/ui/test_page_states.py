@@ -16,10 +16,9 @@ from stereocal.library.calibrations import calibrate
 from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.ui.forms import form_values
+from stereocal.ui.forms import form_values, refine_settings
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states
-from stereocal.ui.refined import refine_settings
 from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.ui.validation import MINE, PAPER, chosen_data
 
