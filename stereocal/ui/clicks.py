@@ -5,7 +5,7 @@ import bisect
 from collections.abc import Sequence
 from functools import partial
 from itertools import cycle, product
-from typing import Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
@@ -37,17 +37,14 @@ from stereocal.ui.fields import Field, Number, choose, one_of, setting
 from stereocal.ui.footage import Pictures
 from stereocal.ui.holding import held_target
 from stereocal.ui.messages import callback, fragment
-from stereocal.ui.picker import Line, Mark, Pick, pick, shown
+from stereocal.ui.picker import KEYS, Line, Mark, Pick, Press, pick, show_presses, shown
 from stereocal.ui.texts import escape_markdown
 
 COLOURS = ("#56B4E9", "#E69F00", "#2CC197", "#F0E442", "#FF7F50", "#CC79A7")
 CORNER, TARGET = "The corner there", "The target there"
 WAYS = ("Where I click", CORNER, TARGET)
 _SETTLED = "clicks_settled"
-KEYS = (
-    "Keys, but not while a name or a number is typed: F and B a frame forward and back, A accepts, "
-    "X removes, U undoes. In a picture, arrows move, + and - zoom, Enter clicks at the cross-hair."
-)
+ON_KEYS = f"In a picture: {KEYS} The keys on buttons are letters while a name or a number is typed."
 REFRESHED = 1.25
 """Growth of the number of points after which their noise is looked at again."""
 
@@ -89,7 +86,7 @@ class _Panel:
         for camera, place in zip(self.cameras, cycle(st.columns(2)), strict=False):
             with place:
                 self._show_picture(camera)
-        st.caption(KEYS)
+        st.caption(ON_KEYS)
         with st.container():
             self._answer(measured, trial)
         with st.container(horizontal=True):
@@ -148,23 +145,14 @@ class _Panel:
         here = [key for key in here if key in self.clicks.every]
         onward = after[0] if after else self.frame
         accept = f"Accept {len(self.proposed)} and go on" if self.proposed else "Accept and go on"
-        with st.container(horizontal=True):
-            for label, key, shortcut, act, may in (
-                ("Back", "back", "b", partial(self.at.set, before), before != self.frame),
-                ("Forward", "forward", "f", partial(self.at.set, onward), bool(after)),
-                (accept, "accept", "a", partial(self._accept, onward), bool(self.proposed)),
-                ("Remove it", "remove", "x", partial(self._place, [], here), bool(here)),
-                ("Undo", "undo", "u", self.store.undo, bool(self.store.acts)),
-            ):
-                kind: Literal["primary", "secondary"] = "primary" if self.proposed else "secondary"
-                st.button(
-                    label,
-                    key=f"clicks_{key}",
-                    shortcut=shortcut,
-                    disabled=not may,
-                    on_click=callback(act),
-                    type=kind if key == "accept" else "secondary",
-                )
+        presses = (
+            Press("Back", "b", partial(self.at.set, before), before != self.frame),
+            Press("Forward", "f", partial(self.at.set, onward), bool(after)),
+            Press(accept, "a", partial(self._accept, onward), bool(self.proposed)),
+            Press("Remove it", "x", partial(self._place, [], here), bool(here)),
+            Press("Undo", "u", self.store.undo, bool(self.store.acts)),
+        )
+        show_presses("clicks", presses, accept if self.proposed else "")
 
     def _accept(self, onward: int) -> None:
         self._place(self.proposed)
@@ -191,10 +179,7 @@ class _Panel:
                 lines.append(Line(curve.tolist(), self.colours[track]))
         jpeg = self.footage.picture(camera, frame)
         image = shown(f"{label} {frame}", self.footage.grey(camera, frame), jpeg)
-        about = (
-            f"Frame {frame} of {camera_in_words(camera)}. Arrow keys move, plus and minus zoom, "
-            f"Enter places {track} at the cross-hair in the middle."
-        )
+        about = f"Frame {frame} of {camera_in_words(camera)}."
         take = partial(callback(self._take), camera)
         pick(image, marks, about, f"clicks_{camera}", False, take, lines, track)
 

@@ -162,7 +162,7 @@ def _ask_colours(store: ProjectPhotographs, pair: Pair | None, fold: bool) -> No
         which = "B, the other ball" if field.value() else "A, then ball B"
         st.info(f"Click ball {which}, on the lit side.")
     if pair is not None and (file := store.photographs.get(pair.primary)) is not None:
-        label = "Photograph to pick the colours of the balls in. Enter picks at the cross-hair."
+        label = "Photograph to pick the colours of the balls in."
         folded = fold and not unfinished
         with st.expander("Pick the colours again") if folded else st.container():
             marks = [] if unfinished else _found(store, file, pair.primary)

@@ -2,11 +2,11 @@
 
 import base64
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -15,8 +15,11 @@ import streamlit as st
 from stereocal.detection.intensity import eight_bits
 from stereocal.projects.files import StoredFile
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
+from stereocal.ui.menu import button_type
+from stereocal.ui.messages import callback
 
 NAME = "stereocal_picker"
+KEYS = "Arrow keys and drags move, plus, minus, wheel and pinch zoom, Enter clicks at the cross."
 JPEG_QUALITY = 90
 MOST_PIXELS = 16_000_000
 """Larger photographs are reduced for the screen; coordinates stay those of the original."""
@@ -82,6 +85,37 @@ class Pick:
     """The shift key was held."""
 
 
+class Press(NamedTuple):
+    """A button beside pictures."""
+
+    label: str
+    key: str
+    """Of the keyboard."""
+    act: Callable[[], object]
+    may: bool = True
+    icon: str | None = None
+
+
+def show_presses(prefix: str, presses: Iterable[Press], first: str = "") -> None:
+    """Buttons beside each other, with their keys.
+
+    Args:
+        prefix: of the keys of their widgets.
+        first: the label of the one that stands out.
+    """
+    with st.container(horizontal=True):
+        for label, key, act, may, icon in presses:
+            st.button(
+                label,
+                f"{prefix}_{key}",
+                on_click=callback(act),
+                shortcut=key,
+                disabled=not may,
+                type=button_type(label == first),
+                icon=icon and f":material/{icon}:",
+            )
+
+
 @st.cache_data(show_spinner=False, max_entries=16)
 def shown_image(digest: str, coloured: bool, _file: StoredFile, _name: str) -> Shown:
     """A photograph for `pick`, grey or in colours; `digest` is that of the file."""
@@ -126,7 +160,7 @@ def pick(
     """Show a photograph; a click calls `on_pick` before the page is drawn again.
 
     Args:
-        label: description for screen readers.
+        label: what it is, for screen readers; `KEYS` is added.
         locked: clicks do nothing.
         lines: curves over it; then it has a magnifier, and no targets to go to.
         about: what a click places. A text field in which it was just named passes on its keys.
@@ -138,7 +172,7 @@ def pick(
             on_pick(found)
 
     drawn = {"marks": [*map(asdict, marks)], "lines": [*map(asdict, lines or ())]}
-    kind = {"label": label, "locked": locked, "targets": lines is None, "about": about}
+    kind = {"label": f"{label} {KEYS}", "locked": locked, "targets": lines is None, "about": about}
     sent = {**asdict(shown), **drawn, **kind}
     # Declared in every run: tests have several runtimes.
     css, js = (_text(Path(__file__).with_suffix(suffix)) for suffix in (".css", ".js"))

@@ -22,7 +22,7 @@ from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.figure import scroll_to, scrolled_part
 from stereocal.ui.holding import CALLED, held_target, is_coloured
 from stereocal.ui.messages import callback, readable
-from stereocal.ui.picker import Mark, Pick, pick, read_image, shown_image
+from stereocal.ui.picker import KEYS, Mark, Pick, Press, pick, read_image, show_presses, shown_image
 from stereocal.ui.texts import escape_markdown
 
 ALL, ONE = "All frames", "One frame"
@@ -101,10 +101,7 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
     for camera, column in enumerate(st.columns(2)):
         with column:
             _show_photograph(store, frame, camera, running)
-    st.caption(
-        "Wheel, pinch, + and - zoom; drag and the arrow keys move; Enter picks at the cross-hair. "
-        "Zoomed far in, the white circle is one sigma, the standard error."
-    )
+    st.caption(f"{KEYS} Zoomed far in, the white circle is one sigma, the standard error.")
     st.table(reviewing.centres_table(frame))
     st.markdown(reviewing.describe_residuals(review.frames, frame, store.project.cameras))
 
@@ -119,20 +116,15 @@ def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
     doubtful = reviewing.next_doubtful(review.frames, number)
     chosen, buttons = st.columns([1, 3], vertical_alignment="bottom")
     field.menu("Frame", chosen)
-    with buttons, st.container(horizontal=True):
-        for label, key, shortcut, to, may in (
-            ("Previous", "previous", "p", before, before != number),
-            ("Next", "next", "n", after, after != number),
-            (left, "doubtful", "d", doubtful, True),
-        ):
-            st.button(
-                label,
-                key=f"review_{key}",
-                shortcut=shortcut,
-                disabled=to is None or not may,
-                on_click=_go_to,
-                args=(store, to),
-            )
+    ways = (("Previous", "p", before), ("Next", "n", after), (left, "d", doubtful))
+    with buttons:
+        show_presses(
+            "review",
+            (
+                Press(label, key, partial(_go_to, store, to or number), to not in (None, number))
+                for label, key, to in ways
+            ),
+        )
     return review.frame(number)
 
 
@@ -148,21 +140,15 @@ def _decide(store: ProjectPhotographs, review: Review, frame: Frame, running: bo
     )
     undecided = is_undecided(frame)
     may_use = bool(frame.targets_in_both) and (undecided or not frame.use)
-    back, undo = partial(take_back, store), f"Undo ({len(review.edits)})"
-    with st.container(horizontal=True):
-        for label, key, shortcut, icon, act, may in (
-            ("Use this frame", "use", "t", "check", use, may_use),
-            ("Leave it out", "leave", "x", "close", leave_out, frame.use or undecided),
-            (undo, "undo", "u", "undo", back, bool(review.edits)),
-        ):
-            st.button(
-                label,
-                key=f"review_{key}",
-                shortcut=shortcut,
-                icon=f":material/{icon}:",
-                disabled=running or not may,
-                on_click=act,
-            )
+    back, undo, may_leave = partial(take_back, store), len(review.edits), frame.use or undecided
+    show_presses(
+        "review",
+        (
+            Press("Use this frame", "t", use, may_use and not running, "check"),
+            Press("Leave it out", "x", leave_out, may_leave and not running, "close"),
+            Press(f"Undo ({undo})", "u", back, undo > 0 and not running, "undo"),
+        ),
+    )
 
 
 def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, running: bool) -> None:
@@ -183,8 +169,7 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
     pick(
         image,
         marks,
-        f"Photograph of the {name} camera, frame {frame.frame}. Arrow keys move, plus and minus "
-        "zoom, Enter places a target at the cross-hair in the middle.",
+        f"Photograph of the {name} camera, frame {frame.frame}.",
         f"pick_{name}",
         running,
         partial(take_pick, store, frame.frame, camera),

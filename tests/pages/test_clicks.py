@@ -71,7 +71,7 @@ def test_points_lengths_and_tables_of_clicks(app: AppTest, home: Path) -> None:
     )
     found = re.search(r"tail to head, mean of 3 frames: ([\d.]+) ± ([\d.]+) m", told(app))
     assert found and abs(float(found[1]) - LENGTH_M) < 0.002 < float(found[2]) < 0.01
-    app.button(key="clicks_forward").click().run()
+    app.button(key="clicks_f").click().run()
     step = re.search(r"tail, frame 1 to tail, frame 2: ([\d.]+) ±", told(app))
     assert step and abs(float(step[1]) - 0.1) < 0.01
     app.button(key="clicks_all").click().run()
@@ -85,9 +85,9 @@ def test_points_lengths_and_tables_of_clicks(app: AppTest, home: Path) -> None:
     assert points["track"].tolist() == ["head", "tail"] * 3
     np.testing.assert_allclose(points["x"], np.repeat([-0.2, -0.1, 0.0], 2), atol=0.003)
     assert points["sigma_z"].min() > 0.005  # of 1 px, not of the targets
-    app.button(key="clicks_remove").click().run()
+    app.button(key="clicks_x").click().run()
     assert "Click tail in one of the pictures." in told(app)
-    app.button(key="clicks_undo").click().run()
+    app.button(key="clicks_u").click().run()
     assert len(store.clicks.every) == 12
 
 

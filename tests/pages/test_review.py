@@ -85,21 +85,21 @@ def press(app: AppTest, key: str) -> None:
 
 def test_walk_through_the_doubtful_frames(app: AppTest, store: ProjectPhotographs) -> None:
     assert app.selectbox(key="review_frame").value == 1
-    assert app.button(key="review_previous").disabled
-    assert app.button(key="review_doubtful").label == "Next to decide (2 left)"
-    press(app, "review_doubtful")
+    assert app.button(key="review_p").disabled
+    assert app.button(key="review_d").label == "Next to decide (2 left)"
+    press(app, "review_d")
     assert app.selectbox(key="review_frame").value == 3
     assert "doubtful] It is left out. Please decide" in told(app) and "Look at it." in told(app)
-    press(app, "review_use")
+    press(app, "review_t")
     assert read_review(store).frame(3).use
-    assert app.button(key="review_doubtful").label == "Next to decide (1 left)"
-    press(app, "review_doubtful")
+    assert app.button(key="review_d").label == "Next to decide (1 left)"
+    press(app, "review_d")
     assert app.selectbox(key="review_frame").value == 5
-    press(app, "review_leave")
-    assert app.button(key="review_doubtful").disabled
-    press(app, "review_next")
+    press(app, "review_x")
+    assert app.button(key="review_d").disabled
+    press(app, "review_n")
     assert app.selectbox(key="review_frame").value == 6
-    press(app, "review_undo")
+    press(app, "review_u")
     assert app.selectbox(key="review_frame").value == 5
     assert "The last change is undone." in told(app)
     assert not read_review(store).frame(5).reviewed
@@ -116,7 +116,7 @@ def test_swap_and_the_table(app: AppTest, store: ProjectPhotographs) -> None:
     assert "A and B are exchanged in the secondary photograph." in told(app)
     # The bars are not level: exchanged targets are far from their lines.
     assert "other frames: A 0.0" not in told(app)
-    press(app, "review_undo")
+    press(app, "review_u")
     assert "other frames: A 0.0" in told(app)
 
 
@@ -128,7 +128,7 @@ def test_from_the_sheet_to_one_frame_and_an_edit_of_the_sheet_is_undone(
     assert not read_review(store).frame(2).use
     press(app, "look_2")
     assert app.selectbox(key="review_frame").value == 2
-    press(app, "review_undo")
+    press(app, "review_u")
     assert read_review(store).frame(2).use
 
 

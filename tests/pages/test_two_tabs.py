@@ -100,7 +100,7 @@ def test_corrections_and_undo(project: Project) -> None:
     assert [frame.use for frame in read_review(store).frames] == [True, False, False, *[True] * 3]
     tab.segmented_control(key="frames_view").set_value("One frame").run()
     change_review(store, lambda now: use_frame(now, 5, False))
-    tab.button(key="review_undo").click().run()
+    tab.button(key="review_u").click().run()
     assert read_review(store).frame(5).use and not read_review(store).frame(2).use
     sound(tab)
 
