@@ -1,8 +1,9 @@
 """Small photographs of the bar with known centres, for tests of the way from files to tables."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
+from itertools import islice
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from tools.photographs.bars import BarSettings, PhotographPair, photograph_bars,
 from tools.photographs.rendering import PhotographSettings
 
 SHRINK = 4
+MOST = 16
 BOARD_M, BAR_M, DEPTHS_M = 0.3, 0.9, (6.0, 9.0)
 
 
@@ -44,13 +46,19 @@ def small(camera: Camera) -> Camera:
     return Camera(K, camera.distortion, (width // SHRINK, height // SHRINK))
 
 
-@lru_cache(maxsize=4)
-def bar_set(frames: int) -> BarSet:
-    """Frames of 584 x 432 px before a plain background."""
+@cache
+def _frames() -> tuple[Rig, Iterator[PhotographPair], list[PhotographPair]]:
+    """The rig, frames that are not rendered yet, and those that are."""
     rng = np.random.default_rng(3)
     field = field_rig(baseline_m=2.0)
     rig = Rig(small(field.primary), small(field.secondary), field.pose)
-    scene = place_visible_bars(rig, rng, frames, BAR_M, BOARD_M, depths_m=DEPTHS_M, margin_px=40.0)
+    scene = place_visible_bars(rig, rng, MOST, BAR_M, BOARD_M, depths_m=DEPTHS_M, margin_px=40.0)
     bar = BarSettings(board_m=BOARD_M)
-    pairs = photograph_bars(scene, (110.0, 110.0), bar, PhotographSettings(), rng)
-    return BarSet(rig, tuple(pairs))
+    return rig, photograph_bars(scene, (110.0, 110.0), bar, PhotographSettings(), rng), []
+
+
+def bar_set(frames: int) -> BarSet:
+    """The first frames, `MOST` or fewer, of 584 x 432 px before a plain background."""
+    rig, further, rendered = _frames()
+    rendered.extend(islice(further, max(0, frames - len(rendered))))
+    return BarSet(rig, tuple(rendered[:frames]))

@@ -124,7 +124,7 @@ SAMPLE = Path(__file__).parents[2] / "sample_data" / "photographs"
 FRAMES = (1, 2, 3, 4, 5, 6)
 
 
-@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("packed", [False, pytest.param(True, marks=pytest.mark.soak)])
 def test_ordinary_names_are_paired_by_the_times_of_the_files(
     packed: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -73,8 +73,24 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+WITH_COMMANDS = [page for page in PAGES if any(map(is_run, commands_of(page)))]
+SLOW = {
+    "docs/howto/started_by_hand.md": "tests/commands/test_sync.py brings videos into step",
+    "docs/howto/photographs.md": "tests/commands/test_from_photographs.py takes its steps",
+    "docs/howto/board.md": "tests/intrinsics/test_stereo_boards.py takes its steps",
+    "docs/howto/rig.md": "tests/commands/test_rig.py takes its steps",
+    "docs/paper_kit.md": "tests/paper_kit computes a kit again",
+}
+"""Pages whose commands take seconds, which the soak runs; and what does the same without a page."""
+
+
 @pytest.mark.parametrize(
-    "page", [page for page in PAGES if any(map(is_run, commands_of(page)))], ids=name_of
+    "page",
+    [
+        pytest.param(page, marks=[pytest.mark.soak] if name_of(page) in SLOW else [])
+        for page in WITH_COMMANDS
+    ],
+    ids=name_of,
 )
 def test_its_commands_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for code in code_of(page):
@@ -114,8 +130,12 @@ def test_its_scripts_run(page: Path) -> None:
             exec(compile(code.text, page.name, "exec"), names)
 
 
-def test_commands_in_outline_are_of_the_program() -> None:
-    """Those with names in capitals for the files, which are not in a block of `sh`."""
+def test_commands_are_of_the_program() -> None:
+    """Also those with names in capitals for the files, which are not in a block of `sh`."""
+    for page in WITH_COMMANDS:
+        for command in filter(is_run, commands_of(page)):
+            words = as_command(command)
+            _parser(words[0]).parse_args(words)
     for page in PAGES:
         for code in code_of(page):
             if code.language == "":

@@ -44,11 +44,13 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.soak
 def test_it_loads_nothing_from_elsewhere(site: Path) -> None:
     for page in (*site.glob("**/*.html"), *site.glob("**/*.css")):
         assert not LOADED.search(page.read_text(encoding="utf-8")), page
 
 
+@pytest.mark.soak
 def test_the_reference_has_every_public_name(site: Path) -> None:
     page = (site / "api.html").read_text(encoding="utf-8")
     for name in stereocal.__all__:

@@ -20,6 +20,7 @@ from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.simulation import rigs
 from stereocal.simulation.rigs import IMAGE_SIZE, SimulatedRig, simulated_rig
 from stereocal.simulation.simulate import lens_off_by
+from tests.further import further
 from tests.rigs.moving_wand import wave_wand
 from tests.rigs.spoiled_rigs import MISTAKES, sound
 
@@ -53,7 +54,7 @@ def mirrored_in_all(recording: Recording) -> Recording:
     return replace(recording, points=points, cameras=cameras)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, *further(2)])
 def test_a_sound_rig_has_no_warnings(seed: int) -> None:
     rig = calibrate_rig(simulated(seed).recording)
     assert rig.warnings == ()
@@ -100,18 +101,31 @@ def test_a_sound_chain_is_not_accused_because_a_camera_shares_too_few_bars() -> 
     [
         ("3 cameras", "files exchanged", "camera files of c1 and c2, or their points"),
         ("3 cameras", "one mirrored", "images of camera c1 seem to be mirrored"),
-        ("3 cameras", "K of half size", "camera c1's"),
         ("3 cameras, waved wand", "a crop", "camera c3's image centre"),
-        ("3 cameras", "ends exchanged", "A and B seem to be exchanged in camera c1"),
-        ("3 cameras", "frames as words", "frames of camera c1 seem to be in the order of words"),
-        ("3 cameras", "frames shifted by one", "frames of camera c1 seem to be counted 1 apart"),
         ("3 cameras", "points twice", "c1 and c2 have exactly the same points"),
-        ("3 cameras", "object in cm, baseline", "c1 and c2: .*The distance looks like centimetres"),
         ("3 cameras", "one file for all", "cameras c1 and c2 and c3 have one lens"),
+        *further(
+            ("3 cameras", "K of half size", "camera c1's"),
+            ("3 cameras", "ends exchanged", "A and B seem to be exchanged in camera c1"),
+            (
+                "3 cameras",
+                "frames as words",
+                "frames of camera c1 seem to be in the order of words",
+            ),
+            (
+                "3 cameras",
+                "frames shifted by one",
+                "frames of camera c1 seem to be counted 1 apart",
+            ),
+            ("3 cameras", "object in cm, baseline", "c1 and c2: .*distance looks like centimetres"),
+        ),
     ],
 )
 def test_a_wrong_input_is_refused_and_its_camera_named(kind: str, mistake: str, names: str) -> None:
-    """All kinds, 6 kinds of rig: `python -m benchmarks.wrong_rigs wrong`."""
+    """All kinds, 6 kinds of rig: `python -m benchmarks.wrong_rigs wrong`.
+
+    Readings that a pair has too are judged as there (tests/calibration/test_wrong_inputs.py).
+    """
     with pytest.raises(StereocalError, match=names):
         calibrate_rig(MISTAKES[mistake](kind, 0))
 
@@ -175,7 +189,7 @@ def test_a_measured_baseline_that_the_rig_leaves_is_said() -> None:
     assert warning.startswith("The baseline c1-c2 is ") and "its stated uncertainty" in warning
 
 
-@pytest.mark.parametrize("degrees", [0.05, 0.2])
+@pytest.mark.parametrize("degrees", [0.05, *further(0.2)])
 def test_a_bumped_camera_is_named(degrees: float) -> None:
     truth = simulated(1)
     rig = calibrate_rig(bumped(truth, "c2", degrees, 80))
@@ -210,7 +224,9 @@ def test_a_camera_that_was_turned_away_is_named() -> None:
         calibrate_rig(bumped(simulated(3, 4), "c2", 2.0, 80))
 
 
-@pytest.mark.parametrize(("seed", "camera", "px"), [(101, 1, (6.0, 3.0)), (102, 2, (15.0, -10.0))])
+@pytest.mark.parametrize(
+    ("seed", "camera", "px"), [(101, 1, (6.0, 3.0)), *further((102, 2, (15.0, -10.0)))]
+)
 def test_a_camera_that_moved_has_no_wrong_distortion(
     seed: int, camera: int, px: tuple[float, float]
 ) -> None:
@@ -231,7 +247,7 @@ def test_cameras_that_face_each_other() -> None:
         assert np.degrees(turn) < 0.5
 
 
-@pytest.mark.parametrize("asked", [None, True])
+@pytest.mark.parametrize("asked", [None, *further(True)])
 def test_cameras_out_of_step_have_their_offsets(asked: bool | None) -> None:
     late = np.array([0.0, 0.3, -0.2])
     _, recording = wave_wand(6, late, 120)

@@ -48,6 +48,7 @@ def stored(home: Path, frames: int, lost: int, timed: bool) -> ProjectPhotograph
         "primary": ("p.json", write_camera(rig.primary)),
         "secondary": ("s.json", write_camera(rig.secondary)),
     }
+    store.project.keep_settings({"held": "bar2x2"})
     store.project.give({which: cameras[which] for which in ("primary", "secondary")})
     return store
 

@@ -1,6 +1,7 @@
 """What commands answer: kept twice it is the same, and what differs is found and named."""
 
 import re
+import shutil
 import zipfile
 from pathlib import Path
 
@@ -12,12 +13,12 @@ from tools.answers.comparing import difference
 CASE = "convert-opencv"
 
 
-def test_a_case_kept_twice_is_the_same_and_a_changed_digit_is_found(
+def test_a_case_with_another_date_is_the_same_and_a_changed_digit_is_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     old, new = tmp_path / "old", tmp_path / "new"
-    for folder in (old, new):
-        assert main(["keep", str(folder), "--only", CASE]) == 0
+    assert main(["keep", str(old), "--only", CASE]) == 0
+    shutil.copytree(old, new)
     assert (new / CASE / "exit").read_text() == "0\n"
     assert "wrote parameters.json" in (new / CASE / "stdout").read_text()
     (old / "inputs" / "of_another_case").mkdir()
