@@ -106,14 +106,19 @@ def _report(name: str, held: list[bool], widths: list[float]) -> None:
 
 def differences(data: Dataset) -> None:
     """Print the rms of the differences of quarters over their stated errors."""
+    ratio, effects = rms_of_differences(data)
+    print(f"rms {ratio:.2f}; design effects {', '.join(f'{each:.1f}' for each in effects)}")
+
+
+def rms_of_differences(data: Dataset) -> tuple[float, list[float]]:
+    """The rms of the differences of quarters over their stated errors, and the design effects."""
     fits = [refine(data.of_frames(own), FREE) for own, _ in quarters(data)]
     free = np.setdiff1d(np.flatnonzero(fits[0].unknowns.M.any(axis=1)), BAR)
     ratios = []
     for a, b in combinations(fits, 2):
         variances = np.diag(a.covariance)[free] + np.diag(b.covariance)[free]
         ratios.append((a.q - b.q)[free] / np.sqrt(variances))
-    effects = ", ".join(f"{fit.design_effect:.1f}" for fit in fits)
-    print(f"rms {np.sqrt(np.mean(np.square(ratios))):.2f}; design effects {effects}")
+    return float(np.sqrt(np.mean(np.square(ratios)))), [fit.design_effect for fit in fits]
 
 
 def check(data: Dataset) -> None:

@@ -1,15 +1,17 @@
 """Simulated recordings of a bar that is waved in front of the cameras.
 
-    python -m benchmarks.waved [--rigs 4]
+    python -m benchmarks.waved [intervals|quarters] [--rigs 4]
 
-The bar is at another place every 10, 20 or 40 of 200 frames; both lenses have a smooth error of
-0.2 px rms that no model contains. How many of the stated 95 % intervals hold on 100 further frames.
+The bar is at another place every 10, 20 or 40 frames; both lenses have a smooth error of 0.2 px rms
+that no model contains. `intervals`: of 200 frames, how many of the stated 95 % intervals hold on
+100 further ones. `quarters`: of 400 frames, the rms of the differences of quarters in time over
+their stated errors, also without an error of the lenses, and of bars that are not waved.
 """
 
 import numpy as np
 
-from benchmarks.quarters import FIGURES, METHODS
-from benchmarks.studies import numbers_asked
+from benchmarks.quarters import FIGURES, METHODS, rms_of_differences
+from benchmarks.studies import run_studies
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulation.simulate import Nominal, observe
@@ -25,7 +27,7 @@ from tests.rigs.refined_rigs import (
 )
 
 NOISE_PX, MISFIT_PX = 0.2, 0.2
-FRAMES, FURTHER = 200, 100
+FRAMES, FURTHER, SEED = 200, 100, 500
 
 
 def held(length: int, seed: int) -> list[tuple[bool, float]]:
@@ -48,9 +50,8 @@ def held(length: int, seed: int) -> list[tuple[bool, float]]:
     return found
 
 
-def main() -> None:
+def intervals(rigs: int) -> None:
     """All lengths of runs."""
-    rigs = numbers_asked(__doc__, rigs=4).rigs
     for length in (10, 20, 40):
         found = np.array([each for seed in range(rigs) for each in held(length, seed)])
         of_figures = found[:, 0].reshape(-1, len(FIGURES)).mean(axis=0)
@@ -63,5 +64,18 @@ def main() -> None:
         )
 
 
+def in_quarters(rigs: int) -> None:
+    """All lengths of runs, and bars one by one."""
+    for length, misfit in ((10, 0.2), (20, 0.2), (40, 0.2), (20, 0.0), (1, 0.0), (1, 0.2)):
+        squares = []
+        for seed in range(SEED, SEED + rigs):
+            rng = np.random.default_rng([seed, length, 6])
+            cameras, fields = random_rig(rng), smooth_fields(rng)
+            scene = waved_scene(cameras, rng, 2 * FRAMES, length)
+            data = stated(scene, rng, Misjudged(0.0, 0.0, 0.0, 0.0, NOISE_PX))
+            squares.append(rms_of_differences(with_waves(data, fields, misfit))[0] ** 2)
+        print(f"{length} frames, {misfit} px: rms {np.sqrt(np.mean(squares)):.2f}", flush=True)
+
+
 if __name__ == "__main__":
-    main()
+    run_studies({"intervals": (intervals, 4), "quarters": (in_quarters, 4)}, __doc__)

@@ -25,17 +25,12 @@ from stereocal.refined.time_offset import DRIFTING
 from stereocal.refined.two_views import rig_of
 from stereocal.refined.views import DRIFT, EACH, TIME
 from stereocal.rig.camera import Camera
-from stereocal.rig.clusters import Clusters, clusters_of, evenly_divided, follow_each_other
+from stereocal.rig.clusters import Clusters, clusters_of, follow_each_other, in_equal_runs
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
-
-RUNS = 6
-"""Into which frames that follow each other are divided for the design effect: shorter runs repeat
-each other. Halves in time of 16 simulated rigs differ by 1.01 (poses) and 1.12 (lenses) of their
-stated errors, with 8 runs by 1.04 and 1.15, with 16 by 1.18 and 1.32."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,18 +90,19 @@ class RigCalibration:
     @cached_property
     def frames_follow(self) -> bool:
         """Whether the frames follow each other: by their errors, or as of a waved object."""
-        fit = self.fit
-        of_frames = np.searchsorted(fit.frame_of, fit.used)  # the first unit of each
-        seen = fit.seen.pixels[of_frames, 0]
-        number = int(np.isfinite(seen[..., 0]).sum(axis=0).argmax())
-        return self.clusters.has_runs or follow_each_other(seen[:, number])
+        return self.clusters.has_runs or follow_each_other(self._places)
+
+    @property
+    def _places(self) -> FloatArray:
+        """(f, 2): of the object in the images of the camera that sees most of it."""
+        of_frames = np.searchsorted(self.fit.frame_of, self.fit.used)  # the first unit of each
+        seen = self.fit.seen.pixels[of_frames, 0]
+        return np.asarray(seen[:, int(np.isfinite(seen[..., 0]).sum(axis=0).argmax())])
 
     @cached_property
     def design_effect(self) -> float:
         """How many times the clusters scatter more than independent frames would; at least 1."""
-        fit, clusters = self.fit, self.clusters
-        if self.frames_follow and len(fit.used) >= RUNS:
-            clusters = evenly_divided(len(fit.used), RUNS)
+        fit, clusters = self.fit, in_equal_runs(self.clusters, self._places)
         return design_effect(fit, fit.q, fit.used, clusters)
 
     @cached_property

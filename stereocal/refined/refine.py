@@ -39,7 +39,7 @@ from stereocal.refined.unknowns import (
     settings_for,
 )
 from stereocal.rig.camera import Camera
-from stereocal.rig.clusters import Clusters
+from stereocal.rig.clusters import Clusters, in_equal_runs
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray, clock
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, residuals
@@ -144,7 +144,12 @@ class RefinedResult:
         """How many times the clusters scatter more than independent frames would; at least 1."""
         if self.settings.rest is not None:
             return self.settings.rest.design_effect
-        return design_effect(self.fit, self.q, self.used, self.clusters)
+        rows = self.dataset.correspondences.where(self.used_rows)
+        places = rows.primary[np.unique(rows.frame, return_index=True)[1]]
+        clusters = self.clusters
+        # Errors of lenses may be alike at a place though neighbours do not show it.
+        clusters = clusters if clusters.has_runs else in_equal_runs(clusters, places)
+        return design_effect(self.fit, self.q, self.used, clusters)
 
     @cached_property
     def images_alone(self) -> tuple[FloatArray, FloatArray]:

@@ -10,7 +10,15 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
-from tests.rigs.refined_rigs import Misjudged, in_runs, random_rig, stated, waved_scene
+from tests.rigs.refined_rigs import (
+    Misjudged,
+    in_runs,
+    random_rig,
+    smooth_fields,
+    stated,
+    waved_scene,
+    with_waves,
+)
 
 FIXED = RefineSettings(
     primary=LensPrior(0.0, 0.0),
@@ -45,6 +53,16 @@ def test_errors_are_as_large_as_stated(length: int) -> None:
     # Measured: 1.09 and 1.16; 1.9 and 2.7 with frames taken as independent.
     assert 0.8 < rms < 1.3
     assert min(found.design_effect for found, _ in fits) > 1.2
+
+
+def test_runs_count_where_neighbours_do_not_show_that_errors_are_alike() -> None:
+    """Smooth errors of the lenses, as large as the noise: quarters in time differ by 1.4 to 1.7 of
+    what independent frames would state, and by 1.2 of this."""
+    rng = np.random.default_rng([1, 20])
+    scene = waved_scene(random_rig(rng), rng, 200, 20)
+    found = refine(with_waves(stated(scene, rng, EXACT), smooth_fields(rng), 0.2))
+    assert not found.clusters.has_runs
+    assert found.design_effect > 1.5
 
 
 def test_independent_frames_state_what_they_did() -> None:
