@@ -7,7 +7,7 @@ checked by the images where they do not.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,112 +58,101 @@ def paired_by_motion(
         StereocalError: the photographs do not tell it.
     """
     assert pairing.counts is not None
-    first, second = (_followed(own, points, orders) for own in pairing.counts)
-    turned = [{name: order[own] for name, own in second.items()} for order in orders]
-    tries = [
-        _recording(
-            [
-                _by_number(own, count, points)
-                for own, count in zip((first, each), pairing.counts, strict=True)
-            ],
-            cameras,
-            held,
-        )
-        for each in turned
-    ]
-    heard = pairing.heard
+    first, second = (_Followed.of(own, points, orders) for own in pairing.counts)
+    sides = [(first, replace(second, orders=order[second.orders])) for order in orders]
+    tries = [_recording(each, cameras, held) for each in sides]
+    heard, told = pairing.heard, ""
     try:
-        (found, best), told = _best(tries), ""
+        found, best = _best(tries)
     except StereocalError:
         if heard is None:
             raise
         found, best = _best(tries, heard)
+        if abs(heard - found.offsets[CAMERAS[1]][0]) > ALIKE:
+            raise
         told = " Of several offsets that fit, it is the one that the sound of both says."
-    offset = found.offsets[CAMERAS[1]][0]
+    offset, later = found.offsets[CAMERAS[1]][0], found.recording.start_frames[CAMERAS[1]]
     if heard is not None and not told:
         told = f" The sound says the same to {rounded(abs(heard - offset))} photographs."
         if abs(heard - offset) > ALIKE:
             told = f" Their sound says {heard:.1f}, which the images contradict."
-    later = found.recording.start_frames[CAMERAS[1]]
     pairs, alone = paired_from(pairing.counts, later)
     sentence = f"{counted(len(pairs))} by the motion. {' '.join(found.sentences())}{told}"
-    orders_of = first | turned[best]
-    exchanged = frozenset(name for name, order in orders_of.items() if order[0])
-    return replace(
-        pairing,
-        pairs=pairs,
-        alone=alone,
-        sentence=sentence,
-        ambiguous=False,
-        motion=Motion(later, offset - later, exchanged),
+    exchanged = frozenset(
+        name
+        for side in sides[best]
+        for name, order in zip(side.names, side.orders, strict=True)
+        if order[0]
     )
+    motion = Motion(later, offset - later, exchanged)
+    about = pairs, alone, pairing.unknown, sentence, False, pairing.counts, heard
+    return Pairing(*about, motion)
 
 
-def _followed(
-    counts: Mapping[str, int], points: Mapping[str, FloatArray], orders: Sequence[IntArray]
-) -> dict[str, IntArray]:
-    """By photograph the order of its targets that is nearest to the one before."""
-    found = dict[str, IntArray]()
-    last: FloatArray | None = None
-    for name in sorted(counts, key=counts.__getitem__):
-        seen = points.get(name)
-        if seen is None or not np.isfinite(seen).any():
-            continue
-        away = [0.0 if last is None else _apart(seen[order], last) for order in orders]
-        found[name] = orders[int(np.argmin(away))]
-        last = seen[found[name]]
-    return found
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """The targets that a camera saw, followed from photograph to photograph."""
 
+    names: list[str]
+    """Of the n photographs with targets."""
+    numbers: IntArray
+    """(n,)."""
+    points: FloatArray
+    """(n, k, 2), NaN where not seen."""
+    orders: IntArray
+    """(n, k): of each target, which of `points` it is."""
 
-def _by_number(
-    orders: Mapping[str, IntArray], counts: Mapping[str, int], points: Mapping[str, FloatArray]
-) -> dict[int, FloatArray]:
-    """The targets in these orders, by number of the photograph."""
-    return {counts[name]: points[name][order] for name, order in orders.items()}
-
-
-def _apart(one: FloatArray, other: FloatArray) -> float:
-    both = np.isfinite(one + other).all(axis=1)
-    return float(np.linalg.norm((one - other)[both], axis=1).mean()) if both.any() else np.inf
+    @classmethod
+    def of(
+        cls, counts: Mapping[str, int], points: Mapping[str, FloatArray], orders: Sequence[IntArray]
+    ) -> "_Followed":
+        """The targets, each in the order that is nearest to the photograph before."""
+        seen = [name for name in counts if np.isfinite(points.get(name, np.nan)).any()]
+        names = sorted(seen, key=counts.__getitem__)
+        every = np.array([points[name] for name in names]).reshape(len(names), -1, 2)
+        chosen = np.tile(orders[0], (len(names), 1))
+        for k in range(1, len(names)):
+            away = every[k, np.array(orders)] - every[k - 1, chosen[k - 1]]
+            apart = np.linalg.norm(away, axis=2)
+            both = np.maximum(np.isfinite(apart).sum(axis=1), 1)
+            chosen[k] = orders[int(np.argmin(np.nansum(apart, axis=1) / both))]
+        return cls(names, np.array([counts[name] for name in names]), every, chosen)
 
 
 def _recording(
-    sides: Iterable[Mapping[int, FloatArray]], cameras: tuple[Camera, Camera], held: RigidObject
+    sides: Iterable[_Followed], cameras: tuple[Camera, Camera], held: RigidObject
 ) -> Recording:
     """What each camera saw, by its own count."""
     parts = []
     for camera, own in enumerate(sides):
-        for number, seen in own.items():
-            for target in np.flatnonzero(np.isfinite(seen).all(axis=1)).tolist():
-                parts.append((number, camera, target, *seen[target]))
-    rows = np.array(parts, dtype=np.float64).reshape(-1, 5)
-    numbers = rows[:, :3].astype(np.int64)
+        found = np.take_along_axis(own.points, own.orders[:, :, None], axis=1)
+        at, target = np.nonzero(np.isfinite(found).all(axis=2))
+        numbers = own.numbers[at], np.full(len(at), camera), target
+        parts.append(np.column_stack([*numbers, found[at, target]]))
+    rows = np.concatenate(parts)
+    frame, camera_of, target_of = rows[:, :3].T.astype(np.int64)
     named = {str(name): camera for name, camera in zip(CAMERAS, cameras, strict=True)}
-    frame, camera_of, target = numbers.T
     unknown = np.full(len(rows), np.nan)
-    return Recording("", named, held, frame, camera_of, target, rows[:, 3:], unknown)
+    return Recording("", named, held, frame, camera_of, target_of, rows[:, 3:], unknown)
 
 
 def _best(tries: Sequence[Recording], near: float | None = None) -> tuple[BroughtIntoStep, int]:
     """The try whose points fit best, and which; an error if another fits nearly as well."""
-    found, failed = list[tuple[BroughtIntoStep, int]](), list[StereocalError]()
+    found, failed = list[tuple[float, int, BroughtIntoStep]](), list[StereocalError]()
     for number, each in enumerate(tries):
         try:
-            found.append((bring_into_step(each, near), number))
+            brought = bring_into_step(each, near)
+            found.append((brought.pairs[CAMERAS].px, number, brought))
         except StereocalError as error:
             failed.append(error)
     if not found:
         raise failed[0]
-    (best, number), *others = sorted(found, key=lambda each: _px(each[0]))
-    starts = best.recording.start_frames
-    for other, _ in others:
-        if other.recording.start_frames != starts and _px(other) < STANDS_OUT * _px(best):
+    (px, number, best), *others = sorted(found)
+    for other_px, _, other in others:
+        same = other.recording.start_frames == best.recording.start_frames
+        if not same and other_px < STANDS_OUT * px:
             raise StereocalError(
                 "Which end of the object is which decides when the cameras were started, and is "
                 f"open: {best.sentences()[0]} Or: {other.sentences()[0]}"
             )
     return best, number
-
-
-def _px(found: BroughtIntoStep) -> float:
-    return found.pairs[CAMERAS].px

@@ -4,7 +4,7 @@ the same number: the points tell, with the known pose of the cameras.
 New points may be of the recording that was calibrated, counted as it was, or of another one.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +24,8 @@ STANDS_OUT = 1.5
 FRAMES, FEWEST, APART = 40, 8, 2
 """Frames that an offset is judged by, at least so many; and frames between offsets that compete."""
 MOST_OFFSETS = 20_000
+Sides = dict[int, FloatArray]
+Points = tuple[FloatArray, FloatArray]
 CALLED = "the primary", "the secondary"
 
 
@@ -78,26 +80,20 @@ def counted_alike(
     return secondary.assign(frame=secondary["frame"] + offset), note
 
 
-def better_offset(
-    rig: RigParameters, whole: int, errors_px: "dict[bool, float]"
+def offset_of_pairs(
+    rig: RigParameters, whole: int, points_at: Callable[[MeasuredOffset], Points]
 ) -> MeasuredOffset | None:
     """The time offset of a parameter set for points in pairs, with the whole frames by which the
     calibrated recording was counted apart if they then fit far better.
 
     Args:
-        errors_px: the median distance from the epipolar lines without and with the whole frames.
+        points_at: the pixels of both cameras, those of the secondary shifted by an offset.
     """
-    apart = errors_px[True] * STANDS_OUT < errors_px[False]
-    return offset_with(rig, whole) if apart else rig.time_offset
-
-
-def offset_with(rig: RigParameters, whole: int) -> MeasuredOffset:
-    """The time offset of a parameter set, and so many whole frames."""
     own = rig.time_offset or MeasuredOffset()
-    return replace(own, frames=own.frames + whole)
-
-
-Sides = dict[int, FloatArray]
+    tried = own, replace(own, frames=own.frames + whole)
+    errors = [np.abs(rig.epipolar_errors(*points_at(offset))) for offset in tried]
+    plain, apart = (float(np.median(each)) if len(each) else np.inf for each in errors)
+    return tried[1] if apart * STANDS_OUT < plain else rig.time_offset
 
 
 def _by_frame(table: pd.DataFrame) -> Sides:

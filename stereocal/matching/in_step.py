@@ -8,7 +8,7 @@ same name, or the only point of each frame, in successive frames.
 import numpy as np
 import pandas as pd
 
-from stereocal.matching.counts import better_offset, offset_with
+from stereocal.matching.counts import offset_of_pairs
 from stereocal.matching.point_table import PointTable
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -47,22 +47,16 @@ def points_in_step(
     """
     offset = rig.time_offset
     if rig.start_frame and columns == PIXELS[2:] and SHIFT not in points:
-        offset = _of_pairs(points, rig)
+
+        def points_at(tried: MeasuredOffset) -> tuple[FloatArray, FloatArray]:
+            moved = shift(points, columns, tried, rig.secondary)[0]
+            return points[list(PIXELS[:2])].to_numpy(), moved[list(columns)].to_numpy()
+
+        offset = offset_of_pairs(rig, rig.start_frame, points_at)
     if offset is None or SHIFT in points:
         return points, ""
     shifted, note = shift(points, columns, offset, rig.secondary)
     return points.assign(**{str(name): shifted[name] for name in shifted}), note
-
-
-def _of_pairs(pairs: pd.DataFrame, rig: RigParameters) -> MeasuredOffset | None:
-    """The offset of pairs that may have been counted apart, as the calibrated recording was."""
-    errors = {}
-    for apart in (False, True):
-        offset = offset_with(rig, rig.start_frame * apart)
-        moved = shift(pairs, PIXELS[2:], offset, rig.secondary)[0]
-        pixels = pairs.assign(**{str(name): moved[name] for name in moved})[list(PIXELS)].to_numpy()
-        errors[apart] = float(np.median(np.abs(rig.epipolar_errors(pixels[:, :2], pixels[:, 2:]))))
-    return better_offset(rig, rig.start_frame, errors)
 
 
 def shift(

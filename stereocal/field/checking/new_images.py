@@ -6,7 +6,7 @@ import numpy as np
 
 from stereocal.calibration.methods import errors_of
 from stereocal.errors import StereocalError
-from stereocal.matching.counts import better_offset, offset_with
+from stereocal.matching.counts import offset_of_pairs
 from stereocal.matching.measure_tables import points_outside_images
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.refined.time_offset import usable_after
@@ -122,12 +122,12 @@ def _offset_of(seen: Dataset, rig: RigParameters) -> MeasuredOffset | None:
     whole = rig.start_frame - seen.start_frame
     if not whole:
         return rig.time_offset
-    errors = {}
-    for apart in (False, True):
-        rows = usable_after(seen, offset_with(rig, whole * apart)).correspondences
-        found = np.abs(rig.epipolar_errors(rows.primary, rows.secondary))
-        errors[apart] = float(np.median(found)) if len(rows) else np.inf
-    return better_offset(rig, whole, errors)
+
+    def points_at(tried: MeasuredOffset) -> tuple[FloatArray, FloatArray]:
+        rows = usable_after(seen, tried).correspondences
+        return rows.primary, rows.secondary
+
+    return offset_of_pairs(rig, whole, points_at)
 
 
 def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
