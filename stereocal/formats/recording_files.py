@@ -241,7 +241,7 @@ def _in_step(found: Description, recording: Recording) -> Recording:
     """The recording with one count of frames, that of its first camera."""
     with naming(found.source):
         brought = bring_into_step(recording)
-    notes = (*recording.step_notes, *brought.sentences())
+    notes = (*recording.step_notes, *brought.answer)
     return replace(brought.recording, step_notes=notes)
 
 

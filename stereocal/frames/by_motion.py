@@ -77,7 +77,7 @@ def paired_by_motion(
         if abs(heard - offset) > ALIKE:
             told = f" Their sound says {heard:.1f}, which the images contradict."
     pairs, alone = paired_from(pairing.counts, later)
-    sentence = f"{counted(len(pairs))} by the motion. {' '.join(found.sentences())}{told}"
+    sentence = f"{counted(len(pairs))} by the motion. {' '.join(found.answer)}{told}"
     exchanged = frozenset(
         name
         for side in sides[best]
@@ -153,6 +153,6 @@ def _best(tries: Sequence[Recording], near: float | None = None) -> tuple[Brough
         if not same and other_px < STANDS_OUT * px:
             raise StereocalError(
                 "Which end of the object is which decides when the cameras were started, and is "
-                f"open: {best.sentences()[0]} Or: {other.sentences()[0]}"
+                f"open: {best.answer[0]} Or: {other.answer[0]}"
             )
     return best, number

@@ -98,28 +98,9 @@ def plan(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class InStep(TableAnswer, BroughtIntoStep):
+class InStep(BroughtIntoStep):
     """Cameras that were started by hand, in one count of frames: `recording` is to calibrate
     from."""
-
-    @property
-    def answer(self) -> list[str]:
-        return self.sentences()
-
-    def to_dataframe(self) -> pd.DataFrame:
-        """The offset of each pair in frames, and the distances from the epipolar lines in px."""
-        rows = {
-            "-".join(pair): {
-                "frames": own.measured.frames,
-                "sigma_frames": own.measured.sigma,
-                "median_px": own.px,
-                "one_frame_off_px": own.one_off_px,
-                "other_offset": own.other,
-                "other_px": own.other_px,
-            }
-            for pair, own in self.pairs.items()
-        }
-        return pd.DataFrame(rows).T.rename_axis("pair")
 
     def plot(self, pair: CameraPair | None = None) -> go.Figure:
         """The distance from the epipolar lines against the offset; of the first pair, or of one."""

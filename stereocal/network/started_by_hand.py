@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import pandas as pd
 
 from stereocal.calibration.corrections import FITTING
 from stereocal.calibration.offset_scan import FEWEST, Track, common_points, scan
@@ -26,6 +27,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import sampson, triangulate_rays
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.tracks import MeasuredOffset, interpolate
+from stereocal.system.answers import TableAnswer
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import rounded
 from stereocal.system.sampling import evenly_spread
@@ -96,8 +98,8 @@ class OffsetOfPair:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class BroughtIntoStep:
+@dataclass(frozen=True, eq=False, repr=False)
+class BroughtIntoStep(TableAnswer):
     """A recording whose cameras count their frames alike, and how that was found."""
 
     recording: Recording
@@ -106,7 +108,8 @@ class BroughtIntoStep:
     error."""
     pairs: Mapping[CameraPair, OffsetOfPair]
 
-    def sentences(self) -> list[str]:
+    @property
+    def answer(self) -> list[str]:
         """What was found, of each pair and of the cameras together."""
         told = [found.sentence() for found in self.pairs.values()]
         if len(self.offsets) > 2:
@@ -118,6 +121,25 @@ class BroughtIntoStep:
             ]
             told.append(f"All pairs together: {', '.join(each)} than {first} was started.")
         return told
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The offset of each pair in frames, and the distances from the epipolar lines in px."""
+        names = (
+            "frames",
+            "sigma_frames",
+            "median_px",
+            "one_frame_off_px",
+            "other_offset",
+            "other_px",
+        )
+        rows = {
+            "-".join(pair): (
+                *(own.measured.frames, own.measured.sigma, own.px),
+                *(own.one_off_px, own.other, own.other_px),
+            )
+            for pair, own in self.pairs.items()
+        }
+        return pd.DataFrame(rows, index=[*names]).T.rename_axis("pair")
 
 
 def _pm(frames: float, sigma: float) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from stereocal.errors import StereocalError
 from stereocal.frames.video.decoding import VideoTimes, encoded_frames, read_times, score_frames
@@ -226,9 +227,7 @@ def gaps_of(seconds: FloatArray) -> list[tuple[float, int]]:
     before, from the first, and number of missing frames.
     """
     steps = np.diff(seconds)
-    half = NEIGHBOURS // 2
-    padded = np.pad(steps, half, mode="reflect" if len(steps) > half else "edge")
-    periods = np.median(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS), axis=1)
+    periods = median_filter(steps, NEIGHBOURS, mode="mirror")
     return [
         (float(seconds[k] - seconds[0]), round(float(steps[k] / periods[k])) - 1)
         for k in np.flatnonzero(steps > GAP * periods)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.signal import correlate, correlation_lags
 
 from stereocal.frames.video.decoding import MOST_FRAMES, opened
 from stereocal.rig.compiled import FloatArray
@@ -52,12 +53,10 @@ def heard_later(primary: FloatArray, secondary: FloatArray) -> float | None:
     n, m, least = len(primary), len(secondary), round(LEAST_S / BIN_S)
     if min(n, m) < least:
         return None
-    size = 1 << (n + m).bit_length()
-    spectra = (np.fft.rfft(each - each.mean(), size) for each in (primary, secondary))
-    first, second = spectra
-    lags = np.arange(least - m, n - least + 1)
+    score = correlate(primary - primary.mean(), secondary - secondary.mean(), method="fft")
+    lags = correlation_lags(n, m)
     common = np.minimum(n, lags + m) - np.maximum(0, lags)
-    score = np.fft.irfft(first * np.conj(second), size)[lags] / np.sqrt(common)
+    score = np.where(common < least, 0.0, score / np.sqrt(common))
     best = int(score.argmax())
     far = np.abs(lags - lags[best]) * BIN_S > APART_S
     if not score[best] > STANDS_OUT * score[far].max(initial=0.0):
