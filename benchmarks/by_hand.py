@@ -1,6 +1,6 @@
 """Are real cameras that were started by hand brought into step, and is what is not certain open?
 
-    python -m benchmarks.by_hand [--cases 300] [--seed 0] [--half 0]
+    python -m benchmarks.by_hand [--cases 300] [--seed 0] [--half 0] [--alike 0]
 
 Windows of 60 to 400 frames of the real recordings ewand12 and ewand123 (`STEREOCAL_REAL_DATA`), the
 second camera's frames counted by itself: offsets of 0 to 10,000 frames and a part of a frame, its
@@ -9,6 +9,9 @@ second case noise of 0 to 2 px is added and up to 30 % of the points are missing
 the second camera recorded something else: half a minute later, nothing is in common.
 
 With `--half 1` one of the cameras took every second frame only, and its rate is stated.
+
+With `--alike 1` the two ends look alike: in each image they come left to right, or top to bottom,
+as detection orders them, so that a camera's names change and those of both cameras differ.
 
 Printed: right, open and wrong whole offsets, and how many fractions are in their 95 % intervals.
 """
@@ -21,12 +24,16 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.studies import exact_interval, numbers_asked
+from stereocal.detection.target import in_reading_order
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset, read_recording
+from stereocal.frames.by_motion import paired_by_motion
+from stereocal.frames.pairing import Pairing
 from stereocal.network.frame_rates import at_slowest
 from stereocal.network.started_by_hand import OffsetOfPair, offset_of_pair
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import CameraPair, Recording
+from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import interpolate
 
 SHORTEST, LONGEST, MOST_OFFSET, MOST_DRIFT = 60, 400, 10_000, 50e-6
@@ -119,6 +126,26 @@ def _inside(recording: Recording) -> "np.typing.NDArray[np.bool_]":
     return np.asarray(known.all(axis=1))
 
 
+def offset_of_alike(case: Case) -> float:
+    """The offset where the two ends look alike, by the way of photographs and videos."""
+    two, last = case.recording.of_cameras(case.pair), len(case.recording.object.names) - 1
+    counts = dict[str, int](), dict[str, int]()
+    points = dict[str, FloatArray]()
+    for camera in (0, 1):
+        frames, images = two.where(two.camera == camera).images()
+        for frame, ends in zip(frames.tolist(), images[:, [0, last], camera], strict=True):
+            if np.isfinite(ends).all():
+                counts[camera][f"{camera} {frame}"] = frame
+                points[f"{camera} {frame}"] = ends if in_reading_order(*ends) else ends[::-1]
+    orders = [np.arange(2), np.array([1, 0])]
+    first, second = two.cameras.values()
+    pairing = Pairing((), (), (), "", True, counts)
+    bar = RigidObject.bar(1.0)
+    motion = paired_by_motion(pairing, points, (first, second), bar, orders).motion
+    assert motion is not None
+    return motion.later + motion.late
+
+
 def judged(case: Case, found: OffsetOfPair) -> tuple[str, float]:
     """Whether the whole offset is right, and the error of the offset in its standard errors."""
     measured = found.measured
@@ -129,7 +156,7 @@ def judged(case: Case, found: OffsetOfPair) -> tuple[str, float]:
 
 def main() -> None:
     """All cases."""
-    asked = numbers_asked(__doc__, cases=300, seed=0, half=0)
+    asked = numbers_asked(__doc__, cases=300, seed=0, half=0, alike=0)
     counts: Counter[str] = Counter()
     scores: list[float] = []
     every = recordings()
@@ -139,7 +166,11 @@ def main() -> None:
         case = halved(case, number, rng) if asked.half else case
         kind = "in common" if case.common else "apart"
         try:
-            told, score = judged(case, offset_of_pair(case.recording, case.pair))
+            if asked.alike:
+                off = offset_of_alike(case) - case.true_at(float(np.median(case.recording.frame)))
+                told, score = "right" if case.common and abs(off) < 0.5 else "wrong", np.nan
+            else:
+                told, score = judged(case, offset_of_pair(case.recording, case.pair))
         except StereocalError as error:
             told, score = "open", np.nan
             print(f"{number} ({kind}): {error}")
@@ -150,6 +181,8 @@ def main() -> None:
             print(f"{number} ({kind}): wrong by {score:.1f} standard errors")
     z: FloatArray = np.array(scores)
     print(", ".join(f"{name} {count}" for name, count in sorted(counts.items())))
+    if asked.alike:
+        return
     held = exact_interval(int((np.abs(z) < WITHIN).sum()), len(z))
     print(f"fractions within their 95 % interval: {held}; rms {np.sqrt(np.mean(z**2)):.2f}")
 

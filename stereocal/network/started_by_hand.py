@@ -124,22 +124,18 @@ class BroughtIntoStep(TableAnswer):
 
     def to_dataframe(self) -> pd.DataFrame:
         """The offset of each pair in frames, and the distances from the epipolar lines in px."""
-        names = (
-            "frames",
-            "sigma_frames",
-            "median_px",
-            "one_frame_off_px",
-            "other_offset",
-            "other_px",
-        )
         rows = {
-            "-".join(pair): (
-                *(own.measured.frames, own.measured.sigma, own.px),
-                *(own.one_off_px, own.other, own.other_px),
-            )
+            "-".join(pair): {
+                "frames": own.measured.frames,
+                "sigma_frames": own.measured.sigma,
+                "median_px": own.px,
+                "one_frame_off_px": own.one_off_px,
+                "other_offset": own.other,
+                "other_px": own.other_px,
+            }
             for pair, own in self.pairs.items()
         }
-        return pd.DataFrame(rows, index=[*names]).T.rename_axis("pair")
+        return pd.DataFrame(rows).T.rename_axis("pair")
 
 
 def _pm(frames: float, sigma: float) -> str:
