@@ -11,7 +11,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.frames.by_motion import paired_by_motion
 from stereocal.frames.pairing import Pairing
-from stereocal.frames.video.extract import by_themselves
+from stereocal.frames.video.extract import VideoSettings, by_themselves, extract
 from stereocal.frames.video.sound import heard_later
 from stereocal.intrinsics.stereo_boards import orders_of
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
@@ -123,6 +123,8 @@ def test_videos_of_cameras_started_by_hand(
 ) -> None:
     pytest.importorskip("av")
     videos = write_sample(tmp_path)
+    together = extract(videos, VideoSettings("every", 200), lambda *_: None)
+    assert "if the cameras were started by hand, say so" in together.sentences[-1]
     table = tmp_path / "correspondences.csv"
     command = ["detect", str(tmp_path), "--target", "balls:red,yellow", "--out", str(table)]
     assert main([*command, "--videos", *map(str, videos), "--pair-by", "motion"]) == 0

@@ -3,6 +3,7 @@ pair by their names."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -29,6 +30,8 @@ FEWEST = 30
 """Parts of a short video of which one pair each is taken, as many as frames serve well."""
 DENSE = 15.0
 """Frames a second that tell the motion of what is waved by hand."""
+HEARD_APART_S = 0.25
+"""Less may be the sound's way to the cameras, and what they store late."""
 FrameChoice = Literal["every", "still"]
 STAGES = ("frames looked at", "frames taken")
 LEAST_SECONDS = 120.0
@@ -90,14 +93,15 @@ def extract(
     guard = Guard(
         [read_times, score_frames, encoded_frames, read_rises], least_seconds=LEAST_SECONDS
     )
-    heard_s = step_s = None
+    step_s, rises = None, list[FloatArray]()
     try:
         times: list[VideoTimes] = [guard.read(read_times, path, path.name) for path in videos]
         first, second = (each.seconds for each in times)
         n = settings.n if settings.choice == "every" else None
+        with suppress(StereocalError):  # no sound that can be read
+            rises = [guard.read(read_rises, path, path.name) for path in videos]
         if settings.by_hand:
             pairs, step_s = by_themselves(first, second, n)
-            heard_s = heard_later(*(guard.read(read_rises, path, path.name) for path in videos))
         else:
             pairs = pair_times(first, second, settings.later_s)
         work = _Work(guard, videos, times, pairs, settings.coloured, begin, progress)
@@ -111,17 +115,25 @@ def extract(
         guard.close()
     sentences = describe_times(first, second, pairs)
     taken = f"{len(chosen) - lost:,} pairs of frames were taken."
-    heard = None
     if step_s is not None:
         each = " and ".join(f"{count:,}" for count in (pairs.frames >= 0).sum(axis=0))
         taken = f"Of each by itself, a frame every {rounded(step_s)} s was taken: {each}."
-        if heard_s is not None:
-            heard = (heard_s + second[0] - first[0]) / step_s
-            taken += f" By their sound, they began {abs(heard * step_s):.2f} s apart."
     sentences.append(taken)
+    heard_s = heard_later(*rises) if len(rises) == 2 else None
+    if heard_s is not None:
+        together = settings.by_hand or settings.later_s is None
+        heard_s += second[0] - first[0] if together else settings.later_s or 0.0
+        if settings.by_hand:
+            sentences.append(f"By their sound, they began {abs(heard_s):.2f} s apart.")
+        elif abs(heard_s) > HEARD_APART_S:
+            sentences.append(
+                f"By their sound, these frames are {abs(heard_s):.2f} s apart: if the cameras were "
+                "started by hand, say so, and the motion tells which belong together."
+            )
     if lost:
         sentences.append(f"{lost} could not be decoded.")
     missing = any(gaps_of(each.seconds) for each in times)
+    heard = heard_s and heard_s / step_s if step_s else None
     return VideoReport(tuple(sentences), len(chosen) - lost, missing, heard)
 
 
