@@ -10,10 +10,11 @@ from streamlit.components.v2.component_manager import BidiComponentManager
 from streamlit.runtime.pages_manager import PagesManager
 from streamlit.runtime.scriptrunner.script_cache import ScriptCache
 from streamlit.testing.v1 import AppTest, local_script_runner
+from streamlit.testing.v1.local_script_runner import LocalScriptRunner, require_widgets_deltas
 
 from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
-from tests.pages.stored_projects import dashboard, go, session
+from tests.pages.stored_projects import dashboard, page_of
 
 SCRIPTS = ScriptCache()
 """Pages that have been compiled; a server keeps them too."""
@@ -55,7 +56,7 @@ def pressed(home: Path, home_of_sample: Path) -> Iterator[AppTest]:
     """The Calibrate page of a copy of that sample."""
     shutil.copytree(home_of_sample, home, dirs_exist_ok=True)
     (project,) = find_projects(home)
-    opened = go(session(Project.open(home, project)), "calibrate")
+    opened = page_of(Project.open(home, project), "calibrate")
     yield opened
     assert not opened.exception
 
@@ -85,6 +86,13 @@ def as_in_a_server(patch: pytest.MonkeyPatch) -> None:
         begin(self, *given, **named)  # type: ignore[arg-type]
         PagesManager.uses_pages_directory = False
 
+    def drawn(runner: LocalScriptRunner, timeout: float = 3) -> None:
+        """Sleeps, where AppTest looks a thousand times a second, which is a seventh of its work."""
+        if (thread := runner._script_thread) is not None:
+            thread.join(timeout)
+        require_widgets_deltas(runner, 1)
+
     patch.setattr(PagesManager, "__init__", begin_with_navigation)
+    patch.setattr(local_script_runner, "require_widgets_deltas", drawn)
     patch.setattr(local_script_runner, "ScriptCache", lambda: SCRIPTS)
     patch.setattr(BidiComponentManager, "discover_and_register_components", lambda *_, **__: None)

@@ -35,9 +35,14 @@ def session(project: Project) -> AppTest:
     return dashboard(project=project.id)
 
 
+def page_of(project: Project, page: str) -> AppTest:
+    """A page in a browser tab that was opened by its address."""
+    return dashboard(page, project=project.id)
+
+
 def again(app: AppTest, page: str) -> AppTest:
     """A page of the same project, in a new tab."""
-    return go(dashboard(project=app.session_state["project_id"]), page)
+    return dashboard(page, project=app.session_state["project_id"])
 
 
 def drop(app: AppTest, files: Mapping[str, bytes], key: str = "upload_data") -> AppTest:

@@ -20,7 +20,7 @@ from stereocal.system.zip_files import pack_zip
 from stereocal.ui import apply as apply_page
 from tests.field.world_tables import lines_csv, survey_csv
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
-from tests.pages.stored_projects import ended, go, project_of, session, told
+from tests.pages.stored_projects import ended, go, page_of, project_of, told
 from tests.rigs.worlds import Place, plumb_lines, surveyed, world_of_cameras
 
 SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
@@ -135,7 +135,7 @@ def test_threshold_moves_the_result_and_is_kept(app: AppTest, home: Path) -> Non
     assert "Your points scatter by 0.5 px, as stated." in told(app, "caption")
     assert result_of(app, home)[0]["sigma_primary_px"].eq(0.5).all()
 
-    again = go(session(store_of(app, home).project), "apply")
+    again = page_of(store_of(app, home).project, "apply")
     assert again.number_input(key="apply_threshold").value == 40.0
     assert again.number_input(key="apply_sigma_px").value == 0.5
     assert "In use: p.csv, 90 points In use: s.csv, 90 points" in told(again, "caption")

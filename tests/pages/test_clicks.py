@@ -20,7 +20,7 @@ from stereocal.system.photograph import GreyImage
 from stereocal.ui.apply_points import CLICKED
 from tests.files import encoded
 from tests.known_rig import PRIMARY, SECONDARY, images
-from tests.pages.stored_projects import drop, go, messages, pictured, project_of, session, told
+from tests.pages.stored_projects import drop, messages, page_of, pictured, project_of, told
 from tests.pages.test_apply import SET_2D, begun, give_sets
 from tools.photographs.videos import write_video
 
@@ -121,7 +121,7 @@ def test_videos_one_after_the_other_of_cameras_started_by_hand(
     app.number_input(key="clicks_later_secondary").set_value(50).run()
     assert "no frames of the same moment" in told(app, "warning")
     # Another tab has them too, as long as the server runs.
-    app = go(session(project_of(app, home)), "apply")
+    app = page_of(project_of(app, home), "apply")
     app.number_input(key="clicks_later_secondary").set_value(0).run()
     assert pictures(app) == "Pictures: left.mp4, b.mp4, 12 frames"
 

@@ -16,7 +16,7 @@ from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.home import recent_projects
 from stereocal.projects.project import Project
-from tests.pages.stored_projects import FULL, ROOT, dashboard, go, placed, session, told
+from tests.pages.stored_projects import FULL, ROOT, dashboard, go, page_of, placed, session, told
 
 SECRET = "/srv/secret/place"
 RESULTS = {
@@ -32,7 +32,7 @@ RESULTS = {
 def test_a_damaged_result_costs_itself_alone(kind: str, home: Path) -> None:
     project = placed(FULL, home)
     page, words = RESULTS[kind]
-    app = go(session(project), "start")
+    app = page_of(project, "start")
     for content in (b"", b"{", b"\x93\x00{]\xff" * 40, b'{"x": [1]}'):
         project.database.keep_result(kind, content)
         go(app, page)
@@ -49,7 +49,7 @@ def test_a_project_that_cannot_be_opened_is_listed_and_kept(home: Path) -> None:
     before = path.read_bytes()
     with pytest.raises(StereocalError, match="damaged"):
         Project.open(home, project.id)
-    assert "damaged" in told(go(session(project), "data"), "error")
+    assert "damaged" in told(page_of(project, "data"), "error")
     assert [one.damaged for one in recent_projects(home)] == [True]
     app = dashboard()
     assert "the file of this project is damaged" in told(app, "warning")

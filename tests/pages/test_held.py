@@ -22,7 +22,7 @@ from tests.ball_bars import CAMERA, COLOURS, ball_bars
 from tests.bar_photographs import bar_set
 from tests.files import encoded
 from tests.lens import SMALL
-from tests.pages.stored_projects import drop, ended, go, messages, project_of, session, told
+from tests.pages.stored_projects import drop, ended, messages, page_of, project_of, told
 from tests.pages.test_pages import give_zip
 from tests.rigs.boards import photographs, stereo
 from tests.rigs.objects import BOARD, WAND, recorded
@@ -149,7 +149,7 @@ def balls(home: Path) -> Project:
 
 
 def test_balls_are_stated_and_found(balls: Project) -> None:
-    app = go(session(balls), "data")
+    app = page_of(balls, "data")
     # Proposed with its picture; the user has not answered yet.
     assert "bar with two coloured balls" in told(app, "markdown")
     assert isinstance(held_target(balls), Balls) and "held" not in balls.settings
@@ -204,7 +204,7 @@ def test_a_bar_is_no_board_that_lies_about(app: AppTest, home: Path) -> None:
 
 
 def test_tags_are_stated(balls: Project) -> None:
-    app = go(session(balls), "data")
+    app = page_of(balls, "data")
     app.segmented_control(key="held").set_value("tags").run()
     app.text_input(key="held_tags").set_value("4X4_50:3").run()
     assert "tags:4X4_50:3,7" in messages(app) and app.button(key="find_targets").disabled

@@ -12,7 +12,7 @@ from stereocal.projects.project import Project
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.menu import TITLES
 from tests.hostile_projects import dataset
-from tests.pages.stored_projects import dashboard, drop, go, messages, session
+from tests.pages.stored_projects import dashboard, drop, messages, page_of
 from tests.soak import repeats
 from tests.soak.damage import damaged
 from tests.soak.readers import readers
@@ -64,7 +64,7 @@ def begun(home: Path) -> Project:
 
 def opened(door: Door, project: Project) -> AppTest:
     """The door's page, ready to be given a file."""
-    app = go(session(project), door.page)
+    app = page_of(project, door.page)
     if door.choose:
         key, value = door.choose
         app.selectbox(key=key).set_value(value).run()
@@ -114,7 +114,7 @@ def test_limits_hold_on_the_pages(
     variable: str, sentence: str, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(f"STEREOCAL_{variable}", "1")
-    app = go(session(begun(home)), "data")
+    app = page_of(begun(home), "data")
     drop(app, {name: bytes(1_200_000) for name in ("left1.png", "right1.png")})
     assert not tracebacks(app)
     assert sentence in messages(app)

@@ -23,10 +23,10 @@ from tests.pages.stored_projects import (
     drop,
     go,
     messages,
+    page_of,
     pictured,
     placed,
     project_of,
-    session,
     told,
 )
 
@@ -240,7 +240,7 @@ def test_every_file_of_pages_is_in_one_group() -> None:
 
 
 def test_the_project_is_named_and_renamed(project: Project) -> None:
-    app = go(session(project), "validate")
+    app = page_of(project, "validate")
     name = app.sidebar.text_input(key="project_name")
     assert name.value == project.inputs.name
     name.set_value("Meadow").run()
@@ -252,7 +252,7 @@ def test_the_project_is_named_and_renamed(project: Project) -> None:
 
 def test_the_states_follow_what_the_page_has_changed(project: Project) -> None:
     project.keep_settings({"validate_runs": 10})
-    app = go(session(project), "calibrate")
+    app = page_of(project, "calibrate")
     app.button(key="run").click().run()
     assert states(app)["calibrate"] == "done"
     app = go(app, "data")
@@ -296,7 +296,7 @@ def test_large_counts_are_written_alike(app: AppTest, home: Path) -> None:
 
 @pytest.mark.parametrize("page", ["data", "validate", "apply", "check", "plan"])
 def test_one_button_of_a_page_stands_out(page: str, home: Path) -> None:
-    app = go(session(placed(FULL, home)), page)
+    app = page_of(placed(FULL, home), page)
     buttons = [*app.get("button"), *app.get("download_button")]
     assert [each.proto.label for each in buttons if each.proto.type == "primary"][1:] == []
 

@@ -14,7 +14,7 @@ from stereocal.projects.project import Project
 from stereocal.system.photograph import GreyImage
 from stereocal.system.taken import EXIF
 from tests.bar_photographs import bar_set
-from tests.pages.stored_projects import ended, go, messages, session, told
+from tests.pages.stored_projects import ended, messages, page_of, told
 
 NAMES = ("primary/IMG_{}.png", "secondary/DSC_0{}.png")
 FIRST = (1001, 231)
@@ -67,7 +67,7 @@ def without(frames: int, lost: int) -> Sequence[tuple[int, int]]:
 
 def test_by_time_and_a_slip_in_order_is_mended_by_one_press(home: Path) -> None:
     store = stored(home, 7, 2, timed=True)
-    app = go(session(store.project), "data")
+    app = page_of(store.project, "data")
     assert "6 pairs by the time taken; the clocks are 12.4 s apart" in messages(app)
     slip = "IMG_1003 has no partner: one photograph is missing in the secondary after DSC_0232"
     assert slip in messages(app)
@@ -93,7 +93,7 @@ def test_by_time_and_a_slip_in_order_is_mended_by_one_press(home: Path) -> None:
 
 def test_without_times_a_slip_is_seen_by_the_targets(home: Path) -> None:
     store = stored(home, 16, 5, timed=False)
-    app = go(session(store.project), "data")
+    app = page_of(store.project, "data")
     assert "15 pairs in order" in messages(app)
     app.button(key="find_targets").click().run()
     ended(store.project, "photographs")
@@ -112,7 +112,7 @@ def test_edited_pairs_return_with_the_way_before(home: Path) -> None:
     store = stored(home, 4, 3, timed=False)
     edited = [store.rows[1]]
     store.keep_rows(edited)
-    app = go(session(store.project), "data")
+    app = page_of(store.project, "data")
     app.button(key="pair_exchange").click().run()
     assert len(store.rows) == 3
     app.button(key="pair_undo").click().run()
@@ -125,12 +125,12 @@ def test_photographs_of_one_camera_given_for_both_are_named_and_removed(home: Pa
     for side in ("left", "right"):
         names = [f"{side}_{i}.png" for i in range(len(images))]
         store.add({name: store.keep(name, own) for name, own in zip(names, images, strict=True)})
-    app = go(session(store.project), "data")
+    app = page_of(store.project, "data")
     assert "left_0 and right_0" in told(app, "warning")
     app.button(key="pair_clear").click().run()
     assert not store.photographs and not app.exception
 
 
 def test_photographs_of_two_cameras_are_not_called_the_same(home: Path) -> None:
-    app = go(session(stored(home, 6, 5, timed=False).project), "data")
+    app = page_of(stored(home, 6, 5, timed=False).project, "data")
     assert not [each for each in app.button if each.key == "pair_clear"]

@@ -13,7 +13,7 @@ from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.verdict.in_words import percent
 from tests import known_rig
 from tests.field.plans import FIELD, contents, plan
-from tests.pages.stored_projects import FULL, go, messages, placed, project_of, session, told
+from tests.pages.stored_projects import FULL, go, messages, page_of, placed, project_of, told
 
 
 @pytest.fixture
@@ -107,7 +107,7 @@ def test_the_forecast_stands_beside_what_came_out(home: Path) -> None:
     project = placed(FULL, home)
     found = forecast(FIELD, rigs=16)
     project.keep_settings({"plan_forecast": found.to_json()})
-    app = go(session(project), "calibrate")
+    app = page_of(project, "calibrate")
     said = told(app, "caption")
     assert "The plan expected 95 % of lengths within: 2D" in said
     assert percent(found.estimate("refined", "p95_error_3d").value) in said
@@ -116,7 +116,7 @@ def test_the_forecast_stands_beside_what_came_out(home: Path) -> None:
 def test_a_damaged_stored_pose_is_passed_over(home: Path) -> None:
     project = placed(FULL, home)
     project.keep_settings({"plan_stated_pose": {}})
-    app = go(session(project), "plan")
+    app = page_of(project, "plan")
     assert not app.exception and app.select_slider(key="plan_baseline_m").value == 4.5
 
 

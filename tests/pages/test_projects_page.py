@@ -12,7 +12,7 @@ from stereocal.projects.archive import pack_project
 from stereocal.projects.home import DAY_S, find_projects, recent_projects, remove
 from stereocal.projects.project import Project
 from stereocal.verdict.in_words import percent
-from tests.pages.stored_projects import dashboard, go, messages, project_of, session
+from tests.pages.stored_projects import dashboard, messages, page_of, project_of
 from tests.pages.test_pages import open_sample
 
 
@@ -140,7 +140,7 @@ def test_who_has_the_address_brings_a_removed_project_back(
     assert "was removed" not in messages(stranger)
     assert any(project.id in key for key in keys(stranger)) == (shared == "0")
 
-    owner = go(session(project), "data")
+    owner = page_of(project, "data")
     assert "This project was removed on 2026-03-14." in messages(owner)
     assert "Start a new project" in [button.label for button in owner.button]
     owner.button(key="bring_it_back").click().run()

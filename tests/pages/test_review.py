@@ -18,7 +18,7 @@ from stereocal.projects.review import read_review
 from stereocal.ui.picker import Pick
 from stereocal.ui.review import take_back, take_pick
 from tests.bar_photographs import bar_set
-from tests.pages.stored_projects import go, session, told
+from tests.pages.stored_projects import page_of, told
 
 BARS = bar_set(7)
 
@@ -72,7 +72,7 @@ def store(
 
 @pytest.fixture
 def app(store: ProjectPhotographs) -> Iterator[AppTest]:
-    started = go(session(store.project), "data")
+    started = page_of(store.project, "data")
     started.segmented_control(key="frames_view").set_value("One frame").run()
     yield started
     assert not started.exception

@@ -33,7 +33,7 @@ from stereocal.ui.start import RIG, three_cameras
 from tests.archives import caliscope_files, wand_csv
 from tests.files import encoded, zipped
 from tests.lens import PATTERN, SMALL, photographed
-from tests.pages.stored_projects import dashboard, drop, ended, go, session, told, wait_until
+from tests.pages.stored_projects import dashboard, drop, ended, go, page_of, told, wait_until
 from tests.photographed_rig import BAR_M
 from tests.projects.test_recording import rig_text
 from tests.rigs.boards import HERE, placings, stereo
@@ -66,7 +66,7 @@ def opened(project: Project, pair: str) -> AppTest:
 def test_a_pair_opens_todays_pages_and_leads_back(project: Project) -> None:
     pair = ProjectRecording(project).pair("2-3")
     pair.keep_settings({"validate_runs": 10})
-    app = go(session(project), "rig")
+    app = page_of(project, "rig")
     assert "One rig of 3 cameras" in told(app)
     app.button(key="open_pair_2-3").click().run()
     assert titles(app) == ["Calibrate"] and not app.exception
@@ -87,7 +87,7 @@ def test_a_pair_opens_todays_pages_and_leads_back(project: Project) -> None:
 
 
 def test_the_menu_and_next_lead_through_a_rig(project: Project) -> None:
-    app = go(session(project), "rig")
+    app = page_of(project, "rig")
     states = app.session_state["page_states"]
     assert not {"calibrate", "validate"} & {*states}
     assert {states[name].mark for name in ("cameras", "data", "rig")} == {"done"}
@@ -101,7 +101,7 @@ def test_the_menu_and_next_lead_through_a_rig(project: Project) -> None:
     assert list(lenses.index) == ["1", "2", "3"] and "Refined, px" in lenses
     # A page for two cameras, opened by its address, opens a pair of them.
     for page, title in (("validate", "Validate"), ("calibrate", "Calibrate")):
-        app = go(session(project), page)
+        app = page_of(project, page)
         assert not app.exception
         assert {b.key for b in app.button} >= {
             f"open_pair_{name}" for name in ("1-2", "1-3", "2-3")
@@ -114,7 +114,7 @@ def test_points_of_three_cameras_are_clicked(project: Project) -> None:
     """Two cameras give a point, and the third improves it."""
     rig = RigFile.loads(rig_text())
     project.keep_settings({"apply_points_of_rig": CLICKED})
-    app = go(session(project), "apply")
+    app = page_of(project, "apply")
     sizes = {name: camera.image_size[::-1] for name, camera in rig.cameras.items()}
     images = {
         f"cam{name}_{frame:02}.png": encoded(np.full(size, 90 + frame, np.uint8))
@@ -163,7 +163,7 @@ def test_points_of_a_rig_are_matched_and_measured_as_by_the_commands(
         table.to_csv(path, index=False)
         store.offer_points(slot_of(camera), path.name, path.read_bytes())
         given.append(f"{camera}={path}")
-    app = go(session(project), "apply")
+    app = page_of(project, "apply")
     assert not app.exception and not app.error
     result = store.result
     assert result is not None and result[0].matched == "tracks.csv"
@@ -192,7 +192,7 @@ def test_names_of_a_rigs_points_decide_with_a_switch(project: Project) -> None:
     for camera, table in some.items():
         named = table.rename(columns={"target": "point"}).to_csv(index=False)
         store.offer_points(slot_of(camera), f"{camera}.csv", named.encode())
-    app = go(session(project), "apply")
+    app = page_of(project, "apply")
     assert store.result is not None and "(column point)" in store.result[0].sentences[1]
     app.toggle(key="apply_names").set_value(False).run()
     assert not app.exception and "(column point)" not in store.result[0].sentences[1]
@@ -219,7 +219,7 @@ def test_a_rig_is_checked_with_its_table_of_points(project: Project, tmp_path: P
     moved = recording.points.copy()
     moved[recording.camera == 1] += [4.0, 0.0]  # of camera 2, turned by 0.2 degrees
     some = replace(recording, points=moved).where(recording.frame % 12 == 0)
-    app = go(session(project), "check")
+    app = page_of(project, "check")
     assert "this project's rig" in told(app, "caption")
     app.file_uploader(key="upload_check_images_0").upload("new.csv", write_points(some)).run()
     said = told(app, "warning")

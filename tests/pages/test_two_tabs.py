@@ -13,7 +13,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review, read_review
 from stereocal.projects.server_settings import default_home
-from tests.pages.stored_projects import FULL, go, placed, session, told
+from tests.pages.stored_projects import FULL, go, page_of, placed, told
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def project(home: Path) -> Project:
 
 
 def tabs(project: Project, page: str) -> tuple[AppTest, AppTest]:
-    return go(session(project), page), go(session(project), page)
+    return page_of(project, page), page_of(project, page)
 
 
 def sound(*apps: AppTest) -> None:
@@ -58,7 +58,7 @@ def test_a_name_typed_before_the_click_on_another_project_is_kept(
 ) -> None:
     """Streamlit runs both callbacks, in either order."""
     other = placed(FULL, tmp_path)
-    app = go(session(project), "start")
+    app = page_of(project, "start")
     app.button(key=f"open_{other.id}").click()
     app.text_input(key="project_name").set_value("Bats")
     app.run()
@@ -92,7 +92,7 @@ def test_a_rerun_does_not_bring_back_old_pairs(project: Project) -> None:
 
 
 def test_corrections_and_undo(project: Project) -> None:
-    tab = go(session(project), "data")
+    tab = page_of(project, "data")
     store = ProjectPhotographs(project)
     change_review(store, lambda now: use_frame(now, 3, False))
     tab.run()
@@ -119,7 +119,7 @@ def test_corrections_and_undo(project: Project) -> None:
 def test_a_project_removed_in_another_tab_is_said_and_does_not_come_back(
     page: str, act: Callable[[AppTest], AppTest], project: Project
 ) -> None:
-    app = go(session(project), page)
+    app = page_of(project, page)
     before = project.database.path.read_bytes()
     remove(default_home(), project.id)
     act(app).run()
