@@ -26,7 +26,7 @@ from stereocal.library.calibrations import calibrate
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
-from stereocal.refined.two_views import BAR
+from stereocal.refined.two_views import BAR, step_between
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.correspondences import TARGETS, Correspondences
@@ -117,7 +117,7 @@ def rms_of_differences(data: Dataset) -> tuple[float, list[float]]:
     ratios = []
     for a, b in combinations(fits, 2):
         variances = np.diag(a.covariance)[free] + np.diag(b.covariance)[free]
-        ratios.append((a.q - b.q)[free] / np.sqrt(variances))
+        ratios.append(step_between(a.q, b.q)[free] / np.sqrt(variances))
     return float(np.sqrt(np.mean(np.square(ratios)))), [fit.design_effect for fit in fits]
 
 
