@@ -24,12 +24,7 @@ from stereocal.network.pairs import (
 )
 from stereocal.network.result import RigCalibration
 from stereocal.network.screening import rows_of, wrong_images
-from stereocal.network.wrong_inputs import (
-    check_inputs,
-    contradicting_lengths,
-    find_wrong_input,
-    nothing_is_near,
-)
+from stereocal.network.wrong_inputs import check_inputs, contradicting_lengths, find_wrong_input
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened
@@ -57,8 +52,6 @@ def calibrate_rig(
     """
     refuse_same_points(recording)
     check_numbering(recording)
-    if nothing_is_near(recording) and (wrong := _wrong_input(recording)):
-        raise StereocalError(wrong)
     try:
         rig = _calibrated(recording, settings or RigSettings(), progress)
         refuse_poor_fit(rig)

@@ -185,10 +185,9 @@ def check_inputs(fit: RigFit, pairs: Collection[PairFit]) -> list[str]:
     Args:
         pairs: of the rig.
     """
-    certain, possible = list[tuple[float, str]](), list[str]()
+    possible = list[str]()
     fits = _fits(fit, min(pair.noise_px for pair in pairs))
-    for names, about in _parts(fit.recording):
-        judge = JudgeOfRig(fit.recording, names, about, pairs, fit)
+    for judge in _judges(fit.recording, pairs, fit):
         if fits and not judge.suspected:
             continue
         judged = judge.explanations()
@@ -196,18 +195,14 @@ def check_inputs(fit: RigFit, pairs: Collection[PairFit]) -> list[str]:
         if named and named[0].reading.is_movement:
             continue  # which the rig says itself: by how much, too
         if named:
-            certain.append((named[0].rank, judge.message(judged)))
+            raise StereocalError(judge.message(judged))
         possible += judge.warnings(judged)
-    if certain:
-        raise StereocalError(min(certain)[1])
     return list(dict.fromkeys(possible))
 
 
 def find_wrong_input(recording: Recording) -> str:
     """A message that names the wrong input of a rig if one explains the points; else empty."""
-    judges = [JudgeOfRig(recording, names, about) for names, about in _parts(recording)]
-    if len(judges) > 1:  # those cameras first that agree least with others
-        judges.sort(key=lambda it: -max(_px_of_best(it.part, name) for name in it.about))
+    judges = _judges(recording)
     return next(filter(None, (judge.message(judge.explanations()) for judge in judges)), "")
 
 
@@ -217,26 +212,6 @@ def _fits(fit: RigFit, best_pair_px: float) -> bool:
     largest = largest_noise(fit.recording, best_pair_px)
     noise = Noise(fit.sigma_px, largest, float(fit.p @ fit.unknowns.precision @ fit.p))
     return noise.fits and scatter < HELD_LENGTHS and not fit.rig_settings.lenses
-
-
-def nothing_is_near(recording: Recording) -> bool:
-    """Whether no pair of some camera fits as given, so that it is worth looking first for what is
-    wrong."""
-    fewer, limit = _fewer_points(recording), fitting_px(recording)
-    cameras = {name for pair in pairs_worth_a_fit(fewer) for name in pair}
-    return any(_px_of_best(fewer, name, limit) > limit for name in cameras)
-
-
-def _px_of_best(recording: Recording, name: str, enough: float = 0.0) -> float:
-    """The reprojection error of the best essential matrix of a camera with others, or the first
-    that is small enough; 0 without any."""
-    least = np.inf
-    for pair in pairs_worth_a_fit(recording):
-        if name in pair:
-            least = min(least, essential_fit(recording.pair(*pair)).px)
-            if least < enough:
-                break
-    return least if least < np.inf else 0.0
 
 
 def contradicting_lengths(recording: Recording) -> str:
@@ -252,17 +227,20 @@ def contradicting_lengths(recording: Recording) -> str:
     return ""
 
 
-def _parts(recording: Recording) -> Iterator[tuple[list[str], list[str]]]:
-    """Groups of cameras that share bars, and the cameras that each is to tell about."""
+def _judges(
+    recording: Recording, known: Collection[PairFit] = (), fit: RigFit | None = None
+) -> Iterator[JudgeOfRig]:
+    """Of groups of cameras that share bars; of large ones, each of one camera."""
     worth = pairs_worth_a_fit(recording)
     names = reached([*recording.cameras], worth)
     if 2 <= len(names) <= MOST_CAMERAS:
-        yield names, names
+        yield JudgeOfRig(recording, names, names, known, fit)
     for name in names if len(names) > MOST_CAMERAS else ():
         group = [name]
         while len(group) < MOST_CAMERAS:  # the camera that shares most bars with one of the group
             group += next({*pair} - {*group} for pair in worth if len({*pair} & {*group}) == 1)
-        yield [each for each in names if each in group], [name]
+        ordered = [each for each in names if each in group]
+        yield JudgeOfRig(recording, ordered, [name], known, fit)
 
 
 def _fewer_points(recording: Recording) -> Recording:
