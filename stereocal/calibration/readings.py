@@ -140,26 +140,34 @@ def _opposite(data: Given, group: Group) -> Reading[Given]:
 
 
 def _mirrored(data: Given, names: tuple[str, ...]) -> Iterator[Reading[Given]]:
-    """u or v counted from the other side."""
-    alone = isinstance(data, Dataset) and len(names) == 1
-    which, whole = of_which(data, names), "Give the images, or their points, as recorded."
-    for axis, claim, remedy, shows in (
+    """u, v or both counted from the other side; both where other cameras tell it."""
+    which, alone = of_which(data, names), len(names) == 1
+    one_of_two = alone and isinstance(data, Dataset)
+    for axes, claim, remedy, shows in (
         (
-            0,
+            [0],
             f"The images of {which} seem to be mirrored: u is counted from the right",
             "Mirror them back, or replace u by the width - 1 - u.",
             "images of writing show",
         ),
         (
-            1,
+            [1],
             f"v of {which} seems to be counted from below",
             "Replace it by the height - 1 - v.",
             "a point near the ground shows",
         ),
+        (
+            [0, 1],
+            f"The images of {which} seem to be turned by half a turn",
+            "Turn them back, or give the camera file of the turned images.",
+            "",
+        ),
     ):
-        told = remedy + alone * f" Which camera it is, {shows}." if len(names) == 1 else whole
-        corrected = partial(with_pixels, data, names, partial(from_other_side, axes=[axis]))
-        yield Reading(claim, told, corrected, names)
+        if len(axes) == 1 or (alone and not one_of_two):
+            told = remedy + one_of_two * f" Which camera it is, {shows}."
+            whole = "Give the images, or their points, as recorded."
+            corrected = partial(with_pixels, data, names, partial(_from_other_side, axes=axes))
+            yield Reading(claim, told if alone else whole, corrected, names)
 
 
 def readings_of_points(data: Given, groups: Sequence[Group]) -> Iterator[Reading[Given]]:
@@ -288,7 +296,7 @@ def orders_of_words(frames: IntArray) -> Iterator[list[int]]:
                 yield frames[places].tolist()
 
 
-def from_other_side(points: FloatArray, camera: Camera, axes: Sequence[int]) -> FloatArray:
+def _from_other_side(points: FloatArray, camera: Camera, axes: Sequence[int]) -> FloatArray:
     """Points (n, 2) of an image with u (axis 0), v (1) or both counted from the other side."""
     points = points.copy()
     points[:, axes] = np.array(camera.image_size)[axes] - 1 - points[:, axes]

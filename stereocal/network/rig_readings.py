@@ -1,4 +1,4 @@
-"""Readings that only a rig has: a camera that is turned by half a turn, or that moved."""
+"""Readings that only a rig has: a camera that moved."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -6,8 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from stereocal.calibration.corrections import with_pixels
-from stereocal.calibration.readings import Reading, from_other_side
+from stereocal.calibration.readings import Reading
 from stereocal.calibration.wrong_inputs import essential_fit
 from stereocal.network.pairs import shared_bars
 from stereocal.rig.dataset import Dataset
@@ -15,17 +14,6 @@ from stereocal.rig.recording import CameraPair, Recording
 
 FEWEST_OF_PART, CUTS = 10, 8
 """Frames before a camera moved and after it, and cuts that are tried at first."""
-
-
-def turned_readings(recording: Recording, about: Sequence[str]) -> Iterator[Reading[Recording]]:
-    """A camera upside down: of two, lenses alone tell it, and other cameras show it too."""
-    for name in about:
-        yield Reading(
-            f"The images of camera {name} seem to be turned by half a turn",
-            "Turn them back, or give the camera file of the turned images.",
-            partial(with_pixels, recording, (name,), partial(from_other_side, axes=[0, 1])),
-            (name,),
-        )
 
 
 def readings_of_movement(

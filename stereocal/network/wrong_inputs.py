@@ -41,13 +41,14 @@ from stereocal.network.pairs import (
     reached,
     shared_bars,
 )
-from stereocal.network.rig_readings import best_pair, readings_of_movement, turned_readings
+from stereocal.network.rig_readings import best_pair, readings_of_movement
 from stereocal.refined.best_reading import (
     CERTAIN_GAIN,
     FAR,
     HELD_LENGTHS,
     MOST_STEPS,
     Judge,
+    JudgedReading,
     Noise,
     centred_readings,
     typical_noise,
@@ -149,7 +150,6 @@ class JudgeOfRig(Judge[Recording]):
         yield from exchanged_files(part, self.about, whole.cameras)
         yield from readings_of_cameras(part, every)
         yield from readings_of_points(part, every)
-        yield from turned_readings(part, self.about)
         yield from scaled_readings(part, every)
         yield from centred_readings(part, self.groups)
         yield from readings_of_movement(whole.of_cameras(names), self.about)
@@ -157,9 +157,7 @@ class JudgeOfRig(Judge[Recording]):
             for reading in readings_of_frames(whole, name, SHIFTS, SHIFT_GAIN):
                 yield replace(reading, corrected=partial(_of_cameras, reading.corrected, names))
 
-    def worth_a_fit(
-        self, readings: Iterable[Reading[Recording]]
-    ) -> Iterator[tuple[Reading[Recording], Recording]]:
+    def fitted(self, readings: Iterable[Reading[Recording]]) -> Iterator[JudgedReading[Recording]]:
         found, px = list[tuple[Reading[Recording], Recording]](), list[float]()
         for reading in readings:
             with suppress(StereocalError):
@@ -169,13 +167,10 @@ class JudgeOfRig(Judge[Recording]):
                 px.append(_quick_px(data, reading.cameras, of_data))
                 found.append((reading, data))
         best = min([_quick_px(self.part, [*self.part.cameras], self.bars), *px])
-        for each, quick_px in zip(found, px, strict=True):
+        for (reading, data), quick_px in zip(found, px, strict=True):
             if quick_px <= WORTH_A_FIT * best < np.inf:
-                yield each
-
-    def noise(self, data: Recording, of: Reading[Recording]) -> Noise:
-        known = [pair for pair in self.nominal.pairs if not {*pair.pair} & {*of.cameras}]
-        return noise_of_rig(data, known)
+                alike = [it for it in self.nominal.pairs if not {*it.pair} & {*reading.cameras}]
+                yield JudgedReading(reading, noise_of_rig(data, alike))
 
 
 def check_inputs(fit: RigFit, pairs: Collection[PairFit]) -> list[str]:

@@ -129,23 +129,13 @@ class Judge(ABC, Generic[Given]):
         """All of them."""
 
     @abstractmethod
-    def worth_a_fit(
-        self, readings: Iterable[Reading[Given]]
-    ) -> Iterator[tuple[Reading[Given], Given]]:
-        """The readings that fit nearly, with what is to be fitted."""
-
-    @abstractmethod
-    def noise(self, data: Given, _: Reading[Given]) -> Noise:
-        """What the fit of corrected data leaves."""
+    def fitted(self, readings: Iterable[Reading[Given]]) -> Iterator[JudgedReading[Given]]:
+        """The readings that are worth a fit, with what it leaves."""
 
     def judged(self, readings: Iterable[Reading[Given]]) -> list[JudgedReading[Given]]:
         """The readings that fit, the best first: those of estimated values must leave less noise
         than others."""
-        found = [
-            JudgedReading(reading, self.noise(data, reading))
-            for reading, data in self.worth_a_fit(readings)
-        ]
-        fitting = [it for it in found if it.rank < it.noise.largest_px]
+        fitting = [it for it in self.fitted(readings) if it.rank < it.noise.largest_px]
         return sorted(fitting, key=lambda it: it.rank)
 
     def named(
@@ -234,17 +224,12 @@ class JudgeOfPair(Judge[Dataset]):
             yield from centred_readings(few, groups_of_pair(few))
             yield from scaled_readings(few, groups_of_pair(few))
 
-    def worth_a_fit(
-        self, readings: Iterable[Reading[Dataset]]
-    ) -> Iterator[tuple[Reading[Dataset], Dataset]]:
+    def fitted(self, readings: Iterable[Reading[Dataset]]) -> Iterator[JudgedReading[Dataset]]:
         for reading in readings:
             with suppress(StereocalError):
                 data = _fewer_frames(reading.corrected())  # an order is that of all frames
                 if essential_fit(data).px < FAR * fitting_px(data):
-                    yield reading, data
-
-    def noise(self, data: Dataset, _: Reading[Dataset]) -> Noise:
-        return noise_of_half(data)
+                    yield JudgedReading(reading, noise_of_half(data))
 
 
 def check_inputs(dataset: Dataset, out_of_step: bool = False) -> list[str]:

@@ -14,11 +14,11 @@ from stereocal.calibration.readings import counted_apart
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.time_offset import (
-    DRIFTING,
     LARGEST,
     MAXIMUM_SIGMA,
     STEP,
     apparent_offset,
+    drifting,
     first_value,
     fit_from,
     offset_note,
@@ -76,7 +76,7 @@ def with_offset_if_out_of_step(
 def _certain_fit(dataset: Dataset, settings: RefineSettings) -> RefinedResult | None:
     """The fit with the time offset; None if it is not certain."""
     start = first_value(dataset, float(np.round(dataset.correspondences.time_frame.mean())))
-    found = _drifting(dataset, fit_from(dataset, replace(settings, time_offset=True), *start))
+    found = drifting(dataset, fit_from(dataset, replace(settings, time_offset=True), *start))
     certain = _is_certain(found) and _fits_held_out_frames(dataset, found, settings)
     return found if certain else None
 
@@ -100,16 +100,6 @@ def _is_worth_trying(fit: RefinedResult) -> bool:
     poor = fit.sigma_px.value > POOR_PX or fit.outlying.mean() > MOST_OUTLYING
     alike = fit.design_effect > ALIKE or found.is_claimed(TRIED)
     return poor or (alike and found.most(fit.dataset.correspondences.time_frame) >= SMALLEST)
-
-
-def _drifting(dataset: Dataset, fit: RefinedResult) -> RefinedResult:
-    """The fit with a drift of the offset, if that is significant; else as it is."""
-    offset = fit.dataset.time_offset
-    assert offset is not None
-    settings = replace(fit.settings, time_drift=True)
-    found = fit_from(dataset, settings, offset, fit.pose)
-    own = found.time_offset
-    return found if abs(own.drift) > DRIFTING * own.drift_sigma else fit
 
 
 def _fits_held_out_frames(dataset: Dataset, fit: RefinedResult, settings: RefineSettings) -> bool:

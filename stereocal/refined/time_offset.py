@@ -104,9 +104,8 @@ def fit_time_offset(
         )
         return InStep(None, note)
     if measured.is_claimed(CLAIMED):
+        fit = fit if settings.time_drift else drifting(dataset, fit)
         note = offset_note(fit)
-        if not settings.time_drift and (drift := _drift(dataset, fit)):
-            note += f" {drift}"
         if abs(measured.frames) > LARGEST - STEP:
             note += " This is at the end of the range searched: check which frames belong together."
         return InStep(fit, note)
@@ -137,18 +136,13 @@ def _effect(fit: RefinedResult) -> str:
     )
 
 
-def _drift(dataset: Dataset, fit: RefinedResult) -> str:
-    """A sentence if the offset drifts."""
+def drifting(dataset: Dataset, fit: RefinedResult) -> RefinedResult:
+    """The fit with a drift of the offset, if that is significant; else as it is."""
     offset = fit.dataset.time_offset
     assert offset is not None
-    settings = replace(fit.settings, time_drift=True)
-    found = refine(usable_after(dataset, offset), settings, fit.pose).time_offset
-    if not abs(found.drift) > DRIFTING * found.drift_sigma:
-        return ""
-    return (
-        f"It drifts by about {found.drift:.1e} frames per frame: let the drift be found too (on "
-        "the command line --time-drift)."
-    )
+    found = fit_from(dataset, replace(fit.settings, time_drift=True), offset, fit.pose)
+    own = found.time_offset
+    return found if abs(own.drift) > DRIFTING * own.drift_sigma else fit
 
 
 def first_value(dataset: Dataset, reference: float) -> tuple[TimeOffset, Pose | None]:

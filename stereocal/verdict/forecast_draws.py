@@ -56,9 +56,9 @@ class ForecastFigures:
 
     def further(self, spread: Further) -> "ForecastFigures":
         """With the intervals widened to what a further recording may show."""
-        found = self._changed(lambda name, own: widened(own, spread.of(name)))
-        px = widened(self.mean_reprojection_px, spread.in_images, spread.shown_px)
-        return replace(found, mean_reprojection_px=px)
+        return self._changed(
+            lambda name, own: widened(own, spread.of(name), spread.shown.get(name))
+        )
 
     def raised(self, in_images: float, in_length: float) -> "ForecastFigures":
         """With the upper ends of the intervals multiplied by these factors; shares by the first."""

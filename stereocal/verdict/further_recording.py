@@ -12,8 +12,9 @@ Of boards taken one by one, each is a run: its corners share its errors (focus, 
 few boards have few of these. A further recording of half as many boards differs by what their
 number makes, which boards drawn with replacement show.
 
-Such errors count for more than noise in the forecast, where lenses and pose may follow them, as of
-few places or boards: the recording at hand shows less. A further one may show as little.
+The recording at hand may show other figures than the forecast: less error, where lenses and pose
+follow the errors of few places or boards, more wrong pairs among the corners of a board. A further
+one may show as much.
 """
 
 import math
@@ -23,7 +24,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.special import expit, stdtrit
 
 from stereocal.calibration.methods import METHOD_NAMES, Method, errors_of
 from stereocal.errors import StereocalError
@@ -72,8 +73,8 @@ class Further:
     """Of the FCP and of shares of pairs: of their logarithm where they are small."""
     of_lengths: Mapping[str, float] = field(default_factory=dict)
     """By figure."""
-    shown_px: float = math.inf
-    """The mean reprojection error of the recording at hand, which was fitted."""
+    shown: Mapping[str, float] = field(default_factory=dict)
+    """Figures of the recording at hand, which was fitted."""
 
     def of(self, figure: str) -> float:
         """That of a figure of a forecast. Thresholds follow the errors in the images."""
@@ -111,8 +112,14 @@ def further_recordings(
             name: half_width(errors.length[bars], own, length, rng)
             for name, own in OF_LENGTHS.items()
         }
-        found[method] = Further(in_images, of_pairs, of_lengths, float(px.mean()))
+        found[method] = Further(in_images, of_pairs, of_lengths, _shown(seen, rig, px, used))
     return found
+
+
+def _shown(seen: Dataset, rig: Rig, px: FloatArray, used: IntArray) -> dict[str, float]:
+    """Figures of a recording, from the errors of its frames (f,) and its rows."""
+    fcp = float(expit(_log_odds_of_fcp(seen, rig.pose, used)))
+    return {IN_IMAGES: float(px.mean()), "fcp_reprojection": fcp}
 
 
 def sentence_on_runs(model: RefinedResult) -> str:
@@ -160,9 +167,9 @@ def _further_boards(
             name: _half_width_of_boards(np.array([figure(own) for own in samples]), len(known))
             for name, figure in OF_LENGTHS.items()
         }
-        of_pairs = _half_width_of_boards_fcp(seen, rig.pose, np.flatnonzero(used), at)
-        of_pairs = max(of_pairs, in_images)
-        found[method] = Further(in_images, of_pairs, of_lengths, float(px.mean()))
+        rows = np.flatnonzero(used)
+        of_pairs = max(_half_width_of_boards_fcp(seen, rig.pose, rows, at), in_images)
+        found[method] = Further(in_images, of_pairs, of_lengths, _shown(seen, rig, px, rows))
     return found
 
 
@@ -270,17 +277,20 @@ def _half_width(frames: int, length: int, spread: Callable[[int], tuple[float, f
     return min(float(np.sqrt(squares + 1.96**2 * of_frames * recordings)), LARGEST)
 
 
-def widened(estimate: Estimate, half: float, shown: float = math.inf) -> Estimate:
+def widened(estimate: Estimate, half: float, shown: float | None = None) -> Estimate:
     """An interval with a further half width in logarithms, added in quadrature on either side, and
-    down to that below what was `shown`."""
+    at least that about what was `shown`."""
     if not half or not estimate.value > 0:
         return estimate
-    value = estimate.value
+    value, seen = estimate.value, shown or estimate.value
     down = math.log(value / estimate.low) if estimate.low > 0 else math.inf
     return replace(
         estimate,
-        low=min(value * math.exp(-math.hypot(down, half)), shown * math.exp(-half)),
-        high=value * math.exp(math.hypot(math.log(estimate.high / value), half)),
+        low=min(value * math.exp(-math.hypot(down, half)), seen * math.exp(-half)),
+        high=max(
+            value * math.exp(math.hypot(math.log(estimate.high / value), half)),
+            seen * math.exp(half),
+        ),
     )
 
 

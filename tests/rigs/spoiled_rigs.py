@@ -14,6 +14,8 @@ from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.simulation.rigs import NOISE_PX, SimulatedRig
 from stereocal.simulation.simulate import lens_off_by
+from tests.rigs.mistakes import flipped, scaled
+from tests.rigs.pair_mistakes import from_the_right, upside_down
 
 SIZE = (1280, 1024)
 LENS_ERRORS = 0.003, 5.0
@@ -167,37 +169,46 @@ def _two(recording: Recording, rng: np.random.Generator) -> tuple[str, str]:
 
 
 def with_points(
-    recording: Recording, number: int, change: Callable[[FloatArray], FloatArray]
+    recording: Recording, number: int, change: Callable[[FloatArray, Camera], FloatArray]
 ) -> Recording:
     """The recording with the points of one camera changed."""
     points, own = recording.points.copy(), recording.camera == number
-    points[own] = change(points[own])
+    points[own] = change(points[own], [*recording.cameras.values()][number])
     return replace(recording, points=points)
+
+
+def of_one(change: Callable[[FloatArray, Camera], FloatArray]) -> Change:
+    """The points of one camera changed."""
+    return lambda recording, rng: with_points(recording, _one(recording, rng), change)
+
+
+def of_all(change: Callable[[FloatArray, Camera], FloatArray]) -> Change:
+    camera = Camera(np.eye(3), np.zeros(0), SIZE)
+    return lambda recording, _: replace(recording, points=change(recording.points, camera))
+
+
+def of_file(change: Callable[[Camera], Camera]) -> Change:
+    """The file of one camera changed."""
+
+    def changed(recording: Recording, rng: np.random.Generator) -> Recording:
+        name = list(recording.cameras)[_one(recording, rng)]
+        return with_lens(recording, **{name: change(recording.cameras[name])})
+
+    return changed
 
 
 def with_lens(recording: Recording, **lenses: Camera) -> Recording:
     return replace(recording, cameras={**recording.cameras, **lenses})
 
 
-def of_one(change: Callable[[FloatArray], FloatArray]) -> Change:
-    """The points of one camera changed."""
-    return lambda recording, rng: with_points(recording, _one(recording, rng), change)
+def from_below(points: FloatArray, camera: Camera) -> FloatArray:
+    """v counted from below."""
+    return np.column_stack([points[:, 0], camera.image_size[1] - 1 - points[:, 1]])
 
 
-def of_all(change: Callable[[FloatArray], FloatArray]) -> Change:
-    return lambda recording, _: replace(recording, points=change(recording.points))
-
-
-def mirrored(points: FloatArray) -> FloatArray:
-    return np.column_stack([SIZE[0] - 1 - points[:, 0], points[:, 1]])
-
-
-def from_below(points: FloatArray) -> FloatArray:
-    return np.column_stack([points[:, 0], SIZE[1] - 1 - points[:, 1]])
-
-
-def upside_down(points: FloatArray) -> FloatArray:
-    return np.array(SIZE) - 1.0 - points
+def smaller(factor: float) -> Callable[[FloatArray, Camera], FloatArray]:
+    """Points of images of another size."""
+    return lambda points, _: factor * points
 
 
 def files_exchanged(recording: Recording, rng: np.random.Generator) -> Recording:
@@ -232,47 +243,39 @@ def points_twice(recording: Recording, rng: np.random.Generator) -> Recording:
     )
 
 
-def K_of_half(recording: Recording, rng: np.random.Generator) -> Recording:
-    """K of one camera is that of images half as large."""
-    name = list(recording.cameras)[_one(recording, rng)]
-    camera = recording.cameras[name]
-    K = camera.K.copy()
-    K[:2] *= 0.5
-    return with_lens(recording, **{name: replace(camera, K=K)})
-
-
 def cropped(recording: Recording, rng: np.random.Generator) -> Recording:
     """An eighth of the columns and rows of one camera was cut off on the left and above."""
     number = _one(recording, rng)
     cut = np.array(SIZE) / 8
     own = recording.camera == number
     kept = recording.where(np.asarray(~own | (recording.points > cut).all(axis=1)))
-    return with_points(kept, number, lambda points: points - cut)
+    return with_points(kept, number, lambda points, _: points - cut)
 
 
-def shifted_frames(recording: Recording, rng: np.random.Generator) -> Recording:
-    """The frames of one camera are counted one later."""
-    return replace(recording, frame=recording.frame + (recording.camera == _one(recording, rng)))
+def reordered(order: Callable[[list[int], np.random.Generator], list[int]]) -> Change:
+    """The frames of one camera in another order."""
+
+    def changed(recording: Recording, rng: np.random.Generator) -> Recording:
+        own, frame = recording.camera == _one(recording, rng), recording.frame.copy()
+        frames = np.unique(frame).tolist()
+        other = dict(zip(frames, order(frames, rng), strict=True))
+        frame[own] = [other[each] for each in frame[own].tolist()]
+        return replace(recording, frame=frame)
+
+    return changed
 
 
-def in_no_order(recording: Recording, rng: np.random.Generator) -> Recording:
-    """The frames of one camera in no order."""
-    own = recording.camera == _one(recording, rng)
-    frames = np.unique(recording.frame[own])
-    other = dict(zip(frames.tolist(), rng.permutation(frames).tolist(), strict=True))
-    frame = recording.frame.copy()
-    frame[own] = [other[each] for each in frame[own].tolist()]
-    return replace(recording, frame=frame)
+def one_later(frames: list[int], _: np.random.Generator) -> list[int]:
+    return [frame + 1 for frame in frames]
 
 
-def by_words(recording: Recording, rng: np.random.Generator) -> Recording:
-    """The frames of one camera in the order of words."""
-    own = recording.camera == _one(recording, rng)
-    frames = np.unique(recording.frame).tolist()
-    other = dict(zip(sorted(frames, key=str), frames, strict=True))
-    frame = recording.frame.copy()
-    frame[own] = [other[each] for each in frame[own].tolist()]
-    return replace(recording, frame=frame)
+def as_words(frames: list[int], _: np.random.Generator) -> list[int]:
+    """Counted by their places among 1, 10, 11, ... 2."""
+    return [frames[sorted(frames, key=str).index(frame)] for frame in frames]
+
+
+def in_no_order(frames: list[int], rng: np.random.Generator) -> list[int]:
+    return list(rng.permutation(frames).tolist())
 
 
 def ends_exchanged(recording: Recording, rng: np.random.Generator) -> Recording:
@@ -280,17 +283,6 @@ def ends_exchanged(recording: Recording, rng: np.random.Generator) -> Recording:
     target, own = recording.target.copy(), recording.camera == _one(recording, rng)
     target[own] = len(recording.object.names) - 1 - target[own]
     return replace(recording, target=target)
-
-
-def negative_distortion(recording: Recording, rng: np.random.Generator) -> Recording:
-    name = list(recording.cameras)[_one(recording, rng)]
-    camera = recording.cameras[name]
-    return with_lens(recording, **{name: replace(camera, distortion=-camera.distortion)})
-
-
-def another_zoom(recording: Recording, rng: np.random.Generator) -> Recording:
-    name = list(recording.cameras)[_one(recording, rng)]
-    return with_lens(recording, **{name: lens_off_by(recording.cameras[name], 0.3, (0.0, 0.0))})
 
 
 def object_times(factor: float) -> Change:
@@ -330,21 +322,23 @@ MISTAKES: Mapping[str, Callable[[str, int], Recording]] = {
     "points exchanged": partial(changed, points_exchanged),
     "one file for all": partial(changed, one_file_for_all),
     "points twice": partial(changed, points_twice),
-    "one mirrored": partial(changed, of_one(mirrored)),
+    "one mirrored": partial(changed, of_one(from_the_right)),
     "one from below": partial(changed, of_one(from_below)),
     "one upside down": partial(changed, of_one(upside_down)),
-    "one half size": partial(changed, of_one(lambda points: 0.5 * points)),
-    "all at 75 %": partial(changed, of_all(lambda points: 0.75 * points)),
-    "all mirrored": partial(changed, of_all(mirrored)),
+    "one half size": partial(changed, of_one(smaller(0.5))),
+    "all at 75 %": partial(changed, of_all(smaller(0.75))),
+    "all mirrored": partial(changed, of_all(from_the_right)),
     "all from below": partial(changed, of_all(from_below)),
-    "K of half size": partial(changed, K_of_half),
+    "K of half size": partial(changed, of_file(partial(scaled, factor=0.5))),
     "a crop": partial(changed, cropped),
-    "another zoom": partial(changed, another_zoom),
-    "negative distortion": partial(changed, negative_distortion),
+    "another zoom": partial(changed, of_file(lambda own: lens_off_by(own, 0.3, (0.0, 0.0)))),
+    "negative distortion": partial(changed, of_file(flipped)),
     "ends exchanged": partial(changed, ends_exchanged),
-    "frames shifted by one": partial(changed, shifted_frames),
-    "frames as words": partial(changed, by_words),
-    "frames in no order": partial(changed, in_no_order),
+    "frames shifted by one": partial(
+        changed, reordered(lambda frames, _: [it + 1 for it in frames])
+    ),
+    "frames as words": partial(changed, reordered(as_words)),
+    "frames in no order": partial(changed, reordered(in_no_order)),
     "object in cm": partial(changed, object_times(100.0)),
     "object in mm": partial(changed, object_times(1000.0)),
     "object in cm, baseline": lambda kind, number: object_times(100.0)(

@@ -145,4 +145,5 @@ def test_intervals_of_few_boards_hold_what_these_show() -> None:
     found = forecast_files(calibrate(pair.recording.pair("primary", "secondary"))).draws
     for method, further in found.further.items():
         said = found.figures[method].mean_reprojection_px
-        assert said.low <= 1.0001 * further.shown_px * np.exp(-further.in_images)
+        shown = further.shown["mean_reprojection_px"]
+        assert said.low <= 1.0001 * shown * np.exp(-further.in_images)
