@@ -65,12 +65,12 @@ def calibrate_essential(
             "The points do not determine the pose of the cameras: they are too close together or "
             "in a degenerate arrangement. Move the bar through the whole view and the depth."
         )
-    found, rows = [], _residual_coefficients(rays)
+    found, coefficients = [], _residual_coefficients(rays)
     for E in candidates:
         R, t, in_front = choose_pose(E, rays)
         if in_front:
             pose = Pose(R, t)
-            found.append((in_front, _sum_of_squares(pose, rows), pose))
+            found.append((in_front, _sum_of_squares(pose, coefficients), pose))
     if not found:
         raise StereocalError(
             "No pose of the cameras has the points in front of both. Check that the points of "
@@ -82,7 +82,7 @@ def calibrate_essential(
     if solver == "constrained":
         angles, more, converged = constrain(np.array(pose.angles), rays)
         pose = Pose.from_angles(Angles(*angles.tolist()), 1.0)
-        cost = _sum_of_squares(pose, rows)
+        cost = _sum_of_squares(pose, coefficients)
         evaluations += more
         stop_reason = "converged" if converged else "the largest number of evaluations was reached"
     pose = Pose(pose.R, baseline * pose.T)
@@ -149,8 +149,8 @@ def linear_essential(rays: FloatArray) -> FloatArray:
     NaN if the points do not determine it.
     """
     normalised, middle, scale = np.empty(rays.shape), np.zeros(4), np.empty(4)
-    normalise(rays, normalised, middle, scale)
-    r, E = triangle(coefficients(normalised)), np.full((3, 3), np.nan)
+    _normalise(rays, normalised, middle, scale)
+    r, E = triangle(_coefficients(normalised)), np.full((3, 3), np.nan)
     if not is_finite(r):
         return E
     _, singular, vt = np.linalg.svd(r)
@@ -176,7 +176,7 @@ def linear_essential(rays: FloatArray) -> FloatArray:
 
 
 @internal
-def normalise(
+def _normalise(
     rays: FloatArray, normalised: FloatArray, middle: FloatArray, scale: FloatArray
 ) -> None:
     """Write `scale * (rays - middle)`: mean 0, and mean square 1 along each axis of a camera."""
@@ -244,7 +244,7 @@ def constrain(start: FloatArray, rays: FloatArray) -> tuple[FloatArray, int, boo
     Returns:
         The angles (5,), the number of evaluations, and whether the minimisation converged.
     """
-    r = triangle(coefficients(rays))
+    r = triangle(_coefficients(rays))
     angles, trial, step = start.copy(), start.copy(), np.empty(5)
     errors, tried, J, A = np.empty(9), np.empty(9), np.empty((5, 9)), np.empty((5, 5))
     cost, damping, evaluations = _fill_errors(r, angles, errors), 1e-4, 1
@@ -311,7 +311,7 @@ def _fill_errors(r: FloatArray, angles: FloatArray, errors: FloatArray) -> float
 
 
 @internal
-def coefficients(rays: FloatArray) -> FloatArray:
+def _coefficients(rays: FloatArray) -> FloatArray:
     """As `_residual_coefficients`, in compiled code."""
     coefficients = np.empty((9, rays.shape[1]))
     for k in range(rays.shape[1]):

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from stereocal.calibration.essential import coefficients, normalise
 from stereocal.rig.compiled import FloatArray, IntArray, compiled, internal
 from stereocal.rig.decompositions import backward, factor, forward
 
@@ -64,11 +63,11 @@ def common_points(
     """Of the points that both see at an offset, some at places that differ, spread over the time:
     their index of the frame and of the target in the primary, and the cells of the grid of both,
     (n, 4); and their rays (4, n)."""
-    marks, pairs = np.empty((most, 4), dtype=np.int64), np.empty((4, most))
+    marks, pairs = np.empty((most, 4), dtype=np.int64), np.empty((most, 4))
     used = np.zeros((2, CELLS * CELLS), dtype=np.int64)
     tracks = primary.rays, secondary.rays, primary.cells, secondary.cells
     n = _choose(*tracks, offset + secondary.first - primary.first, used, marks, pairs)
-    return marks[:n], np.ascontiguousarray(pairs[:, :n])
+    return marks[:n], np.ascontiguousarray(pairs[:n].T)
 
 
 @compiled
@@ -81,13 +80,13 @@ def _scan(
     found: FloatArray,
 ) -> None:
     used = np.zeros((2, CELLS * CELLS), dtype=np.int64)
-    marks, pairs = np.empty((MOST, 4), dtype=np.int64), np.empty((4, MOST))
+    marks, pairs = np.empty((MOST, 4), dtype=np.int64), np.empty((MOST, 4))
     for k in range(len(offsets)):
         n = _choose(
             primary, secondary, primary_cells, secondary_cells, offsets[k], used, marks, pairs
         )
         if n >= FEWEST:
-            found[k] = _misfit(pairs[:, :n])
+            found[k] = _misfit(pairs[:n])
 
 
 @compiled
@@ -117,10 +116,10 @@ def _choose(
         used[1, other] += 1
         marks[n, 0], marks[n, 1], marks[n, 2], marks[n, 3] = frame, target, one, other
         for i in range(2):
-            pairs[i, n] = primary[frame, target, i]
-            pairs[2 + i, n] = secondary[frame - offset, target, i]
+            pairs[n, i] = primary[frame, target, i]
+            pairs[n, 2 + i] = secondary[frame - offset, target, i]
         n += 1
-        if n == len(marks):
+        if n == len(pairs):
             break
     for k in range(n):
         used[0, marks[k, 2]] = 0
@@ -142,12 +141,11 @@ def _coprime(items: int) -> int:
 
 
 @internal
-def _misfit(rays: FloatArray) -> float:
-    """The median distance from the epipolar lines of a robust fundamental matrix of rays (4, n)."""
-    n = rays.shape[1]
-    normalised, middle, scale = np.empty(rays.shape), np.zeros(4), np.empty(4)
-    normalise(rays, normalised, middle, scale)
-    rows = coefficients(normalised).T.copy()
+def _misfit(pairs: FloatArray) -> float:
+    """The median distance from the epipolar lines of a robust fundamental matrix."""
+    n = len(pairs)
+    middle, scale, rows = np.zeros(4), np.zeros(2), np.empty((n, 9))
+    _normalise(pairs, middle, scale, rows)
     weights, distances = np.ones(n), np.empty(n)
     f, A = np.ones(9), np.empty((9, 9))
     median = np.nan
@@ -168,26 +166,49 @@ def _misfit(rays: FloatArray) -> float:
 
 
 @internal
+def _normalise(pairs: FloatArray, middle: FloatArray, scale: FloatArray, rows: FloatArray) -> None:
+    """Write the middles, the mean distances from them, and the coefficients of a matrix of the
+    normalised points."""
+    n = len(pairs)
+    for i in range(4):
+        for k in range(n):
+            middle[i] += pairs[k, i] / n
+    for k in range(n):
+        for i in range(2):
+            dx, dy = pairs[k, 2 * i] - middle[2 * i], pairs[k, 2 * i + 1] - middle[2 * i + 1]
+            scale[i] += np.sqrt(dx * dx + dy * dy) / n
+    for k in range(n):
+        x, y = (pairs[k, 0] - middle[0]) / scale[0], (pairs[k, 1] - middle[1]) / scale[0]
+        u, v = (pairs[k, 2] - middle[2]) / scale[1], (pairs[k, 3] - middle[3]) / scale[1]
+        row = rows[k]
+        row[0], row[1], row[2] = u * x, u * y, u
+        row[3], row[4], row[5] = v * x, v * y, v
+        row[6], row[7], row[8] = x, y, 1.0
+
+
+@internal
 def _fill_normal(rows: FloatArray, weights: FloatArray, A: FloatArray) -> None:
     """Write the lower half of the weighted sum of the rows' products, and a little of the unit
     matrix: an exact fit has no Cholesky factor."""
     A[:] = 0.0
+    trace = 0.0
     for k in range(len(rows)):
         for i in range(9):
+            w = weights[k] * rows[k, i]
+            trace += w * rows[k, i]
             for j in range(i + 1):
-                A[i, j] += weights[k] * rows[k, i] * rows[k, j]
-    least = 1e-14 * np.trace(A)
+                A[i, j] += w * rows[k, j]
     for i in range(9):
-        A[i, i] += least
+        A[i, i] += 1e-14 * trace
 
 
 @internal
 def _distance(row: FloatArray, scale: FloatArray, f: FloatArray) -> float:
     """Sampson's distance, on the planes z = 1."""
     x, y, u, v = row[6], row[7], row[2], row[5]
-    a, b = (f[0] * x + f[1] * y + f[2]) * scale[2], (f[3] * x + f[4] * y + f[5]) * scale[3]
-    c, d = (f[0] * u + f[3] * v + f[6]) * scale[0], (f[1] * u + f[4] * v + f[7]) * scale[1]
+    a, b = (f[0] * x + f[1] * y + f[2]) / scale[1], (f[3] * x + f[4] * y + f[5]) / scale[1]
+    c, d = (f[0] * u + f[3] * v + f[6]) / scale[0], (f[1] * u + f[4] * v + f[7]) / scale[0]
     residual = 0.0
     for i in range(9):
-        residual += row[i] * f[i]
+        residual += f[i] * row[i]
     return float(abs(residual) / np.sqrt(a * a + b * b + c * c + d * d + 1e-300))
