@@ -12,12 +12,14 @@ from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_datas
 from stereocal.formats.recording_files import parse_recording, read_points_csv
 from stereocal.matching.point_table import PointTable, is_parquet
 from stereocal.network.rig_file import RigFile
+from stereocal.network.started_by_hand import bring_into_step
 from stereocal.rig.camera import LensModel
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.system.photograph_files import is_photograph
+from stereocal.system.tables import names_of, text_of
 from stereocal.system.zip_files import open_zip, unzip
 
 MANIFEST = "project.json"
@@ -72,7 +74,12 @@ def recording_in(content: bytes, label: str, rig: RigFile) -> Recording:
             f"{label}: the rig's file does not say which object it was calibrated with. Give a "
             "data set with dataset.json."
         )
-    return replace(read_points_csv(content, rig.cameras, rig.object, label), name=label)
+    own = "frame" not in names_of(text_of(content, label), label)[0]
+    found = read_points_csv(content, rig.cameras, rig.object, label, own_frames=own)
+    if own:
+        brought = bring_into_step(found)
+        found = replace(brought.recording, step_notes=tuple(brought.answer))
+    return replace(found, name=label)
 
 
 def images_in_table(path: Path, label: str, rig: RigParameters) -> NewImages:

@@ -2,13 +2,17 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from stereocal.cli import main
-from stereocal.formats.dataset_files import read_dataset, read_recording
+from stereocal.formats.dataset_files import read_as_counted, read_dataset, read_recording
+from stereocal.formats.inputs import recording_in
+from stereocal.network.rig_file import RigFile
 from stereocal.rig.dataset import Dataset
 from tests.files import write
 
@@ -48,6 +52,13 @@ def test_cameras_that_count_their_own_frames_are_brought_into_step_unasked(by_ha
     assert any("one frame off" in note for note in found.step_notes)
     pair: Dataset = read_dataset(by_hand)
     assert (pair.start_frame, pair.step_notes) == (41, found.step_notes)
+
+
+def test_a_table_to_check_a_rig_with_is_brought_into_step(by_hand: Path) -> None:
+    known = read_as_counted(by_hand)
+    rig = cast(RigFile, SimpleNamespace(object=known.object, cameras=known.cameras))
+    found = recording_in((by_hand / "points.csv").read_bytes(), "points.csv", rig)
+    assert found.start_frames == {"1": 0, "2": 41}
 
 
 def test_a_pair_needs_no_third_camera(by_hand: Path, tmp_path: Path) -> None:
