@@ -109,7 +109,7 @@ class _Followed:
         """The targets, each in the order that is nearest to the photograph before."""
         seen = [name for name in counts if np.isfinite(points.get(name, np.nan)).any()]
         names = sorted(seen, key=counts.__getitem__)
-        every = np.array([points[name] for name in names]).reshape(len(names), -1, 2)
+        every = np.array([points[name] for name in names]).reshape(-1, len(orders[0]), 2)
         chosen = np.tile(orders[0], (len(names), 1))
         for k in range(1, len(names)):
             away = every[k, np.array(orders)] - every[k - 1, chosen[k - 1]]

@@ -46,7 +46,7 @@ def _open(of: int, heard: float | None = None) -> Pairing:
 
 def test_ends_that_look_alike_are_followed_and_told_apart() -> None:
     """A and B are exchanged from photographs to photographs, as reading order does."""
-    seen = _seen(Bar(5).ends_m, 150, 40.4 / 15)
+    seen = _seen(Bar(8, 15.0).ends_m, 150, 40.4 / 15)
     rng = np.random.default_rng(2)
     turned = {name for name in seen if rng.random() < 0.5}
     mixed = {name: own[::-1] if name in turned else own for name, own in seen.items()}
@@ -57,11 +57,14 @@ def test_ends_that_look_alike_are_followed_and_told_apart() -> None:
     assert found.motion.later + found.motion.late == pytest.approx(40.4, abs=0.02)
     assert found.motion.exchanged in (turned, {*seen} - turned)
     assert {pair.frame: pair.secondary for pair in found.pairs}[60] == "right/20"
+    of_one = {name: own for name, own in seen.items() if name.startswith("left")}
+    with pytest.raises(StereocalError, match="saw no points"):
+        paired_by_motion(_open(150), of_one, *about)
 
 
 def test_boards_that_look_alike_when_turned() -> None:
     pattern = BoardPattern(6, 4, 0.08)
-    board, bar = RigidObject.of_board(pattern), Bar(6)
+    board, bar = RigidObject.of_board(pattern), Bar(6, 15.0)
 
     def points_m(at_s: float) -> FloatArray:
         first, last = bar.ends_m(at_s)
@@ -79,18 +82,18 @@ def test_boards_that_look_alike_when_turned() -> None:
 
 
 def test_sound_decides_between_offsets_that_fit_and_none_other() -> None:
-    """The motion repeats itself every 4 s."""
-    bar = Bar(7)
-    seen = _seen(lambda at_s: bar.ends_m(at_s % 4.0), 180, 50 / 15)
+    """The motion repeats itself every 2.4 s."""
+    bar = Bar(7, 15.0)
+    seen = _seen(lambda at_s: bar.ends_m(at_s % 2.4), 120, 30 / 15)
     about = (CAMERA, CAMERA), RigidObject.bar(1.0), [np.arange(2)]
     with pytest.raises(StereocalError, match="two offsets fit nearly as well"):
-        paired_by_motion(_open(180), seen, *about)
-    found = paired_by_motion(_open(180, heard=50.3), seen, *about)
-    assert found.motion is not None and found.motion.later == 50
+        paired_by_motion(_open(120), seen, *about)
+    found = paired_by_motion(_open(120, heard=30.3), seen, *about)
+    assert found.motion is not None and found.motion.later == 30
     assert "sound" in found.sentence
-    once = _seen(bar.ends_m, 180, 50 / 15)
-    contradicted = paired_by_motion(_open(180, heard=-20.0), once, *about)
-    assert contradicted.motion is not None and contradicted.motion.later == 50
+    once = _seen(bar.ends_m, 120, 30 / 15)
+    contradicted = paired_by_motion(_open(120, heard=-20.0), once, *about)
+    assert contradicted.motion is not None and contradicted.motion.later == 30
     assert "contradict" in contradicted.sentence
 
 

@@ -6,9 +6,10 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from tests.files import zipped
-from tests.pages.stored_projects import dashboard, drop, ended, go, project_of, told
+from tests.pages.stored_projects import dashboard, drop, ended, go, project_of, session, told
 from tools.photographs.started_by_hand import START_S, write_sample
 
 
@@ -32,18 +33,20 @@ def test_videos_of_cameras_started_by_hand(home: Path, tmp_path: Path) -> None:
     pytest.importorskip("av")
     given = tmp_path / "given"
     write_sample(given)
-    app = go(dashboard("data"), "data")
+    project = Project.create(home)
+    project.keep_settings({"held": "balls", "held_balls": "red,yellow"})
+    app = go(session(project), "data")
     app.toggle(key="video_by_hand").set_value(True).run()
     drop(app, {path.name: path.read_bytes() for path in given.glob("[!d]*")})
-    ended(project_of(app, home), "video")
+    ended(project, "video")
     app.run()
     assert "Until then, the first with the first" in told(app)
     app.button(key="find_targets").click().run()
-    ended(project_of(app, home), "photographs")
+    ended(project, "photographs")
     app.run()
     assert not app.exception
     assert "by the motion" in told(app) and "The sound says the same" in told(app)
-    frames = ProjectPhotographs(project_of(app, home)).frames or []
+    frames = ProjectPhotographs(project).frames or []
     first, second = (int(name.split("/")[1][:6]) for name in frames[5].files)
     assert abs((first - second) / 15 - START_S) < 1 / 30
     assert sum(frame.use for frame in frames) > 60
