@@ -9,14 +9,13 @@ import streamlit as st
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.all_cameras import show_files, show_recording
-from stereocal.ui.data_read import show_what_was_read
+from stereocal.ui.data_read import show_in_step, show_what_was_read
 from stereocal.ui.door import data_door
 from stereocal.ui.holding import holds_board
 from stereocal.ui.lengths import ask_lengths
 from stereocal.ui.messages import end_here
 from stereocal.ui.photographs import has_photographs, show_photographs
 from stereocal.ui.project import current_project, forget_project
-from stereocal.ui.started_by_hand import show_in_step
 from stereocal.ui.texts import PAIR, escape_markdown
 
 project = current_project()

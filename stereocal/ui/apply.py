@@ -1,6 +1,7 @@
 """The Apply page: choice of points, parameters and threshold, and the computation."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
 from stereocal.ui.answer import set_in_use
 from stereocal.ui.apply_points import FEWEST, PointsForm
@@ -33,9 +35,10 @@ from stereocal.ui.apply_threshold import (
 )
 from stereocal.ui.clicks import show_clicks
 from stereocal.ui.fields import setting
-from stereocal.ui.messages import ErrorsShown, callback, readable, show_refusal
+from stereocal.ui.messages import ErrorsShown, callback, readable, show_refusal, show_stale
 from stereocal.ui.parameter_files import APPLY_SETS, PURPOSES, Source, upload_set
 from stereocal.ui.texts import escape_markdown
+from stereocal.ui.warm_up import WARM_UP
 from stereocal.ui.world import choose_world
 from stereocal.verdict.in_words import listed
 
@@ -208,8 +211,15 @@ def update_application(project: Project, store: ProjectApplication, work: Applic
     result = readable(lambda: store.result, told=False)  # if damaged, it is computed again
     current = result is not None and result[0].digest == work.digest
     job = jobs.PageWork(project, "apply", STAGES, run)
-    label = f"Match and measure ({listed([f'{rows:,}' for rows in work.rows])} points)"
-    short, doing = work.expected_seconds <= INSTANT_S, "Matching and measuring."
-    last = "Cancelled. What is shown is the last finished result."
     stale = "" if result is None or current else result[0].changed_since(work)
-    jobs.bring_up_to_date(job, current, short, doing, label, "apply_run", last, stale)
+    if not current and work.expected_seconds <= INSTANT_S:
+        with ErrorsShown(), st.spinner("Matching and measuring."), suppress(StoppedError):
+            WARM_UP.over.wait()
+            run(jobs.Job(job, jobs.pool()))
+            stale = ""
+    show_stale(stale)
+    if not current and work.expected_seconds > INSTANT_S and not jobs.is_running(project, "apply"):
+        label = f"Match and measure ({listed([f'{rows:,}' for rows in work.rows])} points)"
+        jobs.start_button(job, label, "apply_run")
+    last = "Cancelled. What is shown is the last finished result."
+    jobs.show_job(project, "apply", last)

@@ -18,9 +18,9 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.ui import jobs
-from stereocal.ui.contact_sheet import badge, on_a_sheet
 from stereocal.ui.holding import ask_if_bar, board_form, first_pairs, settle
 from stereocal.ui.messages import ErrorsShown, readable, show_stale
+from stereocal.ui.review import badge, on_a_sheet
 from stereocal.ui.texts import escape_markdown
 
 OF_BOARDS = "lens from the boards"

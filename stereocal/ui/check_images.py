@@ -24,9 +24,9 @@ from stereocal.system.zip_files import pack_zip
 from stereocal.ui.all_cameras import ask_held, moment_search
 from stereocal.ui.boards import press_search
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
-from stereocal.ui.drop_zone import drop_zone
 from stereocal.ui.fields import Number, one_of, setting
 from stereocal.ui.holding import holds_board
+from stereocal.ui.intake import drop_zone
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken, take_videos, video_settings

@@ -203,15 +203,16 @@ class _Panel:
         """What the point of the track measures in this frame, or would, or what to click next."""
         place = Place(self.track, self.frame)
         seen = [c for c in self.cameras if (self.frame, c, self.track) in self.clicks.every]
-        if trial is None or place not in trial.rows:
+        found = measured if len(seen) >= FEWEST else trial
+        if found is None or place not in found.rows:
             st.info(escape_markdown(_next_click(self.track, seen, self.cameras)))
         else:
             show, proposed = st.success, ""
             if len(seen) < FEWEST:
                 show, proposed = st.info, "proposed: "
-            elif self.track in trial.beyond(self.frame):
+            elif self.track in found.beyond(self.frame):
                 show = st.warning
-            words = escape_markdown(f"{proposed}{trial.sentence(place)}")
+            words = escape_markdown(f"{proposed}{found.sentence(place)}")
             show(f"**{escape_markdown(self.track)}**, {words}")
         if trial is None:
             return

@@ -1,20 +1,25 @@
-"""What was read of two cameras, at the end of the Data page."""
+"""What was read, at the end of the Data page, and how cameras started by hand were brought into
+step."""
 
 from functools import partial
 
 import streamlit as st
 
 from stereocal.figures.coverage import describe_coverage, plot_coverage
+from stereocal.figures.started_by_hand import describe_offsets, plot_offsets
 from stereocal.figures.tables import contents_table
+from stereocal.network.started_by_hand import bring_into_step
 from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
+from stereocal.rig.recording import Recording
 from stereocal.system.numbers import count
-from stereocal.ui.figure import show_figure
+from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.lengths import show_rig
-from stereocal.ui.messages import ErrorsShown, end_here
+from stereocal.ui.messages import ErrorsShown, end_here, readable
 from stereocal.ui.photographs import has_photographs
 from stereocal.ui.prerequisites import is_asked
 from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
-from stereocal.ui.screen import is_narrow
+from stereocal.ui.texts import escape_markdown
 
 
 def show_what_was_read(project: Project | None) -> None:
@@ -43,3 +48,37 @@ def show_what_was_read(project: Project | None) -> None:
     st.caption("A click on a point opens its frame.")
     st.table(contents_table(dataset))
     dataset_download(dataset)
+
+
+def show_in_step(project: Project) -> None:
+    """What was found, and on demand the figure of each pair; nothing of cameras in step."""
+    recording, starts, notes = _counted(project)
+    if recording is None or not (notes or any(starts.values())):
+        return
+    with st.container(key="started_by_hand"):
+        st.subheader("The cameras were started by hand")
+        listed = notes or [f"{name} was started at frame {at}." for name, at in starts.items()]
+        st.markdown("\n".join(f"- {escape_markdown(note)}" for note in listed))
+        if not st.toggle("Show the error at each offset", key="show_offsets"):
+            return
+        with st.spinner("Trying all offsets ..."):
+            found = readable(lambda: bring_into_step(recording))
+        for pair, own in ({} if found is None else found.pairs).items():
+            st.caption(escape_markdown(" and ".join(pair)))
+            show_figure(plot_offsets(own), describe_offsets(own), f"offsets_{'_'.join(pair)}")
+
+
+def _counted(project: Project) -> tuple[Recording | None, dict[str, int], list[str]]:
+    """The recording as its cameras counted, which frame was 0 of each, and what was found."""
+    recording = ProjectRecording(project).read() if project.pair is None else None
+    if recording is None:
+        dataset = readable(lambda: project.dataset, told=False)
+        if dataset is None:
+            return None, {}, []
+        recording = Recording.of_pair(dataset)
+        starts: dict[str, int] = {"primary": 0, "secondary": dataset.start_frame}
+        notes = [*dataset.step_notes]
+    else:
+        starts, notes = dict(recording.start_frames), [*recording.step_notes]
+    back = {name: -start for name, start in starts.items()}
+    return recording.counted_from(back), starts, notes

@@ -27,8 +27,8 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.ui import intake
 from stereocal.ui.archives import ask_about_archive
 from stereocal.ui.downloads import offer
-from stereocal.ui.drop_zone import drop_zone
 from stereocal.ui.holding import holds_board
+from stereocal.ui.intake import drop_zone
 from stereocal.ui.messages import callback, readable, show_refusal
 from stereocal.ui.navigation import go_to
 from stereocal.ui.prerequisites import missing_of

@@ -1,4 +1,5 @@
-"""A figure on a page; and how to scroll to what a press has opened, which may stand far below."""
+"""A figure on a page, for the screen there is; and how to scroll to what a press has opened, which
+may stand far below."""
 
 import time
 from typing import Any
@@ -8,6 +9,15 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.ui.texts import escape_markdown
+
+NAME, KEY, NARROW = "stereocal_screen", "screen", "screen_is_narrow"
+JS = """export default function ({ data, setStateValue }) {
+  const narrow = matchMedia("(max-width: 640px)")
+  const tell = () => { if (narrow.matches !== data.narrow) setStateValue("narrow", narrow.matches) }
+  narrow.addEventListener("change", tell)
+  tell()
+  return () => narrow.removeEventListener("change", tell)
+}"""
 
 _TARGET = "scroll_to"
 SCRIPT = """<script>/* {now} */
@@ -46,6 +56,24 @@ def show_figure(
     st.plotly_chart(figure, key=key, alt=words, **chart)
     if caption:
         st.caption(escape_markdown(words))
+
+
+def is_narrow() -> bool:
+    """Whether this tab is on a narrow screen; before it has told, it is taken for a wide one."""
+    return bool(st.session_state.get(NARROW, False))
+
+
+def tell_screen() -> None:
+    """Have the browser tell whether the screen is narrow, and again when that changes."""
+
+    def note() -> None:
+        told: Any = st.session_state.get(KEY)
+        if told is not None and isinstance(told.get("narrow"), bool):
+            st.session_state[NARROW] = told["narrow"]
+
+    component = st.components.v2.component(NAME, js=JS)
+    with st.container(key="arrival_screen"):
+        component(key=KEY, data={"narrow": is_narrow()}, on_narrow_change=note)
 
 
 def scroll_to(key: str) -> None:

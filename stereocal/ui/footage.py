@@ -26,8 +26,8 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import camera_in_words
 from stereocal.system.latest import Latest
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
-from stereocal.ui.drop_zone import drop_zone
 from stereocal.ui.fields import Number, setting
+from stereocal.ui.intake import drop_zone
 from stereocal.ui.messages import callback, readable
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import MISSING

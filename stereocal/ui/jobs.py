@@ -12,7 +12,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any, Literal, ParamSpec, TypeVar
@@ -28,7 +27,7 @@ from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import engine, scheduler_of
 from stereocal.system.tasks import EndingError, StoppedError
 from stereocal.ui.menu import button_type
-from stereocal.ui.messages import ErrorsShown, callback, clear_refusal, show_stale
+from stereocal.ui.messages import callback, clear_refusal
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.warm_up import WARM_UP
 
@@ -240,37 +239,6 @@ def _end(job: Job, state: Literal["done", "cancelled", "failed"], sentence: str 
         return
     stored_jobs.end(job.work.project.database, job.work.kind, failed=state == "failed")
     job.state = state
-
-
-def bring_up_to_date(
-    work: PageWork,
-    current: bool,
-    short: bool,
-    spinner: str,
-    label: str,
-    key: str,
-    cancelled: str,
-    stale: str = "",
-) -> None:
-    """Compute short work at once; for long work show a button and progress.
-
-    Args:
-        current: whether its result is stored.
-        stale: what has changed since the result that is shown; empty if nothing, or without one.
-        spinner, label, key: of short work, and of the button.
-        cancelled: message for a cancelled job.
-    """
-    if not current and short:
-        with ErrorsShown(), st.spinner(spinner), suppress(StoppedError):
-            WARM_UP.over.wait()
-            work.run(Job(work, pool()))
-            stale = ""
-        show_stale(stale)
-    elif not current:
-        show_stale(stale)
-        if not is_running(work.project, work.kind):
-            start_button(work, label, key)
-    show_job(work.project, work.kind, cancelled)
 
 
 def show_job(project: Project, kind: Kind, cancelled: str) -> None:

@@ -15,6 +15,7 @@ from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
+from stereocal.ui.figure import tell_screen
 from stereocal.ui.menu import (
     OTHER_ADDRESSES,
     PRESS_FIRST,
@@ -27,7 +28,6 @@ from stereocal.ui.menu import (
 from stereocal.ui.messages import ErrorsShown, forget_messages, show_messages
 from stereocal.ui.page_states import PageState, page_states
 from stereocal.ui.project import leave_pair, open_created, open_or_none, show_project, show_saved
-from stereocal.ui.screen import tell_screen
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.warm_up import compiling_shown
 

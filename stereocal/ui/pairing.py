@@ -20,9 +20,9 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.ui import jobs
-from stereocal.ui.contact_sheet import on_a_sheet
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.messages import ErrorsShown, callback, readable
+from stereocal.ui.review import on_a_sheet
 from stereocal.ui.texts import escape_markdown
 
 TITLES: dict[Way, str] = {

@@ -16,8 +16,7 @@ from stereocal.rig.rig import Rig
 from stereocal.ui import jobs
 from stereocal.ui.answer import curves_are_ready, make
 from stereocal.ui.fields import Number, choose, setting
-from stereocal.ui.figure import show_figure
-from stereocal.ui.screen import is_narrow
+from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.tradeoff import costs_of

@@ -28,13 +28,12 @@ from stereocal.system.zip_files import pack_zip
 from stereocal.ui import refined_looks, screening
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting
-from stereocal.ui.figure import scroll_to, scrolled_part, show_figure
+from stereocal.ui.figure import is_narrow, scroll_to, scrolled_part, show_figure
 from stereocal.ui.forms import describe_settings
 from stereocal.ui.messages import callback, fragment, readable
 from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import FILES, other_formats, parameter_downloads
 from stereocal.ui.review import look_closely
-from stereocal.ui.screen import is_narrow
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import Figure, frames_to_come

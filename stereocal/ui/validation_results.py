@@ -25,10 +25,9 @@ from stereocal.ui import jobs
 from stereocal.ui.answer import final_run
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
-from stereocal.ui.figure import show_figure
+from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.forms import describe_settings
 from stereocal.ui.messages import fragment, readable, show_stale
-from stereocal.ui.screen import is_narrow
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.validation import (

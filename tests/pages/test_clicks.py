@@ -11,20 +11,18 @@ import pandas as pd
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.matching.clicks import Click
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.clicks import Act, ProjectClicks
-from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.photograph import GreyImage
 from stereocal.ui.apply_points import CLICKED
 from tests.files import encoded
-from tests.known_rig import PRIMARY, SECONDARY, images
+from tests.known_rig import PRIMARY, SECONDARY
+from tests.matching.test_clicks import LENGTH_M, flight
 from tests.pages.stored_projects import drop, messages, page_of, pictured, project_of, told
 from tests.pages.test_apply import SET_2D, begun, give_sets
 from tools.photographs.videos import write_video
 
-LENGTH_M = 0.5
 PLACE = "upload_footage"
 PHOTOGRAPHS: dict[str, GreyImage] = {
     f"{side}_{frame:02}.png": np.full(camera.image_size[::-1], 90 + 5 * frame, np.uint8)
@@ -48,23 +46,11 @@ def pictures(app: AppTest) -> str:
     return str(found).replace("\\", "")
 
 
-def clicks_of(frames: tuple[int, ...], off_px: float = 0.0) -> list[Click]:
-    """Head and tail of something that flies, and an error in the secondary."""
-    found, rng = [], np.random.default_rng(1)
-    for frame in frames:
-        head = np.array([-0.3 + 0.1 * frame, 0.2, 8.0])
-        for track, point in (("head", head), ("tail", head + np.array([0.0, LENGTH_M, 0.0]))):
-            for camera, pixels in zip(CAMERAS, images(point[None]), strict=True):
-                u, v = pixels[0] + [0.0, off_px * (camera == "secondary")] + rng.normal(0, 0.1, 2)
-                found.append(Click(frame, camera, track, float(u), float(v)))
-    return found
-
-
 def test_points_lengths_and_tables_of_clicks(app: AppTest, home: Path) -> None:
     give_pictures(clicking(app), PHOTOGRAPHS)
     assert "Click point 1 in one of the pictures." in told(app)
     store = ProjectClicks(project_of(app, home))
-    store.act(Act(clicks_of((1, 2, 3))))
+    store.act(Act([*flight(3, 0.1).every.values()]))
     app.run().selectbox(key="clicks_track").set_value("tail").run()
     assert re.search(
         r"tail, 0\.\d+ px, below the threshold of 1\.8\d px", messages(app).replace("*", "")
@@ -73,7 +59,7 @@ def test_points_lengths_and_tables_of_clicks(app: AppTest, home: Path) -> None:
     assert found and abs(float(found[1]) - LENGTH_M) < 0.002 < float(found[2]) < 0.01
     app.button(key="clicks_f").click().run()
     step = re.search(r"tail, frame 1 to tail, frame 2: ([\d.]+) ±", told(app))
-    assert step and abs(float(step[1]) - 0.1) < 0.01
+    assert step and abs(float(step[1]) - np.hypot(0.08, 0.05)) < 0.02
     app.button(key="clicks_all").click().run()
     assert "6 pairs in 3 frames, none of them ambiguous" in messages(app)
     assert len(app.slider) == 1  # the frames are those of the clicks, no second time of the result
@@ -83,7 +69,7 @@ def test_points_lengths_and_tables_of_clicks(app: AppTest, home: Path) -> None:
     assert result is not None
     points = pd.read_csv(io.BytesIO(result[1]["points.csv"].read_bytes()))
     assert points["track"].tolist() == ["head", "tail"] * 3
-    np.testing.assert_allclose(points["x"], np.repeat([-0.2, -0.1, 0.0], 2), atol=0.003)
+    np.testing.assert_allclose(points["x"], np.repeat([-0.52, -0.44, -0.36], 2), atol=0.003)
     assert points["sigma_z"].min() > 0.005  # of 1 px, not of the targets
     app.button(key="clicks_x").click().run()
     assert "Click tail in one of the pictures." in told(app)
@@ -93,9 +79,11 @@ def test_points_lengths_and_tables_of_clicks(app: AppTest, home: Path) -> None:
 
 def test_clicks_off_the_line_and_pictures_of_another_size(app: AppTest, home: Path) -> None:
     give_pictures(clicking(app), PHOTOGRAPHS)
-    ProjectClicks(project_of(app, home)).act(Act(clicks_of((1,), 12.0)))
+    clicks = flight(1).every.values()
+    off = [replace(each, v=each.v + 12.0 * (each.camera == "secondary")) for each in clicks]
+    ProjectClicks(project_of(app, home)).act(Act(off))
     app.run().selectbox(key="clicks_track").set_value("head").run()
-    assert "above the threshold of 1.86 px: not the same point" in told(app, "warning")
+    assert "above the threshold of 1.87 px: not the same point" in told(app, "warning")
     app.button(key="clicks_clear").click().run()
     assert pictures(app) == "Pictures: none yet"
     give_pictures(app, {name: image[::2, ::2] for name, image in PHOTOGRAPHS.items()})

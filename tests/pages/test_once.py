@@ -201,7 +201,7 @@ def upload(app: AppTest, key: str, name: str, content: bytes, calls: list[object
     assert len(calls) == 2
 
 
-@pytest.mark.parametrize("place", ["intake.give_dataset", "drop_zone.sort_files"])
+@pytest.mark.parametrize("place", ["intake.give_dataset", "intake.sort_files"])
 def test_data_set(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch, place: str) -> None:
     app.switch_page("pages/data.py").run()
     calls = click_meanwhile(monkeypatch, f"stereocal.ui.{place}")

@@ -17,8 +17,14 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import CORNERS, ExchangeOptions, OriginError
-from stereocal.formats.exchange.projection import decomposed
-from stereocal.formats.exchange.reading import CameraPair, Files, camera_from, only_file, size_of
+from stereocal.formats.exchange.reading import (
+    CameraPair,
+    Files,
+    camera_from,
+    decomposed,
+    only_file,
+    size_of,
+)
 from stereocal.formats.exchange.writing import ExchangeFormat, Posed, number
 from stereocal.formats.file_storage import ForeignFile
 from stereocal.rig.camera import CAMERAS, Camera

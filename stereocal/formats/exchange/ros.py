@@ -16,12 +16,12 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import K_NAMES
 from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.exchange.projection import decomposed
 from stereocal.formats.exchange.reading import (
     STORAGES,
     CameraPair,
     Files,
     array_of,
+    decomposed,
     lenses_of,
     pose_from,
 )
