@@ -18,7 +18,7 @@ one may show as much.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -92,26 +92,39 @@ def further_recordings(
     """
     table = model.dataset.correspondences
     length = max(model.clusters.length, _length_of_places(model))
-    if length == 1:
-        return {} if model.dataset.board is None else _further_boards(model, files, seed)
+    if length == 1 and model.dataset.board is None:
+        return {}
     order = np.argsort(table.time_frame, kind="stable")
     used = order[model.used_rows[order]]
-    at = np.unique(table.time_frame[used], return_inverse=True)[1]
+    times, at = np.unique(table.time_frame[used], return_inverse=True)
     bars = np.flatnonzero(model.used_rows[table.bars].all(axis=1))
     bars = bars[np.argsort(table.time_frame[table.bars[bars, 0]])]
+    of_bars = np.searchsorted(times, table.time_frame[table.bars[bars, 0]])
     found: dict[Method, Further] = {}
     for method, rig in files.items():
         rng = np.random.default_rng([seed, 0xF127])
         seen = _seen_by(model, rig)
         errors = errors_of(seen, rig.pose)
         px = np.bincount(at, errors.reprojection_px[used]) / np.bincount(at)
-        in_images = half_width(px, OF_LENGTHS["mean_error_3d"], length, rng)
+        lengths = errors.length[bars]
+        if length > 1:
+            in_images = half_width(px, OF_LENGTHS["mean_error_3d"], length, rng)
+            of_pairs = _half_width_of_fcp(seen, rig.pose, used, at, length, rng)
+            of_lengths = {
+                name: half_width(lengths, own, length, rng) for name, own in OF_LENGTHS.items()
+            }
+        else:
+            each = [lengths[of_bars == board] for board in range(len(times))]
+            known = [own for board in each if len(own := board[np.isfinite(board)])]
+            if len(known) < FEWEST_BOARDS:
+                continue
+            in_images = _half_width_of_boards([*px], np.mean, rng)
+            of_pairs = _half_width_of_boards_fcp(seen, rig.pose, used, at)
+            of_lengths = {
+                name: _half_width_of_boards(known, own, rng) for name, own in OF_LENGTHS.items()
+            }
         # Small overlaps show little of what changes the errors.
-        of_pairs = max(_half_width_of_fcp(seen, rig.pose, used, at, length, rng), in_images)
-        of_lengths = {
-            name: half_width(errors.length[bars], own, length, rng)
-            for name, own in OF_LENGTHS.items()
-        }
+        of_pairs = max(of_pairs, in_images)
         found[method] = Further(in_images, of_pairs, of_lengths, _shown(seen, rig, px, used))
     return found
 
@@ -137,50 +150,15 @@ def sentence_on_runs(model: RefinedResult) -> str:
     )
 
 
-def _further_boards(
-    model: RefinedResult, files: Mapping[Method, Rig], seed: int
-) -> dict[Method, Further]:
+def _half_width_of_boards(
+    boards: Sequence[Any], figure: Callable[..., Any], rng: np.random.Generator
+) -> float:
     """Of boards taken one by one: the corners of a board share its errors, so that a recording has
-    as many independent ones as boards. They are drawn with replacement, again and again."""
-    table, used = model.dataset.correspondences, model.used_rows
-    frames, at = np.unique(table.frame[used], return_inverse=True)
-    bars = np.flatnonzero(used[table.bars].all(axis=1))
-    of_bars = np.searchsorted(frames, table.frame[table.bars[bars, 0]])
-    if len(np.unique(of_bars)) < FEWEST_BOARDS:
-        return {}
-    found: dict[Method, Further] = {}
-    for method, rig in files.items():
-        seen = _seen_by(model, rig)
-        errors = errors_of(seen, rig.pose)
-        px = np.bincount(at, errors.reprojection_px[used]) / np.bincount(at)
-        drawn = _drawn_boards(len(frames), seed)
-        in_images = _half_width_of_boards(px[drawn].mean(axis=1), len(frames))
-        lengths = [errors.length[bars[of_bars == board]] for board in np.unique(of_bars)]
-        known = [own for each in lengths if len(own := each[np.isfinite(each)])]
-        if len(known) < FEWEST_BOARDS:
-            continue
-        samples = [
-            np.concatenate([known[board] for board in boards])
-            for boards in _drawn_boards(len(known), seed)
-        ]
-        of_lengths = {
-            name: _half_width_of_boards(np.array([figure(own) for own in samples]), len(known))
-            for name, figure in OF_LENGTHS.items()
-        }
-        rows = np.flatnonzero(used)
-        of_pairs = max(_half_width_of_boards_fcp(seen, rig.pose, rows, at), in_images)
-        found[method] = Further(in_images, of_pairs, of_lengths, _shown(seen, rig, px, rows))
-    return found
-
-
-def _drawn_boards(boards: int, seed: int) -> IntArray:
-    """(draws, boards): drawn with replacement."""
-    return np.random.default_rng([seed, 0xB0A2]).integers(boards, size=(DRAWN, boards))
-
-
-def _half_width_of_boards(figures: FloatArray, boards: int) -> float:
-    """From a figure of as many boards as the recording has, drawn with replacement (draws,)."""
-    variance = float(np.log(np.maximum(figures, 1e-300)).var()) * boards / (boards - 1)
+    as many independent ones as boards. Their errors are drawn with replacement."""
+    n = len(boards)
+    drawn = (np.hstack([boards[k] for k in own]) for own in rng.integers(n, size=(DRAWN, n)))
+    figures = np.array([figure(errors) for errors in drawn])
+    variance = float(np.log(np.maximum(figures, 1e-300)).var()) * n / (n - 1)
     return _half_width_of_finite(variance)
 
 
