@@ -7,6 +7,7 @@ from stereocal.detection.tags import find_tags
 from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
+from tests.further import further
 from tests.tagged_bars import CAMERA, IDS, TAG_M, tags_in
 from tools.photographs.bars import facing
 from tools.photographs.rendering import HERE, PhotographSettings
@@ -34,7 +35,7 @@ def errors(side_px: float, count: int, blur_px: float) -> tuple[FloatArray, Floa
     return np.array(off), np.array(sigma)
 
 
-@pytest.mark.parametrize("side_px", [40, 80])
+@pytest.mark.parametrize("side_px", [40, *further(80)])
 def test_centres_without_a_bias(side_px: float) -> None:
     both = [errors(side_px, 6, blur) for blur in (0.8, 1.4)]
     off, sigma = (np.concatenate(part) for part in zip(*both, strict=True))

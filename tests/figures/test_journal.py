@@ -18,6 +18,7 @@ from stereocal.figures.journal import (
     rendered,
 )
 from stereocal.workflow import Run
+from tests.further import further
 from tests.paper_kit.answers import of_field, of_recording
 
 POINTS_PER_MM = 72 / 25.4
@@ -49,7 +50,7 @@ DRAWN: dict[str, Callable[[], Drawn]] = {
 
 @pytest.mark.parametrize(
     ("name", "width_mm"),
-    [*((name, COLUMN_MM) for name in DRAWN), ("validation", PAGE_MM), ("rig", PAGE_MM)],
+    [*((name, COLUMN_MM) for name in DRAWN), *further(("validation", PAGE_MM), ("rig", PAGE_MM))],
 )
 def test_svg_and_pdf_hold_the_figure_on_their_page(name: str, width_mm: float) -> None:
     draw, word = DRAWN[name]()

@@ -15,6 +15,7 @@ from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import SimulatedRig, simulated_rig
+from tests.further import further
 from tests.network.test_wrong_rigs import bumped
 
 
@@ -39,7 +40,7 @@ def test_nothing_has_moved(truth: SimulatedRig, rig: RigFile) -> None:
     assert found.moved == ()
 
 
-@pytest.mark.parametrize("name", ["c1", "c3"])
+@pytest.mark.parametrize("name", ["c3", *further("c1")])
 def test_a_turned_camera_is_named(truth: SimulatedRig, rig: RigFile, name: str) -> None:
     # 0.1 degree is 2 px in the image, against 0.3 px of noise
     found = check_rig(rig, later(bumped(truth, name, 0.1, 160)))

@@ -81,6 +81,7 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     assert again.baseline_m == pytest.approx(2 * dataset.baseline_m, rel=1e-6)
 
 
+@pytest.mark.soak
 def test_a_board_in_two_videos(app: AppTest, home: Path, tmp_path: Path) -> None:
     pytest.importorskip("av")
     files, videos = photographs(stereo(0.3), 4, 6), {}

@@ -438,6 +438,7 @@ def seen_by_both(count: int) -> list[Pose]:
     ][:count]
 
 
+@pytest.mark.soak
 def test_photographs_of_a_board(app: AppTest, home: Path) -> None:
     orders: dict[int, int] = {}
     boards = seen_by_both(5)

@@ -10,6 +10,7 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from tests.further import further
 from tests.rigs.refined_rigs import (
     Misjudged,
     in_runs,
@@ -46,7 +47,7 @@ def angle_errors(found: RefinedResult, truth: Rig) -> np.ndarray:
     return np.asarray(away / np.sqrt(np.diag(found.covariance)[:5]))
 
 
-@pytest.mark.parametrize("length", [10, 20])
+@pytest.mark.parametrize("length", [20, *further(10)])
 def test_errors_are_as_large_as_stated(length: int) -> None:
     fits = [fitted(seed, length) for seed in range(30)]
     rms = float(np.sqrt(np.mean([np.square(angle_errors(*each)) for each in fits])))

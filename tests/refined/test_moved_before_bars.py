@@ -9,6 +9,7 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.refined.screening import screened
 from stereocal.rig.dataset import Dataset
+from tests.further import further
 from tests.rigs.culprits import sound
 from tests.rigs.pair_mistakes import MISTAKES, moved
 from tests.rigs.refined_rigs import (
@@ -31,7 +32,11 @@ def said_of(data: Dataset) -> str:
 
 @pytest.mark.parametrize(
     ("kind", "degrees", "frames"),
-    [("like cameras", 2.0, 25), ("balls", 0.3, 60), ("fisheyes", 1.0, 40), ("tags", 2.0, 30)],
+    [
+        ("like cameras", 2.0, 25),
+        ("balls", 0.3, 60),
+        *further(("fisheyes", 1.0, 40), ("tags", 2.0, 30)),
+    ],
 )
 def test_a_camera_that_moved_is_told_with_its_frame(kind: str, degrees: float, frames: int) -> None:
     """Measured: the frame itself; where few points tell, the one before or after."""

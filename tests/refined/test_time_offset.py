@@ -14,6 +14,7 @@ from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.workflow import Run
 from tests import known_rig as rig
+from tests.further import further
 from tests.rigs.moving_bar import move_bar, record
 
 FRAMES = 120
@@ -61,7 +62,7 @@ def test_all_files_carry_it() -> None:
         assert again.to_json() == {"time_offset_frames": entry}
 
 
-@pytest.mark.parametrize("late", [0.1, -1.0])
+@pytest.mark.parametrize("late", [0.1, *further(-1.0)])
 def test_an_offset_that_nobody_asked_for_is_applied_and_said(late: float) -> None:
     found = Run(moving(late))
     note = found.calibration.screening.time_note
