@@ -62,8 +62,11 @@ def boards_in(store: ProjectPhotographs) -> None:
     where = "are those of the camera files" if given else "come from the same photographs"
     st.markdown(f"The lenses {where}.")
     files = {name: path.name for name, path in store.photographs.items()}
+    listed = [[p.frame, files.get(p.primary), files.get(p.secondary)] for p in pairs]
+    if pairing.counts:  # the search finds the pairs
+        listed = [[own[name], files.get(name)] for own in pairing.counts for name in own]
     about = {
-        "pairs": [[p.frame, files.get(p.primary), files.get(p.secondary)] for p in pairs],
+        "pairs": listed,
         "board": asdict(pattern),
         "cameras": [camera.to_json() for camera in given or ()],
     }
