@@ -30,37 +30,12 @@ from tests.rigs.pair_mistakes import MISTAKES
 CASES = Path(__file__).parents[1] / "cases"
 FOUR = np.array([-0.25, 0.1, 0.001, -0.001])
 SOUND = random_rig(3)[1]
-
-
-def given(name: str) -> Dataset:
-    one, two = SOUND.primary, SOUND.secondary
-    frames = SOUND.correspondences.frames
-    return {
-        "files": lambda: replace(
-            SOUND,
-            primary=replace(two, image_size=one.image_size),
-            secondary=replace(one, image_size=two.image_size),
-        ),
-        "targets": lambda: SOUND.with_targets_exchanged(frames),
-        "primary sign": lambda: replace(SOUND, primary=flipped(one)),
-        "secondary sign": lambda: replace(SOUND, secondary=flipped(two)),
-        "secondary size": lambda: replace(SOUND, secondary=scaled(two, 2.0)),
-    }[name]()
-
-
-@pytest.mark.parametrize(
-    ("name", "says"),
-    [
-        ("files", "camera files seem to be exchanged"),
-        ("targets", "A and B seem to be exchanged in one of the cameras"),
-        ("primary sign", "primary camera's distortion .* wrong sign"),
-        ("secondary sign", "secondary camera's distortion .* wrong sign"),
-        ("secondary size", r"secondary camera's matrix K .* 1\.9\d times as large as 1280x1024"),
-    ],
+FURTHER = (
+    "u and v exchanged in one camera",
+    "K of twice the image",
+    "distortion of one camera of the other sign",
+    "targets exchanged in one camera",
 )
-def test_a_mistake_is_named(name: str, says: str) -> None:
-    with pytest.raises(StereocalError, match=says):
-        calibrate(given(name))
 
 
 def test_sound_data_hear_nothing() -> None:
@@ -76,7 +51,8 @@ def test_the_textbooks_solver_accuses_nobody(solver: Solver) -> None:
 
 def test_few_bars_cannot_tell() -> None:
     """Nine bars, whatever the cameras: five angles fit too much."""
-    assert check_inputs(given("primary sign").of_frames(range(1, 10))) == []
+    wrong = replace(SOUND, primary=flipped(SOUND.primary))
+    assert check_inputs(wrong.of_frames(range(1, 10))) == []
 
 
 def test_a_lens_that_cannot_be_inverted_is_named_with_its_size() -> None:
@@ -155,7 +131,7 @@ def test_a_lens_of_the_other_model_is_named(lens: str, sides: tuple[str, ...]) -
     assert f"{whose} four distortion coefficients seem to be of the other" in said
 
 
-@pytest.mark.parametrize("name", [*[*MISTAKES][:13], "u and v exchanged in one camera"])
+@pytest.mark.parametrize("name", [*[*MISTAKES][:13], *FURTHER])
 def test_each_kind_of_mistake_is_named(name: str) -> None:
     """Or, where nothing given otherwise fits, that it cannot be told.
 

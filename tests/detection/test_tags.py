@@ -8,10 +8,12 @@ from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import FloatArray
 from tests.further import further
-from tests.tagged_bars import CAMERA, IDS, TAG_M, tags_in
-from tools.photographs.bars import facing
-from tools.photographs.rendering import HERE, PhotographSettings
+from tests.photographed_rig import PRIMARY
+from tools.photographs.bars import facing, rod
+from tools.photographs.objects import tag
+from tools.photographs.rendering import HERE, PhotographSettings, Placed, photograph
 
+TAG_M, IDS = 0.1, (3, 7)
 TARGET = Tags("4X4_50", IDS)
 
 
@@ -19,16 +21,17 @@ def errors(side_px: float, count: int, blur_px: float) -> tuple[FloatArray, Floa
     """Errors (n, 2) px and the stated sigmas (n, 1) of tags of about this size."""
     rng = np.random.default_rng([int(side_px), int(10 * blur_px)])
     off, sigma = [], []
-    depth = CAMERA.K[0, 0] * TAG_M / side_px
+    depth = PRIMARY.K[0, 0] * TAG_M / side_px
     for _ in range(count):
         corners = rng.uniform((-0.3, -0.2), (-0.15, 0.2)), rng.uniform((0.15, -0.2), (0.3, 0.2))
         ends = depth * np.array([[*corner, 1.0] for corner in corners])
-        poses = [
-            facing(end, np.zeros(3), *rng.uniform((0, -3, -3), (0.8, 3, 3)).tolist())
-            for end in ends
-        ]
-        image, truth = tags_in(CAMERA, HERE, ends, poses, PhotographSettings(blur_px), rng)
-        for spot, true in zip(find_tags(image, TARGET, CAMERA).spots, truth, strict=True):
+        things = [rod(ends[0], ends[1], HERE.T, 0.02)]
+        for number, end in zip(IDS, ends, strict=True):
+            turned = rng.uniform((0, -3, -3), (0.8, 3, 3)).tolist()
+            things.append(Placed(tag(number, TAG_M), facing(end, HERE.T, *turned)))
+        image = photograph(PRIMARY, 110.0, things, PhotographSettings(blur_px), rng)
+        found, truth = find_tags(image, TARGET, PRIMARY), PRIMARY.project(ends)
+        for spot, true in zip(found.spots, truth, strict=True):
             assert spot is not None and not spot.doubts
             off.append((spot.u - true[0], spot.v - true[1]))
             sigma.append([spot.sigma_px])

@@ -29,7 +29,7 @@ from tests.frames.test_pairing import shots, walk
 from tests.photographed_rig import BAR_M
 from tests.three_cameras import CAMERAS, POSES, TAGS, photographed_bars
 
-FRAMES = {"bar2x2": 12, TAGS: 6}
+FRAMES = {"bar2x2": 12, TAGS: 8}
 
 
 def search(files: Mapping[str, bytes], kind: str) -> FoundRecording:

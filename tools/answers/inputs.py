@@ -1,12 +1,12 @@
 """The inputs that are neither samples nor made by a command."""
 
-import json
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 
+from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import field_rig
@@ -14,8 +14,9 @@ from tests.docs.pages import code_of
 from tests.docs.prepared import videos
 from tests.files import description, write
 from tests.fisheye_rig import recording
+from tests.photographed_rig import BAR_M, PRIMARY, RIG, SECONDARY
 from tests.rigs.moving_bar import move_bar, record
-from tests.tagged_bars import BAR_M, CAMERA, RIG, tagged_bars
+from tests.three_cameras import TAGS, photographed_bars
 
 ROOT = Path(__file__).parents[2]
 
@@ -32,9 +33,15 @@ def _moving(folder: Path) -> None:
 
 
 def _tags(folder: Path) -> None:
-    lens = json.dumps({"format": "stereocal-camera/1", **CAMERA.to_json()}).encode()
-    described = {"dataset.json": description("tags", RIG.pose.baseline, BAR_M)}
-    write({**tagged_bars(5)[0], **described, "primary.json": lens, "secondary.json": lens}, folder)
+    given = {"dataset.json": description("tags", RIG.pose.baseline, BAR_M)}
+    for which, side, camera in (("primary", "left", PRIMARY), ("secondary", "right", SECONDARY)):
+        given[f"{which}.json"] = write_camera(camera)
+        given |= {
+            name.replace(side, which): content
+            for name, content in photographed_bars(TAGS, 5)[0].items()
+            if name.startswith(side)
+        }
+    write(given, folder)
 
 
 def _plan(folder: Path) -> None:
