@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.frames.pairing import Alone, Counts, Motion, Pair, Pairing, counted
+from stereocal.frames.pairing import Counts, Motion, Pair, Pairing, counted
 from stereocal.network.started_by_hand import STANDS_OUT, BroughtIntoStep, bring_into_step
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -25,19 +25,13 @@ ALIKE = 3.0
 late or early in most cameras."""
 
 
-def paired_from(counts: Counts, later: int) -> tuple[tuple[Pair, ...], tuple[Alone, ...]]:
+def paired_from(counts: Counts, later: int) -> tuple[Pair, ...]:
     """The pairs where the secondary's photograph 0 is the primary's `later`, numbered as the
-    primary's, and the photographs without a partner."""
+    primary's; where one camera did not run yet or any more, there are none."""
     first = {number: name for name, number in counts[0].items()}
     second = {number + later: name for name, number in counts[1].items()}
     both = sorted(first.keys() & second.keys())
-    pairs = tuple(Pair(number, first[number], second[number]) for number in both)
-    alone = tuple(
-        Alone(own[number], camera, where="the other camera did not run then")
-        for camera, own in enumerate((first, second))
-        for number in sorted(own.keys() - {*both})
-    )
-    return pairs, alone
+    return tuple(Pair(number, first[number], second[number]) for number in both)
 
 
 def paired_by_motion(
@@ -76,7 +70,7 @@ def paired_by_motion(
         told = f" The sound says the same to {rounded(abs(heard - offset))} photographs."
         if abs(heard - offset) > ALIKE:
             told = f" Their sound says {heard:.1f}, which the images contradict."
-    pairs, alone = paired_from(pairing.counts, later)
+    pairs = paired_from(pairing.counts, later)
     sentence = f"{counted(len(pairs))} by the motion. {' '.join(found.answer)}{told}"
     exchanged = frozenset(
         name
@@ -85,7 +79,7 @@ def paired_by_motion(
         if order[0]
     )
     motion = Motion(later, offset - later, exchanged)
-    about = pairs, alone, pairing.unknown, sentence, False, pairing.counts, heard
+    about = pairs, (), pairing.unknown, sentence, False, pairing.counts, heard
     return Pairing(*about, motion)
 
 

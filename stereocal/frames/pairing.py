@@ -79,6 +79,13 @@ class Pairing:
     motion: Motion | None = None
 
     @property
+    def names(self) -> dict[str, list[str]]:
+        """The photographs of each camera that are searched: of pairs, or all if these are found."""
+        if self.counts:
+            return {camera: [*own] for camera, own in zip(CAMERAS, self.counts, strict=True)}
+        return {camera: [getattr(pair, camera) for pair in self.pairs] for camera in CAMERAS}
+
+    @property
     def complete(self) -> bool:
         """Whether every photograph is in a pair, and in no other way."""
         return bool(self.pairs) and not (self.alone or self.unknown or self.ambiguous)

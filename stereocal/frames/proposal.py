@@ -201,8 +201,8 @@ def _by_motion(sides: Sides, choice: Choice) -> Pairing:
     )
     about: dict[str, Any] = {"counts": (first, second), "heard": choice.heard}
     if choice.later is not None:
-        pairs, alone = paired_from((first, second), choice.later)
-        return Pairing(pairs, alone, sides.unknown, choice.told, False, **about)
+        pairs = paired_from((first, second), choice.later)
+        return Pairing(pairs, (), sides.unknown, choice.told, False, **about)
     sentence = (
         "Cameras that were started by hand: which photographs belong together is found with the "
         "targets. Until then, the first with the first."

@@ -72,17 +72,12 @@ def detect_frames(
         A frame for each pair, in order, and the pairs. An unusable photograph affects its own frame
         only. Doubtful frames are not used until the user decides.
     """
-    counts = pairing.counts
-    names = {
-        str(camera): [*counts[k]] if counts else [getattr(each, camera) for each in pairing.pairs]
-        for k, camera in enumerate(CAMERAS)
-    }
     lenses: dict[str, Camera] = dict(zip(CAMERAS, cameras, strict=True))
     seen = search_photographs(
-        names, photographs, lenses, executor, begin, progress, earlier, target
+        pairing.names, photographs, lenses, executor, begin, progress, earlier, target
     )
-    if counts:
-        points = [points_by_photograph(own, seen, target) for own in counts]
+    if pairing.counts:
+        points = [points_by_photograph(own, seen, target) for own in pairing.counts]
         orders = [np.arange(2), np.array([1, 0])][: 1 if target.named else 2]
         bar = RigidObject.bar(1.0)
         pairing = paired_by_motion(pairing, points[0] | points[1], cameras, bar, orders)

@@ -140,8 +140,8 @@ def find_stereo_boards(
         raise StereocalError(pairing.sentence)
     if not pairing.pairs:
         raise StereocalError(pairing.sentence)
-    names = {str(camera): [getattr(pair, camera) for pair in pairing.pairs] for camera in CAMERAS}
-    for alone in pairing.alone:
+    names = pairing.names
+    for alone in () if pairing.counts else pairing.alone:
         names[CAMERAS[alone.camera]].append(alone.name)
     searches = []
     for own, stage in zip(names.values(), STAGES, strict=False):
