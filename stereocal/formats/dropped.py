@@ -50,6 +50,13 @@ class Dropped(Generic[F]):
         short = {PurePosixPath(name).name: content for name, content in chosen.items()}
         return short if len(short) == len(chosen) else chosen
 
+    def use(self, act: Callable[[], object]) -> None:
+        """Use what was given; a refusal is one of the problems."""
+        try:
+            act()
+        except StereocalError as error:
+            self.problems.append(str(error))
+
     @property
     def in_words(self) -> str:
         """What was taken: `50 photographs, 2 camera files`; empty if nothing."""

@@ -128,6 +128,8 @@ class ProjectGiven(ProjectPart):
     def add_photographs(self, stored: Mapping[str, StoredFile]) -> None:
         """Add stored photographs. Those that are there already stay as they are; others with the
         same names are the second camera's."""
+        if not stored:
+            return
         before = self.photographs.photographs
         # A folder may have been put before the name.
         there = {(name.partition("/")[2], file) for name, file in before.items()}

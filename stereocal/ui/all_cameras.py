@@ -36,7 +36,7 @@ from stereocal.ui.fields import Number, setting
 from stereocal.ui.holding import ask_what_is_held, holds_board, settle
 from stereocal.ui.intake import give_pair
 from stereocal.ui.menu import PRESS_FIRST, button_type
-from stereocal.ui.messages import callback, readable, show_stale
+from stereocal.ui.messages import callback, readable, show_stale, show_with_button
 from stereocal.ui.navigation import go_to
 from stereocal.ui.rig import rig_work
 from stereocal.ui.texts import escape_markdown, escaped_table
@@ -113,10 +113,8 @@ def _show_parts(store: ProjectRecording) -> None:
                 args=(name,),
             )
     for name in store.replaced:
-        text, button = st.columns([6, 2], vertical_alignment="center")
-        text.info(f"{escape_markdown(name)} was replaced.")
-        undo, icon = callback(partial(store.undo_part, name)), ":material/undo:"
-        button.button("Undo", key=f"undo_{name}", icon=icon, on_click=undo)
+        words, undo = f"{name} was replaced.", partial(store.undo_part, name)
+        show_with_button("info", words, "Undo", f"undo_{name}", undo, icon=":material/undo:")
 
 
 def _contents(files: Mapping[str, StoredFile]) -> dict[str, bytes]:
@@ -191,9 +189,8 @@ def _photographs_of_all(project: Project, cameras: Mapping[str, Camera]) -> bool
     counts = ", ".join(f"{camera} {len(own) or 'none'}" for camera, own in folders.items())
     if not any(folders.values()):
         return False
-    left, right = st.columns([3, 1], vertical_alignment="center")
-    left.markdown(f"Photographs: {escape_markdown(counts)}.")
-    right.button("Remove all photographs", on_click=callback(store.clear), key="several_clear")
+    words, remove = f"Photographs: {counts}.", "Remove all photographs"
+    show_with_button("markdown", words, remove, "several_clear", store.clear)
     match = partial(all_cameras.match_names, folders, store.taken)
     moments = readable(match, told=all(folders.values()))
     if moments is not None:

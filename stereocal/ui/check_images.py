@@ -7,7 +7,6 @@ from pathlib import PurePosixPath
 
 import streamlit as st
 
-from stereocal.errors import StereocalError
 from stereocal.formats.dropped import Dropped
 from stereocal.formats.recording_files import pack_recording
 from stereocal.frames import all_cameras
@@ -83,7 +82,10 @@ def new_images(seen: Seen, matched: Given | None = None) -> Given | None:
         own = seen.photographs.project
         use_videos = partial(take_videos, settings=video_settings(own), project=own)
     with zone:
-        take = partial(_take, seen, use_videos)
+
+        def take(given: Dropped[StoredFile]) -> None:
+            given.use(partial(_take, seen, use_videos, given))
+
         drop_zone(seen.title, "upload_check_images", seen.photographs.keep, take, tables=PARQUET)
     with whose:
         ask_whose(ProjectGiven(own))
@@ -106,22 +108,19 @@ def _take(seen: Seen, use_videos: Callable[..., None], given: Dropped[StoredFile
     own = ProjectGiven(seen.photographs.project)
     tables, data_set = given.of("table"), bool(given.of("data set"))
     has_points = any(PurePosixPath(name).suffix.lower() == ".csv" for name in given.files)
-    try:
-        if data_set and (has_points or not given.photographs):
-            _use(seen, given.source, pack_zip(given.files))
-        elif given.photographs:
-            own.name_cameras(seen.cameras)
-            own.add_photographs(given.photographs)
-            _as_in_the_data(seen.check.project, own.project)
-        elif videos := given.of("video"):
-            place_videos(videos, use_videos)
-        elif tables:
-            name, content = next(iter(tables.items()))
-            _use(seen, name, content)
-        else:
-            given.problems += [f"{name}: this is no new image." for name in given.files]
-    except StereocalError as error:
-        given.problems.append(str(error))
+    if data_set and (has_points or not given.photographs):
+        _use(seen, given.source, pack_zip(given.files))
+    elif given.photographs:
+        own.name_cameras(seen.cameras)
+        own.add_photographs(given.photographs)
+        _as_in_the_data(seen.check.project, own.project)
+    elif videos := given.of("video"):
+        place_videos(videos, use_videos)
+    elif tables:
+        name, content = next(iter(tables.items()))
+        _use(seen, name, content)
+    else:
+        given.problems += [f"{name}: this is no new image." for name in given.files]
 
 
 def _use(seen: Seen, name: str, content: bytes) -> None:

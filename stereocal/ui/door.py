@@ -121,22 +121,10 @@ def _take(given: Dropped[StoredFile], use_videos: UseVideos) -> None:
     if not (given.photographs or given.files):
         return
     project_files = ProjectGiven(project_to_write())
-    acts = (
-        partial(_take_photographs, project_files, given.photographs),
-        partial(_take_cameras, project_files, given),
-        partial(_take_tables, project_files, given.of("table")),
-        partial(place_videos, given.of("video"), use_videos),
-    )
-    for act in acts:
-        try:
-            act()
-        except StereocalError as error:
-            given.problems.append(str(error))
-
-
-def _take_photographs(project_files: ProjectGiven, found: Mapping[str, StoredFile]) -> None:
-    if found:
-        project_files.add_photographs(found)
+    given.use(partial(project_files.add_photographs, given.photographs))
+    given.use(partial(_take_cameras, project_files, given))
+    given.use(partial(_take_tables, project_files, given.of("table")))
+    given.use(partial(place_videos, given.of("video"), use_videos))
 
 
 def _take_cameras(project_files: ProjectGiven, given: Dropped[StoredFile]) -> None:

@@ -5,7 +5,7 @@ import filecmp
 import shutil
 import tempfile
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import partial
 from importlib.util import find_spec
@@ -140,15 +140,8 @@ class Pictures:
 
     def _take(self, dropped: Dropped[StoredFile]) -> None:
         self.given.name_cameras({name: own.camera for name, own in self.rig.placed.items()})
-        acts: tuple[Callable[[], None], ...] = (
-            partial(self.given.add_photographs, dropped.photographs),
-            partial(place_videos, dropped.of("video"), self._use, self.cameras, 1),
-        )
-        for act in acts:
-            try:
-                act()
-            except StereocalError as error:
-                dropped.problems.append(str(error))
+        dropped.use(partial(self.given.add_photographs, dropped.photographs))
+        dropped.use(partial(place_videos, dropped.of("video"), self._use, self.cameras, 1))
 
     def _use(self, videos: Mapping[str, tuple[str, bytes]]) -> None:
         kept = _VIDEOS.get(self._key) or _Videos()

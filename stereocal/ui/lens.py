@@ -39,6 +39,7 @@ from stereocal.ui.messages import (
     refusing,
     show_refusal,
     show_stale,
+    show_with_button,
 )
 from stereocal.ui.print_downloads import board_to_print
 from stereocal.ui.project import current_project, project_to_write
@@ -157,19 +158,18 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
     if project is None:
         return None
     store, key = ProjectLens(project, which), f"no_boards_{which}"
-    clear = callback(partial(_clear, store))
+    clear = partial(_clear, store)
     try:
         photographs = store.photographs
         if not photographs:
             return None
-        left, right = st.columns([3, 1], vertical_alignment="center")
-        left.markdown(f"Of the {which} camera: {count(len(photographs), 'photograph')}.")
-        right.button("Remove them", key, on_click=clear)
+        words = f"Of the {which} camera: {count(len(photographs), 'photograph')}."
+        show_with_button("markdown", words, "Remove them", key, clear)
         with ErrorsShown():
             _act(store, board_form(project), _lens_form(project))
     except DamagedError as error:
         st.error(escape_markdown(str(error)))
-        st.button("Remove them", key, on_click=clear)
+        st.button("Remove them", key, on_click=callback(clear))
         return None
     last = "Cancelled. What is shown is the last finished lens."
     jobs.show_job(project, JOB_KINDS[which], last)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial, wraps
-from typing import NoReturn, ParamSpec, TypeVar
+from typing import Any, Literal, NoReturn, ParamSpec, TypeVar
 
 import pandas as pd
 import streamlit as st
@@ -75,6 +75,20 @@ def callback(function: Callable[P, object]) -> Callable[P, None]:
         attempt(lambda: function(*arguments, **named))
 
     return run
+
+
+def show_with_button(
+    kind: Literal["markdown", "info", "warning"],
+    words: str,
+    label: str,
+    key: str,
+    act: Callable[[], object],
+    **button: Any,
+) -> None:
+    """Words, shown as this kind of message, and beside them the button that acts on them."""
+    text, place = st.columns([6, 2], vertical_alignment="center")
+    getattr(text, kind)(escape_markdown(words))
+    place.button(label, key, on_click=callback(act), **button)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.messages import ErrorsShown, callback, readable
+from stereocal.ui.messages import ErrorsShown, callback, readable, show_with_button
 from stereocal.ui.review import on_a_sheet
 from stereocal.ui.texts import escape_markdown
 
@@ -57,13 +57,13 @@ def _show_same(store: ProjectPhotographs) -> None:
     files, pairs = store.photographs, [row.pair for row in store.rows]
     same = [pair for pair in pairs if files.get(pair.primary) == files.get(pair.secondary)]
     if same:
-        first, second = map(escape_markdown, short_names([same[0].primary, same[0].secondary]))
-        text, button = st.columns([6, 2], vertical_alignment="center")
-        text.warning(
+        first, second = short_names([same[0].primary, same[0].secondary])
+        words = (
             f"Both photographs are the same in {len(same)} of {len(pairs)} pairs, such as {first} "
             f"and {second}: those of one camera were given for both. Give each camera's own."
         )
-        button.button("Remove all photographs", on_click=callback(store.clear), key="pair_clear")
+        label = "Remove all photographs"
+        show_with_button("warning", words, label, "pair_clear", store.clear)
 
 
 def _take(store: ProjectPhotographs, choice: Choice) -> None:
@@ -119,17 +119,12 @@ def _show_slips(store: ProjectPhotographs, proposal: Proposal) -> None:
     slips = [one for one in proposal.slips if proposal.way != "time" and one.name not in own]
     if slips:
         more = f" And {len(slips) - MOST_SLIPS} more." if len(slips) > MOST_SLIPS else ""
-        text, button = st.columns([6, 2], vertical_alignment="center")
         what = "; ".join(map(str, slips[:MOST_SLIPS]))
-        text.warning(escape_markdown(f"The times say otherwise: {what}.{more}"))
+        words = f"The times say otherwise: {what}.{more}"
         without = replace(choice, without=(*choice.without, *(one.name for one in slips)))
         label = f"Leave {'it' if len(slips) == 1 else 'them'} out"
-        button.button(
-            label,
-            on_click=callback(partial(_take, store, without)),
-            key="pair_mend",
-            type="primary",
-        )
+        act = partial(_take, store, without)
+        show_with_button("warning", words, label, "pair_mend", act, type="primary")
     if choice.without:
         with st.container(horizontal=True, vertical_alignment="center"):
             for name in choice.without:
@@ -157,11 +152,9 @@ def _show_found_slip(store: ProjectPhotographs) -> None:
         return
     choice = store.choice
     without = replace(choice, way="order", without=(*choice.without, slip.name))
-    text, button = st.columns([6, 2], vertical_alignment="center")
-    text.warning(escape_markdown(str(slip)))
     label = f"Leave {escape_markdown(short_names([slip.name])[0])} out"
-    press = callback(partial(_take, store, without))
-    button.button(label, on_click=press, key="pair_mend_found", type="primary")
+    act = partial(_take, store, without)
+    show_with_button("warning", str(slip), label, "pair_mend_found", act, type="primary")
 
 
 def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:

@@ -26,7 +26,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
 from stereocal.ui.intake import CAMERA_KINDS, take_one
-from stereocal.ui.messages import ask_about_lens, callback
+from stereocal.ui.messages import ask_about_lens, show_with_button
 
 OTHER, FILE = "Other: sensor and pixels", "A camera file"
 CHOICES = (*COMMON, OTHER, FILE)
@@ -236,11 +236,9 @@ def _pose(project: Project | None) -> Pose | AimedPose:
     stated = plan_field(project, "stated_pose")
     if stated.value() is not None:
         pose = Pose.from_json(stated.value())
-        left, right = st.columns([3, 2], vertical_alignment="center")
-        baseline = f"baseline {rounded(pose.baseline, 4)} m"
-        left.markdown(f"Pose of the cameras: R and T of the plan, {baseline}.")
-        aim = callback(partial(stated.set, None))
-        right.button("State baseline and toe-in instead", key="plan_aim", on_click=aim)
+        baseline, label = rounded(pose.baseline, 4), "State baseline and toe-in instead"
+        words = f"Pose of the cameras: R and T of the plan, baseline {baseline} m."
+        show_with_button("markdown", words, label, "plan_aim", partial(stated.set, None))
         return pose
     left, right = st.columns(2)
     (baseline_m,) = _ask(project, [left], "baseline_m")

@@ -25,7 +25,7 @@ from stereocal.ui.answer import final_run
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.intake import check_uploads, is_new, taking
-from stereocal.ui.messages import ErrorsShown, callback
+from stereocal.ui.messages import ErrorsShown, callback, show_with_button
 from stereocal.ui.project import (
     bring_project_back,
     current_project,
@@ -71,10 +71,8 @@ def show_projects() -> Project | None:
         removed = home.removed_projects(default_home())
         last = st.session_state.get(_REMOVED)
         for one in (one for one in removed if one.id == last):
-            text, button = st.columns([6, 2], vertical_alignment="center")
-            text.info(f"{escape_markdown(one.title or 'The project')} was removed.")
-            undo = partial(bring_project_back, one.id)
-            button.button("Undo", key="undo_remove", on_click=undo)
+            words, undo = f"{one.title or 'The project'} was removed.", bring_project_back
+            show_with_button("info", words, "Undo", "undo_remove", partial(undo, one.id))
         _show_all()
         if removed:
             _show_removed(removed)

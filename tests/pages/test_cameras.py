@@ -15,7 +15,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui import lens
 from tests.lens import SMALL, write_boards
-from tests.pages.stored_projects import again, dashboard, ended, go, messages, project_of
+from tests.pages.stored_projects import again, dashboard, ended, go, messages, project_of, told
 
 ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "sample_data" / "field"
@@ -63,7 +63,7 @@ def test_photographs_to_the_projects_camera(
     app: AppTest, home: Path, boards: dict[str, bytes]
 ) -> None:
     upload(app, boards)
-    assert any("Of the primary camera: 7 photographs" in item.value for item in app.markdown)
+    assert "Of the primary camera: 7 photographs" in told(app)
     # As the photographs show.
     assert [app.number_input(key=f"board_{name}").value for name in ("columns", "rows")] == [8, 6]
     calibrate(small_board(app))
