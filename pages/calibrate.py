@@ -7,12 +7,11 @@ page_head("Calibrate", "What is the pose of the cameras, and which set serves wh
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.ui.answer import answer_when_ready
 from stereocal.ui.forms import refine_form, settings_form
 from stereocal.ui.messages import end_here, readable
 from stereocal.ui.plan import show_planned
 from stereocal.ui.prerequisites import project_with_data
-from stereocal.ui.press import Press
+from stereocal.ui.press import Press, answer_when_ready
 from stereocal.ui.results import show_result
 from stereocal.ui.screening import show_exchanged
 

@@ -17,8 +17,7 @@ from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.names import AUTO
 from stereocal.matching.pairs import PAIR_COLUMNS, Stated, further_names
 from stereocal.matching.point_table import POINT, PointTable
-from stereocal.matching.report import Report
-from stereocal.matching.tables_by_camera import pixel_columns
+from stereocal.matching.tables_by_camera import Report, pixel_columns
 from stereocal.matching.trajectories import POINT_COLUMNS
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS

@@ -141,8 +141,7 @@ class Settled(NamedTuple):
 
     sigma_px: float
     """The noise of the clicks."""
-    is_estimated: bool
-    threshold_px: float
+    threshold_px: float = 0.0
     """Of two cameras; of more, the noise decides."""
 
 
@@ -162,11 +161,10 @@ class ClickMeasure:
         """
         stated, rig = self.stated, self.matching
         if isinstance(rig, RigFile):
-            usual = Settled(stated.sigma_px or CLICK_PX, False, 0.0)
+            usual = Settled(stated.sigma_px or CLICK_PX)
             found = self.measured(clicks, usual)
             noise = noise_of_tracks(rig, found.views, found.fits.chi_square, stated.sigma_px)
-            is_estimated = noise.source == "estimated"
-            return Settled(noise.sigma_px, True, 0.0) if is_estimated else usual
+            return Settled(noise.sigma_px) if noise.source == "estimated" else usual
         first, second = clicks.tables(CAMERAS, to_match=True).values()
         second, _ = points_in_step(second, POINT, rig)
         sample, distinct = sample_frames(first, second), [first[[TRACK]], second[[TRACK]]]
@@ -174,10 +172,10 @@ class ClickMeasure:
             with suppress(StereocalError):  # without a threshold
                 chosen = PairMatching.settled(rig, sample, distinct, stated).threshold
                 if chosen.noise and chosen.noise.source != "calibration":
-                    return Settled(chosen.noise.sigma_px, True, chosen.threshold_px)
+                    return Settled(chosen.noise.sigma_px, chosen.threshold_px)
             stated = replace(stated, sigma_px=CLICK_PX)
         chosen = PairMatching.settled(rig, sample, distinct, stated).threshold
-        return Settled(stated.sigma_px or CLICK_PX, False, chosen.threshold_px)
+        return Settled(stated.sigma_px or CLICK_PX, chosen.threshold_px)
 
     def measured(self, clicks: Clicks, settled: Settled) -> "MeasuredClicks":
         """What the clicks measure."""

@@ -14,8 +14,7 @@ from stereocal.matching.counts import tables_alike
 from stereocal.matching.in_step import table_in_step
 from stereocal.matching.pairs import PairMatching, Stated
 from stereocal.matching.point_table import POINT, PointTable, open_table, together
-from stereocal.matching.report import Report
-from stereocal.matching.tables_by_camera import Frame, TablesByCamera
+from stereocal.matching.tables_by_camera import Frame, Report, TablesByCamera
 from stereocal.matching.tracks import TrackMatching
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.field_of_view import beyond_in_words

@@ -24,8 +24,7 @@ from stereocal.matching.point_noise import (
 )
 from stereocal.matching.point_table import PAIR_SIGMAS, SIGMAS, PointTable, open_table
 from stereocal.matching.reconstruction import Points3D, name_of_world, reconstruct_points
-from stereocal.matching.report import Report
-from stereocal.matching.tables_by_camera import pixel_columns
+from stereocal.matching.tables_by_camera import Report, pixel_columns
 from stereocal.matching.tracks import OF_TRACKS, noise_of_tracks
 from stereocal.matching.trajectories import (
     COORDINATES,

@@ -24,8 +24,7 @@ from stereocal.matching.names import (
     texts,
 )
 from stereocal.matching.point_table import PAIR_SIGMAS, POINT, SIGMA, SIGMAS, pixels_of
-from stereocal.matching.report import Report
-from stereocal.matching.tables_by_camera import TablesByCamera, without_partner
+from stereocal.matching.tables_by_camera import Report, TablesByCamera, without_partner
 from stereocal.matching.threshold import ThresholdChoice, choose_threshold, sample_of
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import PIXELS

@@ -1,7 +1,8 @@
-"""The tables of points of two cameras or more: checked once, then read frame by frame."""
+"""The tables of points of two cameras or more, checked once, then read frame by frame; and the
+report of what was found in them."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from heapq import merge
 from itertools import groupby, repeat
@@ -10,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import RowProblem, StereocalError
-from stereocal.matching.names import AUTO, stated_columns
+from stereocal.matching.names import AUTO, NO_NAMES, Names, stated_columns
 from stereocal.matching.point_table import POINT, Contents, PointTable, pixels_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import IntArray
@@ -22,6 +23,23 @@ OTHER_IMAGES = 0.2
 """With a larger fraction of points outside the image, the parameters are of other images."""
 Frame = tuple[int, list[pd.DataFrame]]
 """Number, and rows of each camera, in the order of the tables; none where it saw nothing."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """The result of matching tables of points, or of measuring what belongs together."""
+
+    found: int
+    """Rows of the table that was written: pairs, tracks of several cameras, or 3D points."""
+    sentences: list[str]
+    notes: list[str] = field(default_factory=list)
+    """Warnings, a sentence each."""
+    lost: int = 0
+    """Rows that do not meet in front of the cameras; their coordinates are empty."""
+    threshold_px: float = 0.0
+    """With which two cameras were matched; 0 of more, where the noise of the points decides."""
+    names: Names = NO_NAMES
+    """Those by which points were matched."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,12 @@ from stereocal.matching.names import AUTO, Names, TwoCameras, choose_names
 from stereocal.matching.pairs import ERROR_DECIMALS, Stated, further_of
 from stereocal.matching.point_noise import PointNoise, check_sigma
 from stereocal.matching.point_table import POINT, pixels_of, together
-from stereocal.matching.report import Report
-from stereocal.matching.tables_by_camera import TablesByCamera, pixel_columns, without_partner
+from stereocal.matching.tables_by_camera import (
+    Report,
+    TablesByCamera,
+    pixel_columns,
+    without_partner,
+)
 from stereocal.matching.threshold import choose_threshold
 from stereocal.matching.view_groups import ViewFitter, expected_wrong, images_of_groups, match_views
 from stereocal.network.rig_file import RigFile

@@ -23,7 +23,6 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
-from stereocal.ui.answer import set_in_use
 from stereocal.ui.apply_points import FEWEST, PointsForm
 from stereocal.ui.apply_threshold import (
     OPTIONAL,
@@ -37,6 +36,7 @@ from stereocal.ui.clicks import show_clicks
 from stereocal.ui.fields import setting
 from stereocal.ui.messages import ErrorsShown, callback, readable, show_refusal, show_stale
 from stereocal.ui.parameter_files import APPLY_SETS, PURPOSES, Source, upload_set
+from stereocal.ui.press import set_in_use
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.warm_up import WARM_UP
 from stereocal.ui.world import choose_world

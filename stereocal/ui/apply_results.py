@@ -40,13 +40,13 @@ from stereocal.rig.compiled import IntArray
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.rig.rig import camera_in_words
 from stereocal.system.numbers import count
-from stereocal.ui.answer import PAPER_SET_FOR
 from stereocal.ui.apply import ApplyInputs
 from stereocal.ui.apply_threshold import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.messages import ErrorsShown, callback, fragment, readable, show_stale
+from stereocal.ui.press import PAPER_SET_FOR
 from stereocal.ui.screening import NAME, frames_photographed, photographs_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.world import WORLD_FILE

@@ -29,12 +29,11 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.system.latest import read_once
 from stereocal.system.numbers import rounded
 from stereocal.system.zip_files import pack_zip, unzip
-from stereocal.ui.answer import PAPER_SET_FOR, answer_when_ready, wait_for_answer
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting
 from stereocal.ui.intake import take_new
 from stereocal.ui.messages import ErrorsShown, readable
-from stereocal.ui.press import offer_again
+from stereocal.ui.press import PAPER_SET_FOR, answer_when_ready, offer_again, wait_for_answer
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import STATED, Questions, ask_about, ask_size
 from stereocal.workflow import Run

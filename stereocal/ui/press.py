@@ -1,24 +1,27 @@
-"""The one press of the Calibrate page: screening, all methods, forecast, and validation.
+"""The one press of the Calibrate page: screening, all methods, forecast, and validation; and what
+its result tells. No draw of a page may wait for a long recording.
 
 Short work is done while the page is drawn; longer work is a job. The job validates the calibration
 that is stored when it starts; if another one is stored meanwhile, it begins again with that one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import streamlit as st
 
-from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.projects.application import Use
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
 from stereocal.rig.dataset import Dataset
+from stereocal.system.latest import is_made
 from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
-from stereocal.ui.answer import KIND, compute_all, make
+from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.forms import form_values, since_calibration
 from stereocal.ui.menu import button_type
 from stereocal.ui.messages import ErrorsShown, readable, show_stale
@@ -26,6 +29,9 @@ from stereocal.ui.screening import asked_to_calibrate, calibrate_next, is_long
 from stereocal.ui.validation import kept_protocol
 from stereocal.workflow import STEPS, Run
 
+PAPER_SET_FOR: Mapping[Use, Method] = {"matching": "2d", "measuring": "3d"}
+KIND: jobs.Kind = "calibration"
+NOT_VALIDATED = "Cancelled: the result has no validation."
 STAGES = ("steps", "runs")
 FEWEST_TO_VALIDATE = 5
 INSTANT = 120
@@ -191,4 +197,94 @@ def show_progress(project: Project, work: jobs.PageWork | None) -> None:
     done = job is not None and job.state == "done"
     if work is not None and done and project.calibration and not project.calibration_evaluation:
         jobs.start(work)
-    jobs.show_job(project, KIND, "Cancelled: the result has no validation.")
+    jobs.show_job(project, KIND, NOT_VALIDATED)
+
+
+def final_run(project: Project) -> Run | None:
+    """The last result with its validation, nothing computed yet.
+
+    Returns:
+        None without a result, and while a job validates it: the validation gives the threshold,
+        and files that are downloaded before would have another.
+    """
+    if jobs.is_running(project, KIND):
+        return None
+    readable(lambda: project.calibration_evaluation)  # tells that it is damaged
+    return readable(lambda: project.run)
+
+
+def wait_for_answer(project: Project) -> bool:
+    """Show the job that validates the last result; False if none runs."""
+    if not jobs.is_running(project, KIND):
+        return False
+    st.info("The calibration is being validated: its files come with their thresholds.")
+    jobs.show_job(project, KIND, NOT_VALIDATED)
+    return True
+
+
+def answer_when_ready(project: Project) -> Run | None:
+    """The last result with its files: at once, or for a long recording from a job, which is shown.
+
+    Returns:
+        None while the job runs, or if it did not come to its end.
+    """
+    run = final_run(project)
+    if run is None:
+        return None
+
+    def compute(job: jobs.Job) -> None:
+        job.progress(0, 1)
+        compute_all(run)
+
+    if not is_long(run.dataset):
+        with st.spinner("Forecasting."):
+            compute_all(run)
+    elif not (is_made(run, "sets") and is_made(run, "advice")):
+        _compute_in_job(project, "answer", "steps", compute)
+        return None
+    return run
+
+
+def compute_all(run: Run) -> None:
+    """Compute what pages show of a run; of a long recording also what takes seconds there."""
+    make(run, "sets", *(["advice"] if is_long(run.dataset) else []))
+
+
+def make(run: Run, *steps: str) -> None:
+    """Compute steps of a run in the pool, unless they are made."""
+    for name in steps:
+        if not is_made(run, name):
+            jobs.compute(getattr, run, name)
+
+
+def curves_are_ready(project: Project, run: Run) -> bool:
+    """Whether the trade-off is traced: at once, or for a long recording in a job, as above."""
+
+    def trace(job: jobs.Job) -> None:
+        run.trace_curves(job.progress)
+
+    if not is_long(run.dataset):
+        with st.spinner("Tracing the trade-off."):
+            make(run, "curves")
+    elif not is_made(run, "curves"):
+        _compute_in_job(project, "trade_off", "fits", trace)
+        return False
+    return True
+
+
+def _compute_in_job(
+    project: Project, kind: jobs.Kind, counted: str, compute: Callable[[jobs.Job], None]
+) -> None:
+    """Start the job, unless it has failed or was cancelled, and show it."""
+    work, last = jobs.PageWork(project, kind, (counted,), compute), jobs.job_of(project, kind)
+    ended = last is not None and last.state in ("failed", "cancelled")
+    if not ended:  # what was made is kept in memory: after a restart it is made again
+        jobs.start(work)
+    jobs.show_job(project, kind, "Cancelled.")
+    if ended:
+        jobs.start_button(work, "Compute it", f"again_{kind}", primary=False)
+
+
+def set_in_use(project: Project, use: Use, run: Run) -> Field:
+    """The set of a result to match or to measure with: as recommended until the user chooses."""
+    return setting(project, f"apply_{use}", run.recommendation.use[use], one_of([*run.sets]))

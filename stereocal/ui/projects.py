@@ -21,11 +21,11 @@ from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings, default_home
 from stereocal.system.limits import MB
 from stereocal.ui import jobs
-from stereocal.ui.answer import final_run
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.intake import check_uploads, is_new, taking
 from stereocal.ui.messages import ErrorsShown, callback, show_with_button
+from stereocal.ui.press import final_run
 from stereocal.ui.project import (
     bring_project_back,
     current_project,

@@ -14,9 +14,9 @@ from stereocal.projects.project import Project
 from stereocal.refined.stated_inputs import Input, undetectable_errors
 from stereocal.rig.rig import Rig
 from stereocal.ui import jobs
-from stereocal.ui.answer import curves_are_ready, make
 from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.figure import is_narrow, show_figure
+from stereocal.ui.press import curves_are_ready, make
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.tradeoff import costs_of

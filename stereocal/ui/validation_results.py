@@ -22,12 +22,12 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
-from stereocal.ui.answer import final_run
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
 from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.forms import describe_settings
 from stereocal.ui.messages import fragment, readable, show_stale
+from stereocal.ui.press import final_run
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.validation import (

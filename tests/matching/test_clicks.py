@@ -93,7 +93,7 @@ def test_clicks_measure_what_match_and_reconstruct_do() -> None:
     clicks, how = flight(12, 0.5), ClickMeasure(SET, SET)
     settled = how.settled(clicks)
     found = how.measured(clicks, settled)
-    assert settled.is_estimated
+    assert 0.3 < settled.sigma_px < 0.7  # estimated; truth: 0.5
     pairs = match(SET, clicks.tables(CAMERAS), names="track")
     same = pairs.sort_values(["frame", "track_primary"], ignore_index=True)
     np.testing.assert_allclose(found.pixels.reshape(-1, 4), same[list(PIXELS)])
@@ -131,7 +131,7 @@ def test_a_point_of_three_cameras_needs_two_of_them() -> None:
     )
     how = ClickMeasure(rig, rig)
     settled = how.settled(clicks)
-    assert settled.is_estimated and 0.2 < settled.sigma_px < 0.45  # truth: 0.3
+    assert 0.2 < settled.sigma_px < 0.45  # truth: 0.3
     found = how.measured(clicks, settled)
     assert found.views.tolist().count(3) == 23 and found.views[6] == 2
     tracks = match(rig, clicks.tables(rig.names), names="track")
@@ -149,7 +149,7 @@ def test_a_point_of_three_cameras_needs_two_of_them() -> None:
         for other in {*rig.names} - {camera}:
             assert off(how.curve(click, other), images[other][track][frame]) < 3.0
     few = Clicks.of(each for each in clicks.every.values() if each.frame < 4)
-    assert how.settled(few) == (CLICK_PX, False, 0.0)
+    assert how.settled(few) == (CLICK_PX, 0.0)
 
 
 def three_cameras() -> tuple[RigFile, dict[str, dict[str, FloatArray]]]:
@@ -172,7 +172,7 @@ def three_cameras() -> tuple[RigFile, dict[str, dict[str, FloatArray]]]:
 
 def test_few_clicks_count_as_clicked_by_hand() -> None:
     settled = ClickMeasure(replace(SET, noise_px=0.02), SET).settled(flight(2, 0.3))
-    assert settled.sigma_px == CLICK_PX and not settled.is_estimated
+    assert settled.sigma_px == CLICK_PX
     assert 1.5 < settled.threshold_px < 2.2
     stated = ClickMeasure(SET, SET, Stated(sigma_px=0.05, names="track")).settled(flight(2))
     assert stated.threshold_px == 0.4  # that of the file is larger
@@ -184,7 +184,7 @@ def test_a_length_and_its_error() -> None:
     for seed in range(60):
         clicks = flight(5, 1.0, seed)
         how = ClickMeasure(SET, SET, Stated(1.8, sigma_px=1.0, names="track"))
-        found = how.measured(clicks, Settled(1.0, False, 1.8))
+        found = how.measured(clicks, Settled(1.0, 1.8))
         length = found.length(*found.common("head", "tail"))
         assert length is not None and length.frames == 5
         relative.append((length.metres - LENGTH_M) / length.sigma_m)

@@ -11,7 +11,7 @@ from stereocal.library.tables import match
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.report import Report
+from stereocal.matching.tables_by_camera import Report
 from stereocal.rig.camera import CAMERAS
 from tests.further import further
 from tests.matching.test_point_noise import FILE, seen

@@ -14,7 +14,7 @@ from stereocal.formats.world_file import read_world
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.report import Report
+from stereocal.matching.tables_by_camera import Report
 from stereocal.matching.view_groups import ViewFitter, expected_wrong, match_views
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
