@@ -107,7 +107,8 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
     show_refusal()
     if form.is_clicked and sets is not None:
         forced_px = setting(project, "apply_threshold", None, OPTIONAL).value()
-        stated = Stated(forced_px, depths or ANY_DEPTH, _known_px(project), names)
+        known_px = noise_field(project, "apply_sigma_px").value()
+        stated = Stated(forced_px, depths or ANY_DEPTH, known_px, names)
         show_clicks(project, ClickMeasure(*sets, stated, world))
     _tell_missing(form.missing, is_complete)
     if sets is None:
@@ -119,12 +120,6 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
         forced = threshold.threshold_px if threshold.is_forced else None
         work = Application(points, *sets, Stated(forced, depths, sigma_px, names), world)
     return ApplyInputs(work, partial(thresholds.show, threshold), form.is_clicked)
-
-
-def _known_px(project: Project) -> float | None:
-    """The noise of the points as stated."""
-    stated: float | None = noise_field(project, "apply_sigma_px").value()
-    return stated
 
 
 def _tell_missing(missing: Sequence[str], is_complete: bool) -> None:

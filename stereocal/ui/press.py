@@ -118,19 +118,15 @@ class Press:
             return
         with st.spinner("Calibrating."):
             self._calibrate()
-        if len(self.dataset.correspondences.frames) < FEWEST_TO_VALIDATE:
+        frames = len(self.dataset.correspondences.frames)
+        if frames < FEWEST_TO_VALIDATE:
             self._conclude()
-        elif errors_first or not self._is_short:
+        elif errors_first or self.protocol.runs * frames / 25 > INSTANT:
             jobs.start(self.work)
         else:
             shown = ErrorsShown(lambda why: note(f"Not validated: {why}"))
             with shown, suppress(StoppedError), st.spinner("Validating."):
                 self._validate(jobs.Job(self.work, jobs.pool()))
-
-    @property
-    def _is_short(self) -> bool:
-        """Whether the validation is computed while the page is drawn."""
-        return self.protocol.runs * len(self.dataset.correspondences.frames) / 25 <= INSTANT
 
     def _calibrate(self, step: Callable[[str], None] = lambda _: None) -> None:
         own = self.protocol.refined

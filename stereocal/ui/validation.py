@@ -124,7 +124,9 @@ def last_validation(
     So that a look at other data sets leaves a calibrated project validated.
     """
     of_calibration = readable(lambda: project.calibration_evaluation, told=False)
-    return of_calibration if is_current(of_calibration, datasets, settings) else _last(project)
+    if is_current(of_calibration, datasets, settings):
+        return of_calibration
+    return readable(lambda: project.evaluation, told=False)  # damaged, it is computed again
 
 
 def follow_validation(
@@ -193,11 +195,6 @@ def _validate(
     job.progress(job.total, job.total)  # ends here if the settings have changed meanwhile
     digests = [dataset.sha256 for dataset in datasets]
     project.keep_evaluation(Evaluation(runs, settings, unique_names(datasets), digests))
-
-
-def _last(project: Project) -> Evaluation | None:
-    """The last validation; None if damaged, so that it is computed again."""
-    return readable(lambda: project.evaluation, told=False)
 
 
 def is_current(

@@ -21,10 +21,6 @@ from stereocal.matching.clicks import (
 )
 from stereocal.matching.following import Image, corner_at, follow, nearest_clicks
 from stereocal.matching.pairs import Stated
-from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings
-from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import PIXELS
@@ -34,7 +30,6 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
-from stereocal.simulation.rigs import LENS_ERRORS, simulated_rig
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 
 SET = RigParameters(PRIMARY, SECONDARY, RIG, "refined", 1.0, {}, {}, matching_threshold_px=0.4)
@@ -118,56 +113,6 @@ def agrees(found: MeasuredClicks, points: pd.DataFrame) -> None:
             own = ordered.iloc[row]
             assert abs(value - own[axis]) < 0.2 * own[f"sigma_{axis}"]
             assert sigma == pytest.approx(own[f"sigma_{axis}"], rel=0.05)
-
-
-def test_a_point_of_three_cameras_needs_two_of_them() -> None:
-    rig, images = three_cameras()
-    clicks = Clicks.of(
-        Click(frame, camera, track, *pixels[frame].tolist())
-        for camera, tracks in images.items()
-        for track, pixels in tracks.items()
-        for frame in range(12)
-        if (camera, track, frame) != ("c2", "head", 3)
-    )
-    how = ClickMeasure(rig, rig)
-    settled = how.settled(clicks)
-    assert 0.2 < settled.sigma_px < 0.45  # truth: 0.3
-    found = how.measured(clicks, settled)
-    assert found.views.tolist().count(3) == 23 and found.views[6] == 2
-    tracks = match(rig, clicks.tables(rig.names), names="track")
-    agrees(found, reconstruct(rig, tracks, sigma_px=settled.sigma_px))
-    assert not any(found.beyond(frame) for frame in range(12))
-    length = found.length(*found.common("head", "tail"))
-    assert length is not None and abs(length.metres - LENGTH_M) < 3 * length.sigma_m < 0.01
-    two = how.measured(Clicks.of(e for e in clicks.every.values() if e.camera != "c3"), settled)
-    worse = two.length(*two.common("head", "tail"))
-    assert worse is not None and worse.sigma_m > 1.1 * length.sigma_m
-    wrong = clicks.placed([replace(clicks.every[5, "c3", "tail"], u=400.0)])
-    assert how.measured(wrong, settled).beyond(5) == {"tail"}
-    for camera, track, frame in (("c1", "head", 2), ("c3", "tail", 7)):
-        click = clicks.every[frame, camera, track]
-        for other in {*rig.names} - {camera}:
-            assert off(how.curve(click, other), images[other][track][frame]) < 3.0
-    few = Clicks.of(each for each in clicks.every.values() if each.frame < 4)
-    assert how.settled(few) == (CLICK_PX, 0.0)
-
-
-def three_cameras() -> tuple[RigFile, dict[str, dict[str, FloatArray]]]:
-    """A rig, and the pixels of a head and a tail in its cameras by frame, with 0.3 px of noise."""
-    truth, rng = simulated_rig(np.random.default_rng(5), 3, 60), np.random.default_rng(1)
-    priors = dict.fromkeys(truth.cameras, LensPrior(*LENS_ERRORS))
-    rig = rig_file(calibrate_rig(truth.recording, RigSettings(lenses=priors)))
-    middle = truth.points_m.reshape(-1, 3).mean(axis=0)
-    points = {"head": middle + np.outer(np.arange(12) - 6, [0.03, 0.01, 0.02])}
-    points["tail"] = points["head"] + [0.0, LENGTH_M, 0.0]
-    images = {
-        name: {track: camera.project(truth.poses[name].apply(own)) for track, own in points.items()}
-        for name, camera in truth.cameras.items()
-    }
-    for tracks in images.values():
-        for pixels in tracks.values():
-            pixels += rng.normal(0.0, 0.3, pixels.shape)
-    return rig, images
 
 
 def test_few_clicks_count_as_clicked_by_hand() -> None:

@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.cli import main
 from stereocal.formats.world_file import read_world
+from stereocal.library.tables import match, reconstruct
+from stereocal.matching.clicks import CLICK_PX, Click, ClickMeasure, Clicks
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
@@ -23,6 +25,7 @@ from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
+from tests.matching.test_clicks import LENGTH_M, agrees, off
 
 NOISE = 0.3
 
@@ -242,3 +245,47 @@ def test_wrong_input_of_the_commands(rig: RigFile, tmp_path: Path) -> None:
     ):
         assert main(words) == 2, words
         assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_clicked_point_of_three_cameras_needs_two_of_them(
+    truth: SimulatedRig, rig: RigFile
+) -> None:
+    rng = np.random.default_rng(1)
+    middle = truth.points_m.reshape(-1, 3).mean(axis=0)
+    head = middle + np.outer(np.arange(12) - 6, [0.03, 0.01, 0.02])
+    points = {"head": head, "tail": head + np.array([0.0, LENGTH_M, 0.0])}
+    images = {
+        name: {
+            track: camera.project(truth.poses[name].apply(own)) + rng.normal(0.0, NOISE, (12, 2))
+            for track, own in points.items()
+        }
+        for name, camera in truth.cameras.items()
+    }
+    clicks = Clicks.of(
+        Click(frame, camera, track, *pixels[frame].tolist())
+        for camera, tracks in images.items()
+        for track, pixels in tracks.items()
+        for frame in range(12)
+        if (camera, track, frame) != ("c2", "head", 3)
+    )
+    how = ClickMeasure(rig, rig)
+    settled = how.settled(clicks)
+    assert 0.2 < settled.sigma_px < 0.45  # truth: 0.3
+    found = how.measured(clicks, settled)
+    assert found.views.tolist().count(3) == 23 and found.views[6] == 2
+    tracks = match(rig, clicks.tables(rig.names), names="track")
+    agrees(found, reconstruct(rig, tracks, sigma_px=settled.sigma_px))
+    assert not any(found.beyond(frame) for frame in range(12))
+    length = found.length(*found.common("head", "tail"))
+    assert length is not None and abs(length.metres - LENGTH_M) < 3 * length.sigma_m < 0.01
+    two = how.measured(Clicks.of(e for e in clicks.every.values() if e.camera != "c3"), settled)
+    worse = two.length(*two.common("head", "tail"))
+    assert worse is not None and worse.sigma_m > 1.1 * length.sigma_m
+    wrong = clicks.placed([replace(clicks.every[5, "c3", "tail"], u=400.0)])
+    assert how.measured(wrong, settled).beyond(5) == {"tail"}
+    for camera, track, frame in (("c1", "head", 2), ("c3", "tail", 7)):
+        click = clicks.every[frame, camera, track]
+        for other in {*rig.names} - {camera}:
+            assert off(how.curve(click, other), images[other][track][frame]) < 3.0
+    few = Clicks.of(each for each in clicks.every.values() if each.frame < 4)
+    assert how.settled(few) == (CLICK_PX, 0.0)

@@ -28,11 +28,6 @@ ASPECT = (0.5, 2.0)
 """Plausible fy / fx, which tells a profile from a table of points."""
 
 
-def profile_cameras(file: ForeignFile) -> tuple[str, ...]:
-    """Names of the cameras; empty for another file."""
-    return tuple(row[0] for row in _rows(file))
-
-
 def _rows(file: ForeignFile) -> list[list[str]]:
     """The cells of each camera; empty if it is no profile."""
     if not file.ends_with(*ENDINGS) or len(file.content) > 20_000:
@@ -73,5 +68,8 @@ def read_profile(files: Files, options: ExchangeOptions, source: str) -> CameraP
 
 
 ARGUS = CameraFormat(
-    "Argus camera profile", read_profile, lambda file: bool(_rows(file)), profile_cameras
+    "Argus camera profile",
+    read_profile,
+    lambda file: bool(_rows(file)),
+    lambda file: tuple(row[0] for row in _rows(file)),
 )

@@ -96,11 +96,6 @@ def read_dlt(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
     )
 
 
-def dlt_names(file: ForeignFile) -> tuple[str, ...]:
-    """Names of the cameras."""
-    return _coefficients([file], file.name)[0]
-
-
 def _on_origin(behind: Sequence[bool], options: ExchangeOptions) -> tuple[str, ...]:
     """A note if the world's origin lies behind a camera, so that v may be counted otherwise."""
     which = " and ".join(name for name, own in zip(CAMERAS, behind, strict=True) if own)
@@ -189,7 +184,7 @@ def _is_number(cell: str) -> bool:
 DLT = ExchangeFormat(
     "DLT coefficients (DLTdv, easyWand, Argus)",
     read_dlt,
-    names=dlt_names,
+    names=lambda file: _coefficients([file], file.name)[0],
     write=write_dlt,
     of_rigs=True,
     without_lens=True,

@@ -23,7 +23,6 @@ from stereocal.formats.exchange.reading import (
     pose_from,
 )
 from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, number
-from stereocal.formats.file_storage import ForeignFile
 from stereocal.formats.matlab_file import Fields, numbers_in_field, read_structs
 from stereocal.formats.other_files import is_matlab
 from stereocal.rig.camera import CAMERAS, Camera
@@ -101,11 +100,6 @@ def _without_comments(text: str) -> str:
         code, continued, _ = line.partition("%")[0].partition("...")
         plain.append(code + (" " if continued else "\n"))
     return "".join(plain)
-
-
-def is_matlab_file(file: ForeignFile) -> bool:
-    """Whether it is a script or a .mat file."""
-    return file.ends_with(".m") or is_matlab(file.content)
 
 
 def read_matlab(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
@@ -232,7 +226,7 @@ def _required(fields: Fields, name: str, shape: tuple[int, ...], source: str) ->
 MATLAB = ExchangeFormat(
     "MATLAB (stereoParameters)",
     read_matlab,
-    is_matlab_file,
+    lambda file: file.ends_with(".m") or is_matlab(file.content),
     write=write_matlab,
     fisheye=False,
     coefficients=5,

@@ -130,11 +130,6 @@ def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> Came
     )
 
 
-def aniposelib_names(file: ForeignFile) -> tuple[str, ...]:
-    """Names of the cameras."""
-    return _called(_sections(read_toml(file.text, file.name)))
-
-
 def _called(sections: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
     """Each camera's `name`, or else the names of the sections."""
     names = [own["name"] for own in sections.values() if isinstance(own.get("name"), str)]
@@ -267,7 +262,7 @@ ANIPOSELIB = ExchangeFormat(
     "aniposelib (calibration.toml)",
     read_aniposelib,
     lambda file: file.ends_with(".toml"),
-    aniposelib_names,
+    lambda file: _called(_sections(read_toml(file.text, file.name))),
     write=write_aniposelib,
     of_rigs=True,
     skew="ignored",
