@@ -31,7 +31,6 @@ from stereocal.refined.unknowns import LensPrior
 from stereocal.refined.views import EACH
 from stereocal.rig.compiled import BoolArray
 from stereocal.rig.recording import Recording
-from tests.network.test_wrong_rigs import bumped
 from tests.rigs.moving_wand import stated_over_true, wave_wand
 from tests.rigs.refined_rigs import (
     Misjudged,
@@ -41,6 +40,7 @@ from tests.rigs.refined_rigs import (
     waved_scene,
     with_waves,
 )
+from tests.rigs.spoiled_rigs import bumped_from
 
 FRAMES, NOISE_PX = 320, 0.2
 FREE = LensPrior(0.05, 50.0)
@@ -81,7 +81,7 @@ def rigs_still(rigs: int, seed: int) -> None:
         truth, recording = wave_wand(number, late, int(rng.choice([100, 200, 300])), misfit)
         name, frames = f"c{rng.integers(len(late)) + 1}", np.unique(recording.frame)
         at = int(frames[int(len(frames) * rng.uniform(0.3, 0.7))])
-        turned = bumped(replace(truth, recording=recording), name, 0.2, at)
+        turned = bumped_from(replace(truth, recording=recording), name, 0.2, at)
         for what, each in (("still", recording), ("turned", turned)):
             warnings = calibrate_rig(each, RigSettings(time_offsets=False)).warnings
             moved[what] += any("moved" in warning for warning in warnings)

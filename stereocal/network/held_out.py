@@ -10,12 +10,14 @@ as long as errors show to be alike 1.09, of single frames 1.12.)
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from stereocal.network.fit import RigFit, camera_at
 from stereocal.refined.observations import Observations
+from stereocal.refined.two_recordings import predict_each_other
 from stereocal.refined.views import Cameras, fit_points
 from stereocal.rig.clusters import evenly_divided
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -119,26 +121,14 @@ def predicted_apart(fit: RigFit, frame: int) -> float:
     """How much worse the frames before and from one on predict each other than the halves of each
     do, as a factor; above 1 something changed there, and not only where the object was."""
     used = fit.frames[fit.used]
+
+    def error(of: RigFit, frames: IntArray) -> float:
+        units = np.flatnonzero(np.isin(fit.frames[fit.frame_of], frames))
+        _, residuals = point_fits(of.cameras, fit.seen, units)
+        return float(np.nanmedian(frame_errors(residuals, fit.frame_of[units], len(fit.frames))))
+
     parts = used[used < frame], used[used >= frame]
-    within = (_ratio(fit, *np.array_split(part, 2)) for part in parts)
-    return _ratio(fit, *parts) / max(1.0, *within)
-
-
-def _ratio(fit: RigFit, first: IntArray, second: IntArray) -> float:
-    """How many times worse frames are predicted by others than they fit by themselves, the smaller
-    factor of the two (medians); 1 where a part cannot be fitted."""
-    fits = [_fitted_to(fit, part) for part in (first, second)]
-    ratios = []
-    for part, own, other in zip((first, second), fits, fits[::-1], strict=True):
-        if own is None or other is None:
-            return 1.0
-        units = np.flatnonzero(np.isin(fit.frames[fit.frame_of], part))
-        itself, predicted = (
-            float(np.nanmedian(frame_errors(residuals, fit.frame_of[units], len(fit.frames))))
-            for _, residuals in (point_fits(each.cameras, fit.seen, units) for each in (own, other))
-        )
-        ratios.append(predicted / itself)
-    return min(ratios)
+    return predict_each_other(parts, partial(_fitted_to, fit), error)
 
 
 def _fitted_to(fit: RigFit, frames: IntArray) -> RigFit | None:

@@ -9,8 +9,9 @@ each by itself, than the whole recording does; and bars of each must be predicte
 other than the halves of each predict each other.
 """
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -66,6 +67,7 @@ ALIKE, MOST_ALIKE = 0.2, 0.8
 WORSE = 4.0
 """Times by which the residuals may differ of frames that show one board and another."""
 MOST_NAMED = 10
+Fit = TypeVar("Fit")
 
 
 class _Poses(NamedTuple):
@@ -188,33 +190,47 @@ def _costs_of(fit: RobustFit) -> FloatArray:
 
 
 def _predict_each_other(fit: RefinedResult, parts: Sequence[RefinedResult]) -> float:
-    """How many times worse two parts predict each other than the halves of each do."""
-    within = [1.0]
-    for part in parts:
-        halves = np.array_split(part.frames, 2)
-        if len(part.frames) < FEWEST_BARS:
-            continue  # so few fit too well to predict others
-        try:
-            within.append(
-                _ratio([refine(fit.dataset.of_frames(own), fit.settings) for own in halves])
-            )
-        except StereocalError:
-            continue
-    return _ratio(parts) / max(within)
+    """As `predict_each_other`, by distances from epipolar lines; fewer frames than `FEWEST_BARS`
+    fit too well to predict others."""
+
+    def fitted(frames: IntArray) -> RefinedResult | None:
+        with suppress(StereocalError):
+            return refine(fit.dataset.of_frames(frames), fit.settings)
+        return None
+
+    def error(of: RefinedResult, frames: IntArray) -> float:
+        rows = fit.dataset.of_frames(frames).correspondences
+        return float(np.nanmedian(np.abs(of.rig.epipolar_errors(rows.primary, rows.secondary))))
+
+    return predict_each_other([part.frames for part in parts], fitted, error, FEWEST_BARS)
 
 
-def _ratio(fits: Sequence[RefinedResult]) -> float:
-    """How many times worse frames are predicted by the other fit than by their own, the smaller
-    factor of the two (medians of distances from epipolar lines)."""
-    ratios = []
-    for own, other in zip(fits, fits[::-1], strict=True):
-        rows = own.dataset.correspondences
-        itself, predicted = (
-            float(np.nanmedian(np.abs(rig.epipolar_errors(rows.primary, rows.secondary))))
-            for rig in (own.rig, other.rig)
-        )
-        ratios.append(predicted / max(itself, 1e-12))
-    return min(ratios)
+def predict_each_other(
+    parts: Sequence[IntArray],
+    fitted: Callable[[IntArray], Fit | None],
+    error: Callable[[Fit, IntArray], float],
+    fewest: int = 2,
+) -> float:
+    """How many times worse two parts predict each other than the halves of each do.
+
+    Args:
+        parts: their frames.
+        fitted: a fit of some frames; None if it fails.
+        error: the median error of a fit on some frames.
+        fewest: frames of a part that is divided into halves.
+    """
+
+    def ratio(pair: Sequence[IntArray]) -> float:
+        """How many times worse frames are predicted by the other fit than by their own, the smaller
+        factor of the two; 1 where one fails."""
+        one, other = map(fitted, pair)
+        if one is None or other is None:
+            return 1.0
+        both = zip(pair, (one, other), (other, one), strict=True)
+        return min(error(other, own) / max(error(one, own), 1e-12) for own, one, other in both)
+
+    halves = (np.array_split(part, 2) for part in parts if len(part) >= fewest)
+    return ratio(parts) / max([1.0, *map(ratio, halves)])
 
 
 def other_size(fit: RefinedResult, least: float = 0.0) -> str:

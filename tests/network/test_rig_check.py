@@ -16,7 +16,7 @@ from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import SimulatedRig, simulated_rig
 from tests.further import further
-from tests.network.test_wrong_rigs import bumped
+from tests.rigs.spoiled_rigs import bumped_from
 
 
 @pytest.fixture(scope="module")
@@ -43,20 +43,20 @@ def test_nothing_has_moved(truth: SimulatedRig, rig: RigFile) -> None:
 @pytest.mark.parametrize("name", ["c3", *further("c1")])
 def test_a_turned_camera_is_named(truth: SimulatedRig, rig: RigFile, name: str) -> None:
     # 0.1 degree is 2 px in the image, against 0.3 px of noise
-    found = check_rig(rig, later(bumped(truth, name, 0.1, 160)))
+    found = check_rig(rig, later(bumped_from(truth, name, 0.1, 160)))
     assert found.verdict == "moved"
     assert found.moved == (name,)
     assert f"the camera {name}" in found.sentence
 
 
 def test_two_turned_cameras_are_named(truth: SimulatedRig, rig: RigFile) -> None:
-    once = replace(truth, recording=bumped(truth, "c1", 0.2, 160))
-    found = check_rig(rig, later(bumped(once, "c4", -0.2, 160)))
+    once = replace(truth, recording=bumped_from(truth, "c1", 0.2, 160))
+    found = check_rig(rig, later(bumped_from(once, "c4", -0.2, 160)))
     assert found.moved == ("c1", "c4")
 
 
 def test_of_two_cameras_it_cannot_be_told_which(truth: SimulatedRig, rig: RigFile) -> None:
-    found = check_rig(rig, later(bumped(truth, "c2", 0.2, 160)).of_cameras(["c2", "c3"]))
+    found = check_rig(rig, later(bumped_from(truth, "c2", 0.2, 160)).of_cameras(["c2", "c3"]))
     assert found.verdict == "moved"
     assert found.moved == ()
     assert found.explanations == (("c2",), ("c3",))
@@ -74,7 +74,7 @@ def test_the_command_takes_a_rig(
     truth: SimulatedRig, rig: RigFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "rig.json").write_text(rig.dumps(), encoding="utf-8")
-    write_recording(tmp_path / "new", later(bumped(truth, "c2", 0.2, 160)))
+    write_recording(tmp_path / "new", later(bumped_from(truth, "c2", 0.2, 160)))
     arguments = ["check", str(tmp_path / "rig.json"), str(tmp_path / "new")]
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
     answer = json.loads((tmp_path / "out" / "check.json").read_text(encoding="utf-8"))

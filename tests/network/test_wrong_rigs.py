@@ -22,24 +22,11 @@ from stereocal.simulation.rigs import IMAGE_SIZE, SimulatedRig, simulated_rig
 from stereocal.simulation.simulate import lens_off_by
 from tests.further import further
 from tests.rigs.moving_wand import wave_wand
-from tests.rigs.spoiled_rigs import MISTAKES, sound
+from tests.rigs.spoiled_rigs import MISTAKES, bumped_from, sound
 
 
 def simulated(seed: int, cameras: int = 3) -> SimulatedRig:
     return simulated_rig(np.random.default_rng(seed), cameras, 150)
-
-
-def bumped(truth: SimulatedRig, name: str, degrees: float, frame: int) -> Recording:
-    """The recording, with a camera turned from a frame on."""
-    rows, camera = truth.recording, truth.cameras[name]
-    after = (rows.camera == list(truth.cameras).index(name)) & (rows.frame >= frame)
-    turn = Rotation.from_rotvec(np.radians(degrees) * np.array([0.5, 0.8, 0.3])).as_matrix()
-    rays = np.column_stack([camera.undistort(rows.points[after]), np.ones(after.sum())]) @ turn.T
-    points = rows.points.copy()
-    points[after] = np.clip(
-        camera.distort(rays[:, :2] / rays[:, 2:]), 0.0, np.array(IMAGE_SIZE) - 1.0
-    )
-    return replace(rows, points=points)
 
 
 def mirrored_in_all(recording: Recording) -> Recording:
@@ -192,7 +179,7 @@ def test_a_measured_baseline_that_the_rig_leaves_is_said() -> None:
 @pytest.mark.parametrize("degrees", [0.05, *further(0.2)])
 def test_a_bumped_camera_is_named(degrees: float) -> None:
     truth = simulated(1)
-    rig = calibrate_rig(bumped(truth, "c2", degrees, 80))
+    rig = calibrate_rig(bumped_from(truth, "c2", degrees, 80))
     (warning,) = rig.warnings
     assert "camera c2 seems to have moved at about frame" in warning
     when = int(warning.split("frame ")[1].split(",")[0])
@@ -213,7 +200,7 @@ def test_lenses_that_are_not_as_their_model_make_no_movement() -> None:
 
 
 def test_of_two_cameras_it_cannot_be_told_which_was_bumped() -> None:
-    recording = bumped(simulated(1), "c2", 0.2, 80)
+    recording = bumped_from(simulated(1), "c2", 0.2, 80)
     with pytest.raises(StereocalError, match=r"between frames 79 and 80.*cannot tell which"):
         calibrate_rig(recording.of_cameras(["c1", "c2"]))
 
@@ -221,7 +208,7 @@ def test_of_two_cameras_it_cannot_be_told_which_was_bumped() -> None:
 def test_a_camera_that_was_turned_away_is_named() -> None:
     """It agrees with none of the others, but its frames before and after do."""
     with pytest.raises(StereocalError, match="camera c2 seems to have moved at about"):
-        calibrate_rig(bumped(simulated(3, 4), "c2", 2.0, 80))
+        calibrate_rig(bumped_from(simulated(3, 4), "c2", 2.0, 80))
 
 
 @pytest.mark.parametrize(

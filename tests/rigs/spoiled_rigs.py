@@ -300,15 +300,21 @@ def with_baseline(truth: SimulatedRig, factor: float) -> Recording:
 
 def bumped(truth: SimulatedRig, rng: np.random.Generator, degrees: float) -> Recording:
     """One camera turned from half-way on."""
-    rows, number = truth.recording, _one(truth.recording, rng)
-    camera = list(truth.cameras.values())[number]
-    after = (rows.camera == number) & (rows.frame >= rows.frame.max() // 2)
+    rows = truth.recording
+    name = [*rows.cameras][_one(rows, rng)]
+    return bumped_from(truth, name, degrees, int(rows.frame.max() // 2))
+
+
+def bumped_from(truth: SimulatedRig, name: str, degrees: float, frame: int) -> Recording:
+    """One camera turned from a frame on; points that leave its image are lost."""
+    rows, camera = truth.recording, truth.cameras[name]
+    after = (rows.camera == [*truth.cameras].index(name)) & (rows.frame >= frame)
     turn = Rotation.from_rotvec(np.radians(degrees) * np.array([0.5, 0.8, 0.3])).as_matrix()
     rays = np.column_stack([camera.undistort(rows.points[after]), np.ones(after.sum())]) @ turn.T
     points = rows.points.copy()
     points[after] = camera.distort(rays[:, :2] / rays[:, 2:])
-    inside = ((points > 0) & (points < np.array(SIZE) - 1)).all(axis=1)
-    return replace(rows, points=points).where(np.asarray(inside))
+    inside = ((points > 0) & (points < np.array(camera.image_size) - 1)).all(axis=1)
+    return replace(rows, points=points).where(np.asarray(inside | ~after))
 
 
 def changed(change: Change, kind: str, number: int) -> Recording:
