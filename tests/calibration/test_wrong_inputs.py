@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import get_args
 
@@ -30,6 +31,7 @@ from tests.rigs.pair_mistakes import MISTAKES
 CASES = Path(__file__).parents[1] / "cases"
 FOUR = np.array([-0.25, 0.1, 0.001, -0.001])
 SOUND = random_rig(3)[1]
+SIDES = ("primary",), ("secondary",), CAMERAS
 FURTHER = (
     "u and v exchanged in one camera",
     "K of twice the image",
@@ -68,7 +70,7 @@ def test_a_lens_that_cannot_be_inverted_is_named_with_its_size() -> None:
         (("primary",), 0.5),
         (("secondary",), 0.75),
         (CAMERAS, 0.5),
-        *further((("primary",), 0.75), (("secondary",), 0.5), (CAMERAS, 0.75)),
+        *further(*product(SIDES, (0.5, 0.75))),
     ],
 )
 def test_points_of_resized_images_are_named_with_both_sizes(
@@ -109,14 +111,7 @@ def four_coefficients() -> Dataset:
         ("90 degrees", ("primary",)),
         ("150 degrees", ("secondary",)),
         ("usual", CAMERAS),
-        *further(
-            ("90 degrees", ("secondary",)),
-            ("90 degrees", CAMERAS),
-            ("150 degrees", ("primary",)),
-            ("150 degrees", CAMERAS),
-            ("usual", ("primary",)),
-            ("usual", ("secondary",)),
-        ),
+        *further(*product(("90 degrees", "150 degrees", "usual"), SIDES)),
     ],
 )
 def test_a_lens_of_the_other_model_is_named(lens: str, sides: tuple[str, ...]) -> None:
