@@ -199,7 +199,8 @@ class Database:
                 db = until_used.enter_context(closing(_prepared(self.path)))
                 # One in creation gets its name when nothing has it open.
                 new = self.path.name.startswith(WAITING)
-                if _OPEN.kept is not None and not new and _locks_nobody_out(db):
+                shares = db.execute("PRAGMA locking_mode").fetchone() == ("normal",)
+                if _OPEN.kept is not None and shares and not new:
                     _OPEN.kept[self.path] = db
                     until_used.pop_all()
                 yield db
@@ -273,10 +274,6 @@ def _prepared(path: Path) -> sqlite3.Connection:
                 db.execute("PRAGMA journal_mode = DELETE")
         until_ready.pop_all()
     return db
-
-
-def _locks_nobody_out(db: sqlite3.Connection) -> bool:
-    return bool(db.execute("PRAGMA locking_mode").fetchone() == ("normal",))
 
 
 def remove_database(path: Path) -> None:

@@ -180,3 +180,12 @@ def test_videos_of_two_balls_to_both_files(
     user.press("Calibrate")
     user.download_both()
     assert user.acts <= MOST_ACTS
+
+
+def test_a_folder_is_given_whole(page: Page, app_url: str, settled: Callable[[Page], None]) -> None:
+    page.goto(f"{app_url}/data")
+    settled(page)
+    page.get_by_role("button", name="Give a whole folder").click()
+    upload = page.locator("[class*=st-key-upload_data_folder_] input[type=file]")
+    upload.set_input_files(ROOT / "sample_data" / "field")
+    expect(page.get_by_text("50 pairs of points in 25 frames").first).to_be_visible()

@@ -40,10 +40,6 @@ FURTHER = (
 )
 
 
-def test_sound_data_hear_nothing() -> None:
-    assert check_inputs(SOUND) == []
-
-
 @pytest.mark.parametrize("solver", get_args(Solver))
 def test_the_textbooks_solver_accuses_nobody(solver: Solver) -> None:
     """Its poor pose fits wrong cameras no worse: held against it, 6 of these 19 were refused."""

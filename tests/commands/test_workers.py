@@ -1,6 +1,7 @@
 """Every long command gives the same files with threads, with processes and on a Dask cluster."""
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +10,25 @@ import pytest
 from stereocal.cli import main
 from stereocal.system.executors import engine, tasks_at_once
 from tests import lens
-from tests.dask_cluster import QUIET
-from tests.dask_cluster import scheduler as scheduler
 from tests.terminal import FIELD, ROOT, tables
 
 PHOTOGRAPHS = ROOT / "sample_data" / "photographs"
-pytestmark = QUIET
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::DeprecationWarning:(distributed|dask|tornado|zict).*"),
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+    pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning"),
+]
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    """The address of a Dask cluster: a scheduler and two workers, each a process of its own."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as started:
+        assert started.scheduler_address.startswith("tcp://")
+        yield started.scheduler_address
 
 
 @pytest.fixture(scope="module")

@@ -26,8 +26,7 @@ from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph_files import photographs_in
 from tests.files import encoded, write
 from tests.frames.test_pairing import shots, walk
-from tests.photographed_rig import BAR_M
-from tests.three_cameras import CAMERAS, POSES, TAGS, photographed_bars
+from tests.photographed_rig import BAR_M, CAMERAS, POSES, TAGS, photographed_bars
 
 FRAMES = {"bar2x2": 12, TAGS: 8}
 

@@ -20,8 +20,7 @@ from stereocal.system.resources import ROOT
 from tests.ball_bars import CAMERA as BALL_CAMERA
 from tests.ball_bars import COLOURS, ball_bars
 from tests.frames.test_frame_detection import detect
-from tests.photographed_rig import BAR_M, RIG
-from tests.three_cameras import TAGS, photographed_bars
+from tests.photographed_rig import BAR_M, RIG, TAGS, photographed_bars
 
 TARGET = parse_target(TAGS)
 LENSES = RIG.primary, RIG.secondary

@@ -34,10 +34,9 @@ from tests.archives import caliscope_files, wand_csv
 from tests.files import encoded, zipped
 from tests.lens import PATTERN, SMALL, photographed
 from tests.pages.stored_projects import dashboard, drop, ended, go, page_of, told, wait_until
-from tests.photographed_rig import BAR_M
+from tests.photographed_rig import BAR_M, CAMERAS, photographed_bars
 from tests.projects.test_recording import rig_text
 from tests.rigs.boards import HERE, placings, stereo
-from tests.three_cameras import CAMERAS, photographed_bars
 
 
 @pytest.fixture

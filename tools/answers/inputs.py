@@ -14,9 +14,8 @@ from tests.docs.pages import code_of
 from tests.docs.prepared import videos
 from tests.files import description, write
 from tests.fisheye_rig import recording
-from tests.photographed_rig import BAR_M, PRIMARY, RIG, SECONDARY
+from tests.photographed_rig import BAR_M, PRIMARY, RIG, SECONDARY, TAGS, photographed_bars
 from tests.rigs.moving_bar import move_bar, record
-from tests.three_cameras import TAGS, photographed_bars
 
 ROOT = Path(__file__).parents[2]
 
