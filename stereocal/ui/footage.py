@@ -5,7 +5,7 @@ import filecmp
 import shutil
 import tempfile
 import weakref
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from importlib.util import find_spec
@@ -46,8 +46,12 @@ class _Videos:
         self.paths: dict[str, Path] = {}
         self.opened: Latest[Footage] = Latest(2)
 
-    def take(self, videos: Mapping[str, tuple[str, bytes]]) -> None:
-        """Add videos, or replace those of the same cameras, if they can be read with the others."""
+    def take(self, videos: Mapping[str, tuple[str, bytes]], cameras: Sequence[str]) -> None:
+        """Add videos, or replace those of the same cameras, if they can be read with the others.
+
+        Args:
+            cameras: in whose order they are kept.
+        """
         if find_spec("av") is None:
             raise StereocalError(MISSING)
         paths = dict(self.paths)
@@ -62,13 +66,15 @@ class _Videos:
                         whose = f"{camera_in_words(camera)} and of {camera_in_words(other)}"
                         raise StereocalError(f"{name}: the same video is given of {whose}.")
                 paths[camera] = path
+        paths = {camera: paths[camera] for camera in cameras if camera in paths}
         if len(paths) > 1:
             of_videos(paths, _names(paths))
         self.paths = paths
 
     def footage(self, later: Mapping[str, int]) -> Footage:
         """The frames of all videos."""
-        labels = _names(self.paths)
+        labels, first = _names(self.paths), next(iter(self.paths))
+        later = {camera: own - later.get(first, 0) for camera, own in later.items()}
         make = partial(of_videos, self.paths, labels, later)
         return self.opened.once(repr((labels, later)), make)
 
@@ -145,7 +151,7 @@ class Pictures:
 
     def _use(self, videos: Mapping[str, tuple[str, bytes]]) -> None:
         kept = _VIDEOS.get(self._key) or _Videos()
-        kept.take(videos)
+        kept.take(videos, self.cameras)
         _VIDEOS.keep(self._key, kept)
 
     def _clear(self) -> None:
