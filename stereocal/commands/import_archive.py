@@ -16,6 +16,7 @@ from stereocal.commands.options import (
     two_cameras,
     with_sigmas,
 )
+from stereocal.errors import StereocalError
 from stereocal.formats.archives.all_cameras import ENDS, gather_all
 from stereocal.formats.archives.archive import THROW, Archive, Part
 from stereocal.formats.archives.gather import WANTED, gather
@@ -69,6 +70,12 @@ def run(parsed: argparse.Namespace) -> None:
         if parsed.cameras is not None:
             options = replace(options, cameras=two_cameras(parsed.cameras))
         found = gather(contents(parsed.files), options, baseline_known=baseline is not None)
+        no_length = found.no_baseline and found.target_distance_m is None
+        if no_length and options.unit not in (None, "m"):
+            raise StereocalError(
+                "--unit is that of lengths in the files, which have none: state --baseline and "
+                "--distance in metres."
+            )
         stated = _not_replaced(found, baseline, distance)
         _show([*stated, *found.missing(baseline, distance)])
         dataset = with_sigmas(found.dataset(name, baseline, distance), parsed)

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.formats.point_files import is_number_or_empty
-from stereocal.system.dialect import dialect_of, encoding_of, head_of
+from stereocal.system.dialect import dialect_of, encoding_of, head_of, one_line_end
 from stereocal.system.limits import Limits
 from stereocal.system.tables import (
     MAXIMUM_COLUMNS,
@@ -29,7 +29,7 @@ POSITIVE = re.compile(r"0*[1-9]\d{0,17}")
 
 def dense_text(content: bytes, source: str) -> bytes:
     """A sparse table of DLTdv8 as its flat table; other files unchanged."""
-    head = content[:20_000].decode(encoding_of(content), errors="replace")
+    head = one_line_end(content[:20_000].decode(encoding_of(content), errors="replace"))
     lines = head_of(head)
     dialect = dialect_of(lines)
     rows = dialect.cells("".join(lines[dialect.above :]), source)

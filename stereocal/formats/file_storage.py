@@ -62,7 +62,7 @@ class ForeignFile:
     @cached_property
     def storage(self) -> Storage:
         """The nodes of a YAML, XML or JSON file."""
-        return read_storage(self.text, self.name)
+        return with_matrices(read_storage(self.text, self.name))
 
 
 def read_storage(text: str, source: str) -> Storage:
@@ -74,6 +74,20 @@ def read_storage(text: str, source: str) -> Storage:
         return read_yaml(text, source)
     data = read_json(start, source)
     return data if isinstance(data, dict) else {}
+
+
+def with_matrices(storage: Storage) -> Storage:
+    """The nodes, with a matrix K and coefficients where they are given number by number: fx, fy,
+    cx, cy, k1, k2, ..."""
+    focal = [storage.get(name) for name in ("fx", "fy", "cx", "cy")]
+    if "K" in storage or not all(map(is_numeric, focal)):
+        return storage
+    fx, fy, cx, cy = focal
+    last = ("p1", "p2", "k3") if "p1" in storage else ("k3", "k4")
+    lens = [storage[name] for name in ("k1", "k2", *last) if is_numeric(storage.get(name))]
+    rest = {name: node for name, node in storage.items() if not re.fullmatch("[kp][1-6]", name)}
+    found = {**rest, "K": [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]}
+    return {**found, "D": lens} if lens else found
 
 
 def find_node(storage: Storage, names: Sequence[str]) -> Any:

@@ -7,6 +7,7 @@ A layout is proposed from the header. `questions` are for the user, on what the 
 (the pixel origin, which cameras to use).
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -122,7 +123,8 @@ def points_of_all(
 def words_in(
     content: bytes, layout: PointLayout, source: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The names in the columns of the camera, as they come, and of the point, sorted."""
+    """The names of cameras, as they come or by number, and of points, sorted, where columns have
+    them."""
     raw = _table(content, layout, source, None)
     found = [
         () if k is None else tuple(str(name) for name in raw[k].str.strip().unique() if name)
@@ -130,7 +132,9 @@ def words_in(
     ]
     if (most := max(map(len, found))) > MOST_NAMES:
         raise StereocalError(f"{source}: a column with {most} different values names no points.")
-    return found[0], tuple(sorted(found[1], key=lambda name: (len(name), name)))
+    # Numbers by which the user chooses cameras are then their names too.
+    cameras = sorted(found[0], key=int) if all(map(str.isdecimal, found[0])) else found[0]
+    return tuple(cameras), tuple(sorted(found[1], key=lambda name: (len(name), name)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,24 +257,39 @@ class _Rows:
         return pd.concat(parts).sort_values("frame", kind="stable", ignore_index=True)
 
     def frames(self) -> IntArray:
-        """(n,): their frame numbers; those in names of photographs, or their order."""
+        """(n,): their frame numbers; those in names of photographs, or their order.
+
+        Raises:
+            StereocalError: names of one camera's photographs have no numbers that tell them apart.
+        """
         if self.layout.frame is None:
             return np.arange(1, len(self.raw) + 1)
         texts = self.raw[self.layout.frame].str.strip()
-        words = texts[pd.to_numeric(texts, errors="coerce").isna()]
-        if self.layout.roles is None or not words.str.contains(r"[^\W\d_]", regex=True).any():
+        is_word = pd.to_numeric(texts, errors="coerce").isna()
+        has_letters = texts[is_word].str.contains(r"[^\W\d_]", regex=True).any()
+        # A word among numbers is no name: a line below the table, such as its mean.
+        if self.layout.roles is None or not has_letters or not is_word.all():
             return self._numbers(self.layout.frame, is_whole=True).astype(np.int64)
         stems = texts.str.replace(r"\.[A-Za-z]{2,4}$", "", regex=True)
-        numbers = stems.str.extract(r"(\d{1,15})\D*$", expand=False).fillna("")
-        if (numbers != "").all() and self._tells_apart(texts, numbers):
-            return np.asarray(numbers, dtype=np.int64)
+        found = [re.findall(r"\d{1,15}", stem) for stem in stems]
+        for last in range(1, min(map(len, found), default=0) + 1):
+            # `frame0042_cam1` and `f00042_1080p` have another number behind it.
+            numbers = np.array([own[-last] for own in found], dtype=np.int64)
+            if self._tells_apart(texts, numbers):
+                return numbers
+        if len(self.layout.cameras) < 2:
+            raise StereocalError(
+                f"{self.source}: the frames are called {texts.iloc[0][:40]}, ...: no number in "
+                "these names tells them apart, so that those of the other camera cannot be found. "
+                "Write the numbers of the frames."
+            )
         known = {name: k for k, name in enumerate(sorted(texts.unique(), key=natural), 1)}
         return np.asarray(texts.map(known), dtype=np.int64)
 
-    def _tells_apart(self, texts: "pd.Series[str]", numbers: "pd.Series[str]") -> bool:
+    def _tells_apart(self, texts: "pd.Series[str]", numbers: IntArray) -> bool:
         """Whether the photographs of a camera have different numbers."""
         camera = self.layout.camera_column
-        own = pd.DataFrame({"text": texts, "number": numbers.astype(np.int64)})
+        own = pd.DataFrame({"text": texts, "number": numbers}, index=texts.index)
         own["camera"] = "" if camera is None else self.raw[camera].str.strip()
         return not own.drop_duplicates().duplicated(["camera", "number"]).any()
 

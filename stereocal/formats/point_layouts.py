@@ -10,7 +10,7 @@ from stereocal.formats.column_roles import guess_by_roles, propose_roles, with_n
 from stereocal.formats.exchange.options import LOWER_LEFT, PixelOrigin
 from stereocal.formats.other_files import refuse_other_points
 from stereocal.formats.point_files import PointColumns, PointLayout, is_number_or_empty
-from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of
+from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of, one_line_end
 
 HEAD_BYTES = 200_000
 OURS = "stereocal"
@@ -62,7 +62,7 @@ def layout_name(content: bytes, source: str) -> str | None:
 def first_rows(content: bytes, source: str) -> tuple[list[list[str]], Dialect]:
     """The first eight rows, their numbers with decimal points, and how the table is written."""
     head = content[:HEAD_BYTES]
-    text = head.decode(encoding_of(head), errors="replace")
+    text = one_line_end(head.decode(encoding_of(head), errors="replace"))
     if not text.strip():
         raise StereocalError(f"{source}: the file is empty.")
     refuse_other_points(content, source)

@@ -20,6 +20,7 @@ from stereocal.matching.point_noise import (
     check_sigma,
     fit_noise,
     noise_of_calibration,
+    on_far,
     pair_errors,
 )
 from stereocal.matching.point_table import PAIR_SIGMAS, SIGMAS, PointTable, open_table
@@ -176,11 +177,14 @@ class _Pairs:
         lost, median = _lost_and_median(errors)
         notes = [*filter(None, [self.timing, purpose_warning(self.rig, "reconstruction")])]
         diagonal = float(np.hypot(*self.rig.primary.image_size))
+        targets = noise_of_calibration(self.rig)
         if lost > len(errors) / 2 or median > FAR_OFF * diagonal:
             notes.append(
                 "Most pairs do not fit these parameters at all: make sure that both are of the "
                 "same rig, and that primary and secondary are not exchanged."
             )
+        elif self.rig.purpose != "reconstruction":
+            notes += filter(None, [on_far(median, targets.sigma_px if targets else None)])
         behind = f"; {count(lost, 'pair', 'do')} not meet in front of both cameras" * bool(lost)
         found = len(errors) - lost
         text = (

@@ -23,6 +23,7 @@ from stereocal.matching.names import (
     match_groups,
     texts,
 )
+from stereocal.matching.point_noise import noise_of_calibration, on_far
 from stereocal.matching.point_table import PAIR_SIGMAS, POINT, SIGMA, SIGMAS, pixels_of
 from stereocal.matching.tables_by_camera import Report, TablesByCamera, without_partner
 from stereocal.matching.threshold import ThresholdChoice, choose_threshold, sample_of
@@ -197,6 +198,7 @@ class PairMatching:
             *self._on_tables(given),
             self.contradiction,
             self._on_few(pairs, min(one.rows, other.rows)),
+            self._on_scatter(),
             self._on_names(pairs, sum(above, Counter())),
         ]
         return Report(
@@ -224,6 +226,13 @@ class PairMatching:
             f"{few} Make sure that points, parameters and the two cameras (primary, secondary)"
             " belong together; if your points are less exact than the targets, state their noise."
         )
+
+    def _on_scatter(self) -> str:
+        """A note on points that scatter by far more than the targets."""
+        noise, targets = self.threshold.noise, noise_of_calibration(self.rig)
+        if noise is None or noise.source != "estimated" or self.rig.purpose == "reconstruction":
+            return ""
+        return on_far(noise.sigma_px, targets.sigma_px if targets else None)
 
     def _on_names(self, pairs: int, above: Counter[str]) -> str:
         """A note on names whose points do not fit together, where that is more than noise."""

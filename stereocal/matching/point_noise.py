@@ -81,6 +81,27 @@ class PointNoise:
         return f" Their epipolar errors show {rounded(self.seen_px)} px."
 
 
+FAR_PX, FAR_TIMES = 10.0, 20.0
+"""A scatter above this, and above so many times the noise of the targets, is rarely noise: that of
+animals is 1 to 5 px."""
+
+
+def is_far(px: float, targets_px: float | None) -> bool:
+    """Whether points scatter as those of other moments or cameras do."""
+    return px > max(FAR_PX, FAR_TIMES * (targets_px or 0.0))
+
+
+def on_far(px: float, targets_px: float | None) -> str:
+    """A note on points that hardly are of the same moment, or nothing."""
+    if not is_far(px, targets_px):
+        return ""
+    return (
+        f"A scatter of {rounded(px)} px is rarely noise: make sure that both tables count the "
+        "frames alike, that the cameras are not exchanged, and that points are counted from the "
+        "upper left."
+    )
+
+
 def check_sigma(sigma_px: float | None) -> None:
     if sigma_px is not None and not (np.isfinite(sigma_px) and sigma_px > 0):
         raise StereocalError(f"The noise of the points is {sigma_px} px: it must be above 0.")

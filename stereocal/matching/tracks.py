@@ -10,7 +10,7 @@ import pandas as pd
 
 from stereocal.matching.names import AUTO, Names, TwoCameras, choose_names
 from stereocal.matching.pairs import ERROR_DECIMALS, Stated, further_of
-from stereocal.matching.point_noise import PointNoise, check_sigma
+from stereocal.matching.point_noise import PointNoise, check_sigma, on_far
 from stereocal.matching.point_table import POINT, pixels_of, together
 from stereocal.matching.tables_by_camera import (
     Report,
@@ -146,7 +146,8 @@ class TrackMatching:
             for name, offset in self.rig.time_offsets.items()
             if offset
         ]
-        notes = [*filter(None, [self.contradiction]), *late, *given.left_out.values()]
+        far = on_far(noise.sigma_px, self.rig.noise_px) if noise.source == "estimated" else ""
+        notes = [*filter(None, [self.contradiction, far]), *late, *given.left_out.values()]
         return Report(len(tracks), sentences, notes, names=self.names)
 
 

@@ -4,6 +4,7 @@ The delimiter is comma, semicolon, tab, bar or blanks, the decimal sign is point
 lines or Excel's `sep=;` may stand above the first row.
 """
 
+import codecs
 import csv
 import io
 import re
@@ -19,6 +20,8 @@ HEAD_LINES, HEAD_CHARACTERS = 30, 1_000_000
 _SEPARATOR = re.compile(r'"?sep=(.)"?', re.IGNORECASE)
 _NUMBER = re.compile(r"[-+]?(\d+(\.\d*|,\d+)?|[.,]\d+)(e[-+]?\d+)?|nan|", re.IGNORECASE)
 _COMMA, _POINT = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d+")
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+"""Bytes that are in no text."""
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+")
 
 
@@ -91,5 +94,16 @@ def head_of(text: str) -> list[str]:
 
 
 def encoding_of(head: bytes) -> str:
-    """UTF-8, or the UTF-16 of Excel's *Unicode text*."""
-    return "utf-16" if head[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    """UTF-8, the UTF-16 of Excel's *Unicode text*, or what Windows writes umlauts with."""
+    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)  # which may end within a letter
+    except UnicodeDecodeError:
+        return "utf-8-sig" if _CONTROL.search(head) else "cp1252"
+    return "utf-8-sig"
+
+
+def one_line_end(text: str) -> str:
+    """The text with `\\n` at the ends of lines, where they are those of old Macintoshes."""
+    return text if "\n" in text else text.replace("\r", "\n")

@@ -16,7 +16,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
-from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of
+from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of, one_line_end
 from stereocal.system.limits import Limits
 from stereocal.system.numbers import plural
 
@@ -104,7 +104,7 @@ def names_of(text: str, source: str) -> tuple[list[str], Dialect]:
 def text_of(content: bytes, source: str) -> str:
     Limits.from_environment().check_size(len(content), source)
     try:
-        text = content.decode(encoding_of(content))
+        text = one_line_end(content.decode(encoding_of(content)))
     except UnicodeDecodeError as error:
         raise StereocalError(f"{source}: this is not a text file (CSV in UTF-8).") from error
     if "\0" in text:

@@ -72,6 +72,10 @@ TABLES = {
     "camelCase": per_frame(("left", "right"), "{c}{t}{a}", "t"),
     "long": per_point("photo camera marker x y", ("left", "right"), "IMG_{:04d}.JPG", ";"),
     "long, others": per_point("Frame View Point u v", ("primary", "secondary")),
+    "of Windows": per_target(("Kamera 1", "Kamera 2"), ("Bild", "Marker"), "{c} {a} für px")
+    .decode()
+    .encode("cp1252"),
+    "old Macintosh": per_frame(("left", "right"), "{c}_{t}_{a}", "frame").replace(b"\n", b"\r"),
     "with a title": b"Bars of 3 May,,,,\n\n" + per_point("Frame Cam End col row", ("1", "2")),
 }
 
@@ -144,6 +148,24 @@ def test_photographs_of_equal_numbers_are_counted_in_order(number: str) -> None:
     content = content.replace(b"IMG_0002", f"b1/{number}".encode())
     frames = bars_of(content, "t.csv", ExchangeOptions(), (None, None)).rows.frame
     assert sorted({*frames.tolist()}) == list(range(1, 9))
+
+
+@pytest.mark.parametrize("name", ["f{:05}_1080p.png", "frame{:04}_cam1.png", "take 2 {:03}.JPG"])
+def test_the_number_of_a_photograph_is_that_which_tells_them_apart(name: str) -> None:
+    def numbers(first: str) -> list[int]:
+        rows = "".join(f"{name.format(n)},{n},{n + 1}\n" for n in (7, 12, 3))
+        layout = layout_of(content := f"{first},x,y\n{rows}".encode(), "t.csv")
+        return read_points(content, layout, layout.cameras[0], source="t.csv")["frame"].tolist()
+
+    assert numbers("frame") == [3, 7, 12]
+    with pytest.raises(StereocalError, match=r"line 5: .*mean"):
+        table = b"frame,x,y\n1,2,3\n2,3,4\n3,4,5\nmean,3,4\n"
+        layout = layout_of(table, "t.csv")
+        read_points(table, layout, layout.cameras[0], source="t.csv")
+    with pytest.raises(StereocalError, match="numbers of the frames"):
+        table = b"frame,x,y\nleft,2,3\nright,3,4\n"
+        layout = layout_of(table, "t.csv")
+        read_points(table, layout, layout.cameras[0], source="t.csv")
 
 
 def test_three_cameras() -> None:

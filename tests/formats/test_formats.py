@@ -1,5 +1,6 @@
 """Files in and out: tables, camera files and data sets, sound, broken and hostile."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from itertools import product
@@ -17,6 +18,7 @@ from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.correspondences_csv import TEMPLATE, read_table, write_table
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_cameras, read_dataset
+from stereocal.formats.recognition import recognise
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.recording import Recording
@@ -144,7 +146,7 @@ class TestTable:
             (table(ROW, header="frame,target,u_primary"), "v_primary, u_secondary"),
             (table(ROW, header=HEADER.replace("frame", "time")), "column frame"),
             (table(ROW, header=HEADER + ",frame"), "column frame"),
-            (b"\xfff,r\n\xe4", "text file"),
+            (b"\xfff,\x81r\n\xe4", "text file"),
             (b"\x00\x01\x02", "text file"),
         ],
     )
@@ -277,6 +279,16 @@ class TestCameraFile:
             back = read_camera(write_camera(camera, {"method": "test"}), "c.json")
             assert equal(back, camera)
         assert back.uncertainty is not None and back.uncertainty.to_json() == known.to_json()
+
+    def test_numbers_by_name(self) -> None:
+        """A file as a person writes it."""
+        (fx, _, cx), (_, fy, cy), _ = PRIMARY.K.tolist()
+        names = ("k1", "k2", "p1", "p2", "k3")
+        lens = dict(zip(names, PRIMARY.distortion.tolist(), strict=True))
+        size = dict(zip(("width", "height"), PRIMARY.image_size, strict=True))
+        content = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, **lens, **size}
+        assert equal(read_camera(json.dumps(content).encode(), "c.json"), PRIMARY)
+        assert recognise("c.json", json.dumps(content).encode()).kind == "camera"
 
     def test_opencv_reads_what_is_written_for_it(self, tmp_path: Path) -> None:
         path = tmp_path / "camera.yml"

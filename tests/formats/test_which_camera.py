@@ -94,6 +94,27 @@ def test_lenses_go_to_the_points_of_the_same_name() -> None:
     assert focal(read(WAND | files)) == (1500.0, 1510.0)
 
 
+@pytest.mark.parametrize("cameras", ["", "left,right"])
+def test_lenses_whose_files_have_the_cameras_names_in_their_own(cameras: str) -> None:
+    """The right camera comes first in the table."""
+    table = b"frame,camera,target,x,y\n" + b"".join(
+        b"%d,%s,%s,%d,%d\n" % (frame, camera, target, 300 + 9 * frame + k, 200 + 5 * frame)
+        for frame in range(4)
+        for camera in (b"right", b"left")
+        for k, target in enumerate((b"A", b"B"))
+    )
+    focals = {"left": 500.0, "right": 600.0}
+    files = {
+        f"calib_{name}.json": write_camera(
+            Camera(np.array([[f, 0, 320], [0, f, 240], [0, 0, 1]]), np.zeros(5), (640, 480))
+        )
+        for name, f in focals.items()
+    }
+    order = cameras.split(",") if cameras else ["right", "left"]
+    found = read({"points.csv": table, **files}, cameras)
+    assert focal(found) == tuple(focals[name] for name in order)
+
+
 def test_files_of_single_cameras_by_their_names() -> None:
     table = case("table_names_other_cameras", "xypts.csv")
     lenses = {

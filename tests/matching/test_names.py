@@ -129,6 +129,15 @@ def test_names_exchanged_in_a_camera_are_told(tables: Tables, tmp_path: Path) ->
     assert "part 0" in note and "part 1" in note and "part 4" not in note
 
 
+def test_points_of_other_moments_are_told_by_their_scatter(tables: Tables, tmp_path: Path) -> None:
+    first, second = tables
+    report, _ = reported(tmp_path, (first, second))
+    assert not any("rarely noise" in note for note in report.notes)
+    late = second.assign(frame=second["frame"] + 3)
+    report, _ = reported(tmp_path, (first, late), "bodypart")
+    assert any("rarely noise" in note for note in report.notes)
+
+
 def test_a_column_that_is_not_there(tables: Tables, tmp_path: Path) -> None:
     with pytest.raises(StereocalError, match="column 'limb'"):
         reported(tmp_path, tables, "limb")

@@ -72,7 +72,7 @@ def table_cameras(
     content: bytes, name: str, options: ExchangeOptions
 ) -> tuple[tuple[str, ...], bool]:
     """The cameras in a table of points, and whether it states their names."""
-    if is_correspondences(content, name):
+    if _is_own(content, name, options):
         return CAMERAS, True
     layout = layout_of_table(content, name, options)
     return layout.cameras, layout.states_cameras
@@ -208,7 +208,7 @@ def nominal_baseline(
 def _with_table(found: Archive, name: str, content: bytes, options: ExchangeOptions) -> Archive:
     """With the bars of a table, in images of the stated or the cameras' height."""
     remarks: tuple[str, ...] = ()
-    if is_correspondences(content, name):
+    if _is_own(content, name, options):
         rows, words = read_table(content, name).strict(name), "stereocal"
     else:
         sizes = [
@@ -233,6 +233,12 @@ def is_correspondences(content: bytes, name: str) -> bool:
     """Whether a table is `correspondences.csv`."""
     head, _ = first_rows(content, name)
     return set(REQUIRED) <= {cell.strip().lower() for cell in head[0]}
+
+
+def _is_own(content: bytes, name: str, options: ExchangeOptions) -> bool:
+    """Whether a table is `correspondences.csv` and is to be read as such."""
+    stated = options.layout is not None or options.roles is not None
+    return not stated and is_correspondences(content, name)
 
 
 @dataclass(frozen=True, eq=False)

@@ -110,7 +110,8 @@ def _readings(
 
 
 def namesakes(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
-    """The indices of cameras by name, as written or else but for `cam` and zeros before a number.
+    """The indices of cameras by name: as written, else but for `cam` and zeros before a number,
+    else where one name is a word of the other, as `left` of `calib_left`.
 
     Empty if one of them has no namesake, or two have one.
     """
@@ -119,7 +120,16 @@ def namesakes(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
         found = [known[of(each)] for each in wanted if of(each) in known]
         if len(known) == len(names) and len({*found}) == len(wanted):
             return found
-    return []
+    hits = [[k for k, name in enumerate(names) if _shares_word(each, name)] for each in wanted]
+    found = [own[0] for own in hits if len(own) == 1]
+    return found if len({*found}) == len(wanted) else []
+
+
+def _shares_word(one: str, other: str) -> bool:
+    """Whether the shorter name is a whole word of the other, and no number."""
+    word, text = sorted((one.lower(), other.lower()), key=len)
+    whole = rf"(?<![^\W_]){re.escape(word)}(?![^\W_])"
+    return re.search("[a-z]", word) is not None and re.search(whole, text) is not None
 
 
 def _plain(name: str) -> str:
