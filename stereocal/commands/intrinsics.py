@@ -50,8 +50,9 @@ def run(parsed: argparse.Namespace) -> None:
         proposal = propose(when_taken(photographs))
         if not out.suffix and proposal.pairing.pairs and proposal.way != "order":
             given = photographs, pattern, proposal.pairing, None, settings
-            in_two = PhotographSearch(out, executor, say)
-            write_recording(out, in_stages(lambda *bar: in_two.shown(*bar).recording(*given)))
+            two = out, executor, say, None, None, None
+            found = in_stages(lambda *bar: PhotographSearch(*two, *bar).recording(*given))
+            write_recording(out, found)
             return
         boards_in = partial(find_boards, photographs, pattern, executor)
         search = with_bar("photographs searched", boards_in)

@@ -42,7 +42,7 @@ def in_search(
     if parsed.videos is not None:
         coloured = isinstance(target, Balls) and BRIGHT not in target.colours
         search = replace(search, heard=_take_frames(parsed, coloured))
-    return in_stages(lambda *bar: work(search.shown(*bar)))
+    return in_stages(lambda begin, show: work(replace(search, begin=begin, progress=show)))
 
 
 def _take_frames(parsed: argparse.Namespace, coloured: bool) -> float | None:

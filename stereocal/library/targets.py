@@ -122,10 +122,6 @@ class PhotographSearch:
             )
         return found
 
-    def shown(self, begin: Callable[[str], None], progress: Progress) -> PhotographSearch:
-        """With its progress shown."""
-        return replace(self, begin=begin, progress=progress)
-
     @cached_property
     def is_described(self) -> bool:
         """Whether there is a `dataset.json`."""
