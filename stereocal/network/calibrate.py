@@ -28,6 +28,7 @@ from stereocal.network.wrong_inputs import check_inputs, contradicting_lengths, 
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened
+from stereocal.refined.time_offset import DRIFTING
 from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.geometry import Pose
 from stereocal.rig.lengths_in_words import question_about_units
@@ -137,7 +138,8 @@ def _of_pairs(
     if settings.time_offsets:
         drifting = replace(settings, time_drifts=True)
         tried = fitted(Start.of(rig.fit, rig.shifts), drifting)
-        rig, settings = (tried, drifting) if tried.drifts else (rig, settings)
+        if any(abs(own.drift) > DRIFTING * own.drift_sigma for own in tried.offsets):
+            rig, settings = tried, drifting
     if lenses := lenses_with_distortion(rig):
         freed = replace(settings, lenses={**settings.lenses, **lenses})
         rig = better_held_out(rig, fitted(Start.of(rig.fit, rig.shifts), freed))

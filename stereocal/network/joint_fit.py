@@ -1,6 +1,6 @@
 """The joint fit of all cameras, in rounds where they are brought into step."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
@@ -33,13 +33,12 @@ class Start:
     @classmethod
     def of(cls, fit: RigFit, offsets: Sequence[TimeOffset]) -> "Start":
         """Where another ended, with the offsets that its points have been shifted by."""
-        late = {f"{name} time offset": own.frames for name, own in _by_camera(fit, offsets)}
-        drifts = {f"{name} time drift": own.drift for name, own in _by_camera(fit, offsets)}
-        return cls(fit.poses, {**fit.unknowns.named(fit.p), **late, **drifts}, fit.sigma_px)
-
-
-def _by_camera(fit: RigFit, offsets: Sequence[TimeOffset]) -> Iterator[tuple[str, TimeOffset]]:
-    return zip(fit.recording.cameras, offsets, strict=True)
+        late = {
+            f"{name} time {what}": value
+            for name, own in zip(fit.recording.cameras, offsets, strict=True)
+            for what, value in (("offset", own.frames), ("drift", own.drift))
+        }
+        return cls(fit.poses, {**fit.unknowns.named(fit.p), **late}, fit.sigma_px)
 
 
 def joint_fit(

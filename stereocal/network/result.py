@@ -21,7 +21,6 @@ from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
 from stereocal.refined.design_effect import design_effect
 from stereocal.refined.out_of_step import SIGNIFICANT, SMALLEST
-from stereocal.refined.time_offset import DRIFTING
 from stereocal.refined.two_views import rig_of
 from stereocal.refined.views import DRIFT, EACH, TIME
 from stereocal.rig.camera import Camera
@@ -134,11 +133,6 @@ class RigCalibration:
             own.is_claimed(SIGNIFICANT) and own.most(self.fit.frames) >= SMALLEST
             for own in self.offsets
         )
-
-    @property
-    def drifts(self) -> bool:
-        """Whether a camera's offset drifts, significantly."""
-        return any(abs(own.drift) > DRIFTING * own.drift_sigma for own in self.offsets)
 
     @property
     def image_px(self) -> Mapping[str, float]:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from operator import methodcaller
 
 import numpy as np
 
@@ -57,7 +58,6 @@ from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.sampling import evenly_spread
@@ -138,7 +138,7 @@ class JudgeOfRig(Judge[Recording]):
             for reading in suspects(
                 group.shown,
                 readings_of_cameras(self.part, [group]),
-                partial(_shown, names=group.shown.camera_names or CAMERAS),
+                methodcaller("pair", *(group.shown.camera_names or CAMERAS)),
             )
         ]
 
@@ -259,10 +259,6 @@ def _fewer_points(recording: Recording) -> Recording:
     fewer = recording.where(kept & np.isin(recording.target, some_corners(board)))
     # Of a few boards, or of hidden ones, all corners.
     return fewer if {*worth} <= {*pairs_worth_a_fit(fewer)} else recording.where(kept)
-
-
-def _shown(recording: Recording, names: CameraPair) -> Dataset:
-    return recording.pair(*names)
 
 
 def _of_cameras(corrected: Callable[[], Recording], names: Sequence[str]) -> Recording:

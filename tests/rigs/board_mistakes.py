@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from tests.rigs.board_pairs import BoardPair
+from tests.rigs.mistakes import scaled
 from tests.rigs.pair_mistakes import lexical
 
 Spoil = Callable[[BoardPair, np.random.Generator], BoardPair]
@@ -109,10 +110,7 @@ def with_camera(pair: BoardPair, number: int, camera: Camera) -> BoardPair:
 
 def half_size(pair: BoardPair, rng: np.random.Generator) -> BoardPair:
     which = _one(rng)
-    camera = pair.cameras[which]
-    K = camera.K.copy()
-    K[:2] *= 0.5
-    return with_camera(pair, which, replace(camera, K=K, uncertainty=None))
+    return with_camera(pair, which, replace(scaled(pair.cameras[which], 0.5), uncertainty=None))
 
 
 def cropped(pair: BoardPair, rng: np.random.Generator) -> BoardPair:
@@ -134,11 +132,8 @@ def files_exchanged(pair: BoardPair, _: np.random.Generator) -> BoardPair:
     )
 
 
-def square_off(factor: float) -> Spoil:
-    def spoil(pair: BoardPair, _: np.random.Generator) -> BoardPair:
-        return replace(pair, board=replace(pair.board, square_m=factor * pair.board.square_m))
-
-    return spoil
+def square_off(pair: BoardPair, _: np.random.Generator) -> BoardPair:
+    return replace(pair, board=replace(pair.board, square_m=1.1 * pair.board.square_m))
 
 
 def _stated(columns: int, rows: int) -> Spoil:
@@ -157,7 +152,7 @@ MISTAKES: Mapping[str, BoardMistake] = {
         lambda p, r: numbered(p, _grid(p)[:, ::-1], (_one(r),)), ("from the other end of each row",)
     ),
     "rows and columns exchanged in one camera": BoardMistake(
-        lambda p, r: _transposed(p, (_one(r),)), ("columns",)
+        lambda p, r: numbered(p, _grid(p).T, (_one(r),)), ("columns",)
     ),
     "half a turn of one camera": BoardMistake(
         lambda p, r: numbered(p, _grid(p)[::-1, ::-1], (_one(r),)), ("opposite corner",)
@@ -168,7 +163,7 @@ MISTAKES: Mapping[str, BoardMistake] = {
     "two boards of different sizes": BoardMistake(
         lambda p, _: board_of(p, np.array([1.2, 1.2]), second_half=True), ("times as large",), True
     ),
-    "square 10 % too large": BoardMistake(square_off(1.1), ("contradict each other",)),
+    "square 10 % too large": BoardMistake(square_off, ("contradict each other",)),
     "moved half-way": BoardMistake(moved, ("a camera moved",)),
     "frames in the order of words": BoardMistake(
         lambda p, r: reordered(p, r, lexical(len(p.points))), ("order of words",)
@@ -180,8 +175,3 @@ MISTAKES: Mapping[str, BoardMistake] = {
     "a crop": BoardMistake(cropped, ("centre", "principal point")),
     "camera files exchanged": BoardMistake(files_exchanged, ("camera files seem to be exchanged",)),
 }
-
-
-def _transposed(pair: BoardPair, cameras: tuple[int, ...]) -> BoardPair:
-    """The corners of some cameras counted column by column."""
-    return numbered(pair, _grid(pair).T, cameras)
