@@ -8,14 +8,12 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.detection.target import BAR, Balls, Tags
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
 from stereocal.library.calibrations import calibrate
 from stereocal.projects.home import title_of
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Dataset
 from stereocal.system.photograph import read_photograph
 from stereocal.ui.holding import held_target
 from tests.ball_bars import CAMERA, COLOURS, ball_bars
@@ -25,7 +23,7 @@ from tests.lens import SMALL
 from tests.pages.stored_projects import drop, ended, messages, page_of, project_of, told
 from tests.pages.test_pages import give_zip
 from tests.rigs.boards import photographs, stereo
-from tests.rigs.objects import BOARD, WAND, recorded
+from tests.rigs.objects import BOARD, recorded
 
 BARS = bar_set(7)
 
@@ -81,42 +79,19 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
 
 
 def test_pages_of_an_object(app: AppTest, home: Path) -> None:
-    """A project with a calibrated board opens on each page."""
-    project = Project.create(home)
+    """A board's zip of format 2 is stored as any other, to its digest, and opens on each page."""
     data = recorded(BOARD, 14)
-    project.give(
-        {
-            "primary": ("p.json", write_camera(data.primary)),
-            "secondary": ("s.json", write_camera(data.secondary)),
-            "correspondences": ("corners", write_table(data.correspondences)),
-        },
-        name="board",
-        baseline_m=data.baseline_m,
-        target_distance_m=data.target_distance_m,
-    )
-    project.keep_calibration(calibrate(data_of(project)), project.inputs)
+    give_zip(app, pack_dataset(data))
+    project = project_of(app, home)
+    dataset = project.dataset
+    assert dataset is not None and dataset.sha256 == data.sha256
+    assert "Complete" in messages(app)
+    project.keep_calibration(calibrate(dataset), project.inputs)
     project.keep_settings({"validate_runs": 10})
-    app.query_params["project"] = project.id
     for page in ("calibrate", "validate", "apply", "check", "data"):
         app.switch_page(f"pages/{page}.py").run()
         assert not app.exception, (page, [item.value for item in app.exception])
         assert not app.error, (page, [item.value for item in app.error])
-
-
-def data_of(project: Project) -> Dataset:
-    found = project.dataset
-    assert found is not None
-    return found
-
-
-def test_a_zip_of_an_object(app: AppTest, home: Path) -> None:
-    """A data set of format 2 with two cameras is stored as any other, to its digest."""
-    data = recorded(WAND, 12)
-    give_zip(app, pack_dataset(data))
-    assert not app.exception
-    project = project_of(app, home)
-    assert data_of(project).sha256 == data.sha256
-    assert "Complete" in messages(app)
 
 
 @pytest.fixture
