@@ -299,11 +299,6 @@ class MeasuredClicks:
             f"{where}{', outside the volume of the calibration' * outside}."
         )
 
-    @property
-    def tracks(self) -> list[str]:
-        """Those with any point."""
-        return list(dict.fromkeys(each.track for each in self.rows))
-
     def beyond(self, frame: int) -> set[str]:
         """The tracks whose point in a frame has an error above the threshold."""
         found = zip(self.places, *self.errors_px, strict=True)

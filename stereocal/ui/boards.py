@@ -74,7 +74,8 @@ def boards_in(store: ProjectPhotographs) -> None:
     work = jobs.PageWork(project, "photographs", stereo_boards.STAGES, run, jobs.job_digest(about))
     press_search(work, "boards", "find_boards", bool(found), bool(pairs) and entered)
     refused = len(store.doubtful_boards) > MOST_REFUSED * len(pairs)
-    if refused if found else jobs.has_failed(project, "photographs"):
+    last = jobs.job_of(project, "photographs")
+    if refused if found else last is not None and last.state == "failed":
         ask_if_bar(project)
     if not found:
         return

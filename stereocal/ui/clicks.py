@@ -216,7 +216,7 @@ class _Panel:
             show(f"**{escape_markdown(self.track)}**, {words}")
         if trial is None:
             return
-        tracks = [each for each in trial.tracks if each != self.track]
+        tracks = dict.fromkeys(each.track for each in trial.rows if each.track != self.track)
         others = {f"{each}, in the same frame": Place(each, self.frame) for each in tracks}
         others |= {str(each): each for each in sorted(trial.rows) if each != place}
         left, right = st.columns([2, 1])

@@ -151,12 +151,6 @@ def is_running(project: Project, kind: Kind) -> bool:
     return stored_jobs.state(project.database, kind) == "elsewhere"
 
 
-def has_failed(project: Project, kind: Kind) -> bool:
-    """Whether the last job of this kind ended in an error."""
-    job = job_of(project, kind)
-    return job is not None and job.state == "failed"
-
-
 def start(work: PageWork) -> None:
     """Begin a job, unless one of its kind is running (a callback)."""
     job = Job(work, pool())

@@ -35,18 +35,13 @@ from stereocal.ui.project import open_project
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import distance, percent
 
-KEPT_FORECASTS = 24
 MOST_PLANS = 3
 INSTANT_FRAMES = 60
 """Up to this number, the forecast takes about a second and shows no progress."""
 QUANTITIES = {"Length error": "distance", "Position error": "point"}
 PLAN, FORECAST = "plan", "plan_forecast"
-
-
-@st.cache_resource(show_spinner=False)
-def _forecasts() -> Latest[PlanForecast]:
-    """Forecasts of this server by their plan, as its file."""
-    return Latest(KEPT_FORECASTS)
+_FORECASTS: Latest[PlanForecast] = Latest(24)
+"""By their plan, as its file."""
 
 
 def _forecast_of(plan: Plan) -> PlanForecast:
@@ -61,7 +56,7 @@ def _forecast_of(plan: Plan) -> PlanForecast:
         show(0, 1)
         return forecast(plan, pool(), progress=show)
 
-    found = _forecasts().once(write_plan(plan).decode(), make)
+    found = _FORECASTS.once(write_plan(plan).decode(), make)
     place.empty()
     return found
 
