@@ -232,12 +232,13 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
     limits = np.where(fit.outlying[fit.frame_of], 0.0, np.inf)
     units = solve.points, np.empty(len(solve.points))
     _, H, g = solve.sum_at(fit.q, 1 / solve.scatter, limits, *units)
-    C = unknowns.covariance(H)
-    step = -C @ (unknowns.M.T @ g + unknowns.precision @ p)
-    # Of what the offset does not explain: bars that are waved by cameras out of step have errors
-    # that follow each other for that reason alone.
-    effect = design_effect(solve, fit.q, fit.used, fit.clusters, step)
-    sigmas = np.sqrt(np.diag(unknowns.covariance(H / effect))[-2:])
+    with np.errstate(invalid="ignore"):  # of points behind a camera
+        C = unknowns.covariance(H)
+        step = -C @ (unknowns.M.T @ g + unknowns.precision @ p)
+        # Of what the offset does not explain: bars that are waved by cameras out of step have
+        # errors that follow each other for that reason alone.
+        effect = design_effect(solve, fit.q, fit.used, fit.clusters, step)
+        sigmas = np.sqrt(np.diag(unknowns.covariance(H / effect))[-2:])
     assert recorded.time_offset is not None
     reference = recorded.time_offset.reference
     return MeasuredOffset(float(step[-2]), float(step[-1]), reference, *sigmas.tolist())
