@@ -113,10 +113,13 @@ def _keep(opened: list[Project], name: str, content: bytes) -> StoredFile:
 def _take(given: Dropped[StoredFile], use_videos: UseVideos) -> None:
     """Use what was given; what is wrong with one kind leaves the others."""
     if given.of("data set"):
-        intake.store_dataset(given.files, given.source, given.photographs)
+        videos = given.of("video")
+        intake.store_dataset(given.files, given.source, given.photographs, bool(videos))
         project = current_project()
         if project is not None and ProjectRecording(project).is_given:
             go_to("rig")
+        else:
+            given.use(partial(place_videos, videos, use_videos))
         return
     if not (given.photographs or given.files):
         return

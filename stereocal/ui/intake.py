@@ -108,9 +108,11 @@ def store_cameras(files: Mapping[Slot, tuple[str, bytes]]) -> None:
     ask_about_lens(take)
 
 
-def store_dataset(files: Mapping[str, bytes], source: str, photographs: StoredPhotographs) -> None:
+def store_dataset(
+    files: Mapping[str, bytes], source: str, photographs: StoredPhotographs, has_videos: bool
+) -> None:
     """Store a data set and its photographs; what may be a fisheye's is asked."""
-    ask_if_fisheye(partial(_try_dataset, files, source, photographs))
+    ask_if_fisheye(partial(_try_dataset, files, source, photographs, has_videos))
 
 
 def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], None]) -> None:
@@ -126,18 +128,21 @@ def _try_dataset(
     files: Mapping[str, bytes],
     source: str,
     photographs: StoredPhotographs,
+    has_videos: bool,
     lens_model: LensModel | None,
 ) -> None:
     """Store a data set; if rows are refused, offer to leave them out."""
     try:
-        give_dataset(project_to_write(), files, source, photographs, lens_model)
+        give_dataset(
+            project_to_write(), files, source, photographs, lens_model, has_videos=has_videos
+        )
     except RefusedRowsError as error:
         name = find_description(files, source).folder + TABLE
         if name not in files:  # a recording has another table
             raise
 
         def use(rest: bytes) -> None:
-            _try_dataset({**files, name: rest}, source, photographs, lens_model)
+            _try_dataset({**files, name: rest}, source, photographs, False, lens_model)
 
         _offer_rest(error, files[name], use)
 
@@ -163,11 +168,13 @@ def give_dataset(
     source: str,
     photographs: StoredPhotographs = MappingProxyType({}),
     lens_model: LensModel | None = None,
+    has_videos: bool = False,
 ) -> None:
     """Replace a project's data by a whole data set.
 
     Args:
         photographs: those that are stored already.
+        has_videos: whether its points are to be found in videos.
 
     Raises:
         StereocalError: it is invalid; the project is unchanged.
@@ -186,7 +193,7 @@ def give_dataset(
             )
         return
     given: dict[Slot, tuple[str, bytes]] = {}
-    if found and folder + TABLE not in files:
+    if (found or has_videos) and folder + TABLE not in files:
         survey = parse_survey(files, source, lens_model)
     else:
         survey = parse_dataset(files, source, lens_model=lens_model)
