@@ -98,8 +98,11 @@ def _compile_apart(progress: Progress | None) -> int:
 
 def _say(part: str, count: int) -> None:
     # Written at once, whatever the buffer of stdout: else lines of two processes are mixed.
-    sys.stdout.write(f"{part} {count}\n")
-    sys.stdout.flush()
+    try:
+        sys.stdout.write(f"{part} {count}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:  # who began this has ended
+        os._exit(1)
 
 
 def _recordings() -> tuple[Scene, list[Dataset]]:
