@@ -1,5 +1,6 @@
 """`dataset.json`; and a data set of format 2: any cameras, any rigid object, `points.csv`."""
 
+import difflib
 import json
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -39,6 +40,13 @@ REQUIRED = ("frame", "camera", "target", "u", "v")
 SIGMA = "sigma_px"
 STARTS = "start_frames"
 """The entry that says which frame was 0 of each camera that counted its own."""
+ENTRIES = (
+    *("format", "name", "notes", "cameras", "points", "frames", STARTS, RATES, "object"),
+    *("baseline_m", "baselines_m", "baseline_sigma_m"),
+    *("target_distance_m", "target_distance_sigma_m", "object_sigma_m"),
+)
+"""Those of `dataset.json`; others that look like one of these are taken for slips of the pen."""
+ALIKE = 0.85
 NUMBERS = (
     Column("frame", is_whole=True),
     Column(OWN_FRAME, is_whole=True),
@@ -150,6 +158,11 @@ def find_description(files: Mapping[str, bytes], source: str) -> Description:
             f'{source}: {DESCRIPTION} must be an object with "format": "{DATASET_FORMAT}", or '
             f'"{RECORDING_FORMAT}".'
         )
+    for entry in entries.keys() - {*ENTRIES}:
+        if meant := difflib.get_close_matches(str(entry), ENTRIES, 1, ALIKE):
+            raise StereocalError(
+                f'{source}: {DESCRIPTION}: "{entry[:60]}" is not known: write "{meant[0]}".'
+            )
     return Description(files, source, found[0][: -len(DESCRIPTION)], entries)
 
 

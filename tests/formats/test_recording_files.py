@@ -190,6 +190,8 @@ def test_bad_rows_are_named_with_frame_camera_and_target(row: str, says: str) ->
         ({"baselines_m": {"left-right": 4.5, "right-left": 4.6}}, "stated twice"),
         ({"baselines_m": [4.5]}, "by pair of cameras"),
         ({"format": "stereocal-dataset/3"}, "stereocal-dataset/2"),
+        ({"basline_sigma_m": 0.01}, 'write "baseline_sigma_m"'),
+        ({"weather": "rain", "recorded_by": "AB"}, None),
     ],
 )
 def test_wrong_descriptions(keys: dict[str, Any], says: str | None) -> None:
