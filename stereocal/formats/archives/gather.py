@@ -156,7 +156,10 @@ def sorted_files(files: Mapping[str, bytes]) -> tuple[str, dict[str, bytes], Eas
                 raise StereocalError(f"{name}: it has points and lenses; give it alone.")
             return "", {}, opened
     if len(tables) > 1:
-        raise StereocalError(f"{', '.join(tables)}: these are {len(tables)} tables; give one.")
+        raise StereocalError(
+            f"{', '.join(tables)}: these are {len(tables)} tables; give one. Put those of the "
+            "cameras one below the other, with a column camera."
+        )
     return "".join(tables), others, None
 
 
