@@ -15,6 +15,7 @@ from stereocal.formats.recording_files import pack_recording
 from stereocal.frames.proposal import WAYS
 from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.library.targets import PhotographSearch
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.recording import Recording
 from stereocal.system.atomic_files import write_all, write_atomically
 
@@ -53,15 +54,31 @@ def _take_frames(parsed: argparse.Namespace, coloured: bool) -> float | None:
     if every is not None and every < 1:
         raise StereocalError(f"--every is {every}: it must be 1 or more.")
     by_hand = parsed.pair_by == "motion"
+    if by_hand and ahead is not None:
+        raise StereocalError(
+            "--clock-ahead compares the clocks of both cameras, and with --pair-by motion the "
+            "targets tell: state one of them."
+        )
     settings = VideoSettings("every" if every else "still", every or 1, ahead, by_hand, coloured)
     first, second = parsed.videos
+    earlier = {
+        path.relative_to(parsed.dataset).as_posix()
+        for which in CAMERAS
+        for path in (parsed.dataset / which).glob("[0-9][0-9][0-9][0-9][0-9][0-9].*")
+    }
 
     def write(name: str, content: bytes) -> None:
         write_atomically(parsed.dataset / name, content)
+        earlier.discard(name)
 
     found = in_stages(partial(extract, (first, second), settings, write))
     for sentence in found.sentences:
         say(sentence)
+    if earlier and by_hand:
+        raise StereocalError(
+            f"{parsed.dataset}: {min(earlier)} and {len(earlier) - 1} more are frames that were "
+            "taken otherwise, of other moments: remove primary/ and secondary/, and begin again."
+        )
     return found.heard
 
 

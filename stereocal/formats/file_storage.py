@@ -23,6 +23,8 @@ LONGEST = 50_000
 LONG_LIST = re.compile(r"\[[^\[\]]{4000,}\]")
 """Longer than any matrix of a camera: OpenCV's calibration program writes all found corners, and
 200,000 characters would take 3 s."""
+OF_LENS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+OF_FISHEYE = ("k1", "k2", "k3", "k4")
 YAML_HEAD = re.compile(r"^%YAML\b.*", re.MULTILINE)
 """OpenCV's is not YAML's."""
 BETWEEN_DOCUMENTS = re.compile(r"^(?:---|\.\.\.)(?=\s|$)", re.MULTILINE)
@@ -78,16 +80,20 @@ def read_storage(text: str, source: str) -> Storage:
 
 def with_matrices(storage: Storage) -> Storage:
     """The nodes, with a matrix K and coefficients where they are given number by number: fx, fy,
-    cx, cy, k1, k2, ..."""
+    cx, cy, and k1 k2 p1 p2 k3 [k4 k5 k6] of OpenCV's lens or k1 k2 k3 k4 of its fisheye."""
     focal = [storage.get(name) for name in ("fx", "fy", "cx", "cy")]
     if "K" in storage or not all(map(is_numeric, focal)):
         return storage
     fx, fy, cx, cy = focal
-    last = ("p1", "p2", "k3") if "p1" in storage else ("k3", "k4")
-    lens = [storage[name] for name in ("k1", "k2", *last) if is_numeric(storage.get(name))]
-    rest = {name: node for name, node in storage.items() if not re.fullmatch("[kp][1-6]", name)}
+    lens = {name: storage[name] for name in OF_LENS if is_numeric(storage.get(name))}
+    rest = {name: node for name, node in storage.items() if name not in lens}
     found = {**rest, "K": [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]}
-    return {**found, "D": lens} if lens else found
+    if not lens:
+        return found
+    if "k4" in lens and not {"k5", "k6", "p1", "p2"} & lens.keys():
+        return {"distortion_model": "fisheye", **found, "D": [lens.get(k, 0.0) for k in OF_FISHEYE]}
+    names = OF_LENS if {"k4", "k5", "k6"} & lens.keys() else OF_LENS[:5]
+    return {**found, "D": [lens.get(name, 0.0) for name in names]}
 
 
 def find_node(storage: Storage, names: Sequence[str]) -> Any:

@@ -141,10 +141,11 @@ class TrackMatching:
             else "What share of them is wrong cannot be told from so few frames.",
         ]
         late = [
-            f"The camera {name} is {offset:+.3f} frames late: points that move are used as "
-            "recorded."
+            f"The camera {name} is {offset:+.3f} frames late"
+            f"{self.rig.drifts[name].drift_in_words if name in self.rig.drifts else ''}: points "
+            "that move are used as recorded."
             for name, offset in self.rig.time_offsets.items()
-            if offset
+            if offset or name in self.rig.drifts
         ]
         far = on_far(noise.sigma_px, self.rig.noise_px) if noise.source == "estimated" else ""
         notes = [*filter(None, [self.contradiction, far]), *late, *given.left_out.values()]

@@ -1,5 +1,6 @@
 """Calibrate a rig of N cameras: pairs, fused; a joint fit that screens; the joint adjustment."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -137,9 +138,10 @@ def _of_pairs(
     rig = fitted(replace(start, noise_px=screening.sigma_px), settings)
     if settings.time_offsets:
         drifting = replace(settings, time_drifts=True)
-        tried = fitted(Start.of(rig.fit, rig.shifts), drifting)
-        if any(abs(own.drift) > DRIFTING * own.drift_sigma for own in tried.offsets):
-            rig, settings = tried, drifting
+        with suppress(StereocalError):  # else the cameras have no drift that can be fitted
+            tried = fitted(Start.of(rig.fit, rig.shifts), drifting)
+            if any(abs(own.drift) > DRIFTING * own.drift_sigma for own in tried.offsets):
+                rig, settings = tried, drifting
     if lenses := lenses_with_distortion(rig):
         freed = replace(settings, lenses={**settings.lenses, **lenses})
         rig = better_held_out(rig, fitted(Start.of(rig.fit, rig.shifts), freed))

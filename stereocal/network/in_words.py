@@ -110,7 +110,7 @@ def rig_notes(rig: RigFile) -> list[str]:
                 f"The camera {name} counts its frames {abs(apart)} apart from {first}: its frame "
                 f"{max(-apart, 0)} is of the same moment as frame {max(apart, 0)} of {first}."
             )
-        if round(offset, DIGITS):
+        if round(offset, DIGITS) or name in rig.drifts:
             error = rig.standard_errors[name]["time_offset"]
             drift = rig.drifts[name].drift_in_words if name in rig.drifts else ""
             notes.append(

@@ -1,6 +1,7 @@
 """`rig.json`: the cameras of a rig in one frame, with their errors and what the pairs say."""
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -137,12 +138,13 @@ class RigFile(ResultFile):
         )
 
     def shift(self, first: str, second: str) -> MeasuredOffset:
-        """By how much the second camera is late after the first, without errors."""
-        drift = {name: own.drift for name, own in self.drifts.items()}
+        """By how much the second camera is late after the first, without the error of that."""
+        one, other = (self.drifts.get(name, MeasuredOffset()) for name in (first, second))
         return MeasuredOffset(
             self.time_offsets[second] - self.time_offsets[first],
-            drift.get(second, 0.0) - drift.get(first, 0.0),
+            other.drift - one.drift,
             next((own.reference for own in self.drifts.values()), 0.0),
+            drift_sigma=math.hypot(one.drift_sigma, other.drift_sigma),
         )
 
     @cached_property

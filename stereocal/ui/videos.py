@@ -1,5 +1,6 @@
 """Two videos on the Data page: frames of the same moments become photographs of the project."""
 
+import re
 import shutil
 import tempfile
 from collections.abc import Mapping
@@ -27,6 +28,7 @@ CHOICES: dict[FrameChoice, str] = {
     "still": "The sharpest still frame of each second; of short videos 30",
     "every": "Every n-th frame",
 }
+FRAME = re.compile(r"(?:primary|secondary)/\d{6}\.(?:png|jpg)")
 REPORT = "video_report"
 FRAMES_MISSING = "video_frames_missing"
 MISSING = (
@@ -129,6 +131,10 @@ def _take(
     report = extract(videos, settings, keep, job.begin, job.progress)
     if not found:
         raise StereocalError("No frame of the videos could be decoded.")
+    if settings.by_hand != (store.choice.way == "motion"):
+        # The numbers of frames that were taken before are of other moments.
+        others = {n: f for n, f in store.photographs.items() if not FRAME.fullmatch(n)}
+        store.clear(others)
     store.add(found)
     if settings.by_hand:
         store.choose(Choice("motion", heard=report.heard))

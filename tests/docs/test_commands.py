@@ -75,7 +75,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 WITH_COMMANDS = [page for page in PAGES if any(map(is_run, commands_of(page)))]
 SLOW = {
-    "docs/howto/started_by_hand.md": "tests/commands/test_sync.py brings videos into step",
+    "docs/howto/started_by_hand.md": "tests/commands/test_sync.py, frames/test_by_motion.py",
     "docs/howto/photographs.md": "tests/commands/test_from_photographs.py takes its steps",
     "docs/howto/board.md": "tests/intrinsics/test_stereo_boards.py takes its steps",
     "docs/howto/rig.md": "tests/commands/test_rig.py takes its steps",

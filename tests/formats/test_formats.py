@@ -289,6 +289,15 @@ class TestCameraFile:
         content = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, **lens, **size}
         assert equal(read_camera(json.dumps(content).encode(), "c.json"), PRIMARY)
         assert recognise("c.json", json.dumps(content).encode()).kind == "camera"
+        bare = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, **size}
+        for own, values, model in (
+            ({"k1": -0.3, "k2": 0.1, "k4": 0.2, "p1": 0.01}, [-0.3, 0.1, 0.01, 0, 0, 0.2, 0, 0], 0),
+            ({"k1": -0.3}, [-0.3, 0, 0, 0, 0], 0),
+            ({"k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4}, [0.1, 0.2, 0.3, 0.4], 1),
+        ):
+            found = read_camera(json.dumps({**bare, **own}).encode(), "c.json")
+            np.testing.assert_array_equal(found.distortion, values)
+            assert found.is_fisheye == bool(model)
 
     def test_opencv_reads_what_is_written_for_it(self, tmp_path: Path) -> None:
         path = tmp_path / "camera.yml"

@@ -130,7 +130,15 @@ def test_videos_of_cameras_started_by_hand(
     assert "if the cameras were started by hand, say so" in together.sentences[-1]
     table = tmp_path / "correspondences.csv"
     command = ["detect", str(tmp_path), "--target", "balls:red,yellow", "--out", str(table)]
-    assert main([*command, "--videos", *map(str, videos), "--pair-by", "motion"]) == 0
+    command += ["--videos", *map(str, videos), "--pair-by", "motion"]
+    assert main([*command, "--clock-ahead", "2"]) == 2
+    assert "--clock-ahead compares" in capsys.readouterr().err
+    earlier = tmp_path / "primary" / "900001.png"  # by the count of recorded frames
+    earlier.parent.mkdir()
+    earlier.write_bytes(b"")
+    assert main(command) == 2 and "primary/900001.png" in capsys.readouterr().err
+    earlier.unlink()
+    assert main(command) == 0
     said = capsys.readouterr().err
     assert "The sound says the same" in said
     fit, _ = with_offset_if_out_of_step(read_dataset(tmp_path), RefineSettings())

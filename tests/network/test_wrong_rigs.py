@@ -249,7 +249,9 @@ def test_an_offset_that_drifts_is_followed() -> None:
     assert rig.fit.sigma_px < 0.25
     read = RigFile.loads(rig_file(rig).dumps())
     assert read.drifts["c3"].drift == read.shift("c1", "c3").drift == last.drift
-    assert "drifting by" in rig_notes(read)[-1]
+    assert read.shift("c1", "c3").drift_sigma == last.drift_sigma > 0
+    still = replace(read, time_offsets={**read.time_offsets, "c3": 2e-4})
+    assert "drifting by" in rig_notes(read)[-1] and "drifting by" in rig_notes(still)[-1]
     pair = data_of_pair(recording, ("c1", "c3"), read)
     rows = pair.correspondences
     apart = rig.pair("c1", "c3").epipolar_distances(rows.primary, rows.secondary)
