@@ -18,7 +18,7 @@ from stereocal.matching.in_step import points_in_step
 from stereocal.matching.pairs import PairMatching, Stated, sample_frames
 from stereocal.matching.point_table import POINT
 from stereocal.matching.reconstruction import noise_of_file
-from stereocal.matching.tracks import noise_of_tracks
+from stereocal.matching.tracks import late_cameras, noise_of_tracks
 from stereocal.matching.trajectories import TRACK
 from stereocal.matching.view_groups import LOST, ViewFitter
 from stereocal.network.rig_file import RigFile
@@ -83,6 +83,11 @@ class Clicks:
     def placed(self, clicks: Iterable[Click]) -> "Clicks":
         """With further ones."""
         return Clicks.of([*self.every.values(), *clicks])
+
+    def of_cameras(self, cameras: Iterable[str]) -> "Clicks":
+        """Those in the images of these cameras."""
+        own = {*cameras}
+        return Clicks({key: each for key, each in self.every.items() if each.camera in own})
 
     @property
     def tracks(self) -> list[str]:
@@ -183,11 +188,14 @@ class ClickMeasure:
 
     def _views(self, clicks: Clicks) -> tuple[list[Place], FloatArray, str]:
         """The points that two cameras or more have, by frame; their pixels (n, c, 2), NaN where a
-        camera does not; and how those of a secondary camera were brought into step."""
+        camera does not; and how those of a secondary camera were brought into step, or that those
+        of a rig were not."""
         tables, timing = clicks.tables(self.matching.placed, to_match=True), ""
         if isinstance(self.matching, RigParameters):
             second, timing = points_in_step(tables[CAMERAS[1]], POINT, self.matching)
             tables[CAMERAS[1]] = second
+        else:
+            timing = " ".join(late_cameras(self.matching))
         seen: dict[Place, dict[str, tuple[float, float]]] = {}
         for camera, table in tables.items():
             for frame, track, u, v in table[["frame", TRACK, *POINT]].itertuples(index=False):
@@ -202,12 +210,13 @@ class ClickMeasure:
         """(n, 2): the epipolar line of a click in another image, by the set that matches.
 
         Args:
-            velocity: (2,) of the point in its own image, px per frame: the other camera sees it
-                later or earlier, by the time offset of the parameters.
+            velocity: (2,) of the point in its own image, px per frame: the other camera of a
+                pair sees it later or earlier, by the time offset of the parameters. Points of a
+                rig are used as recorded, as they are measured.
         """
         rig, which = self.matching, click.camera
         if isinstance(rig, RigFile):
-            rig, which = rig.pair(which, camera), CAMERAS[0]
+            rig, which, velocity = rig.pair(which, camera), CAMERAS[0], None
         pixel, offset = np.array([click.u, click.v]), rig.time_offset
         if offset is not None and velocity is not None:
             later = float(offset.at([click.frame])[0])

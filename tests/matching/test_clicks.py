@@ -21,6 +21,7 @@ from stereocal.matching.clicks import (
 )
 from stereocal.matching.following import Image, corner_at, follow, nearest_clicks
 from stereocal.matching.pairs import Stated
+from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import PIXELS
@@ -31,6 +32,7 @@ from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
+from tests.projects.test_recording import rig_text
 
 SET = RigParameters(PRIMARY, SECONDARY, RIG, "refined", 1.0, {}, {}, matching_threshold_px=0.4)
 EQUIDISTANT = np.array([[300.0, 0, 640], [0, 300, 512], [0, 0, 1]])
@@ -156,6 +158,22 @@ def test_the_line_is_where_the_other_camera_sees_the_point_then() -> None:
     assert off(curves[0], between) < 0.5 < off(curves[1], between)
     back = Click(1, "secondary", "head", *between.tolist())
     assert off(how.curve(back, "primary", second[1] - second[0]), first[0]) < 0.5
+
+
+def test_line_and_position_of_a_rig_are_both_of_the_points_as_recorded() -> None:
+    rig = replace(RigFile.loads(rig_text()), time_offsets={"1": 0.0, "2": 0.5, "3": 0.0})
+    assert rig.volume is not None
+    point = np.array([[sum(ends) / 2 for ends in vars(rig.volume).values()]])
+    clicks = Clicks.of(
+        Click(1, name, "head", *own.camera.project(own.pose.apply(point))[0].tolist())
+        for name, own in rig.placed.items()
+    )
+    how, (first, second, _) = ClickMeasure(rig, rig), clicks.every.values()
+    found = how.measured(clicks, Settled(CLICK_PX))
+    assert found.errors_px[0][0] < 0.01
+    line = how.curve(first, "2", np.array([30.0, 20.0]))
+    assert off(line, np.array([second.u, second.v])) < 0.1
+    assert "The camera 2 is +0.500 frames late" in found.timing
 
 
 def picture(shift: tuple[float, float], seed: int = 0, camera: CameraName = "primary") -> Image:
