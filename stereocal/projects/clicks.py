@@ -21,6 +21,11 @@ class Act:
     pictures: list[str] = field(default_factory=list)
     """What those of each camera are called."""
 
+    @property
+    def cameras(self) -> set[str]:
+        """In whose pictures it was done."""
+        return {camera for _, camera, _ in [*self.removed, *(each.key for each in self.placed)]}
+
 
 class ProjectClicks(ProjectPart):
     """The clicks of one project. Each act is on disk when its method returns."""

@@ -154,10 +154,13 @@ class ProjectGiven(ProjectPart):
         self.photographs.rename({name: f"{camera}/{name}" for name, camera in found.items()})
 
     def name_cameras(self, cameras: Mapping[str, Camera]) -> None:
-        """Name the cameras of a rig, to tell whose photographs are given."""
-        if len(cameras) > len(CAMERAS):
-            lenses = {f"{name}.json": write_camera(camera) for name, camera in cameras.items()}
-            self.recording.add_parts(lenses)
+        """Name the cameras of a rig, to tell whose photographs are given; of two, forget them."""
+        lenses = {f"{name}.json": write_camera(camera) for name, camera in cameras.items()}
+        if len(cameras) <= len(CAMERAS):
+            lenses = {}
+        for name in self.recording.parts.keys() - lenses.keys():
+            self.recording.drop_part(name)
+        self.recording.add_parts(lenses)
 
     def answer(self, series: Series, camera: str) -> None:
         """Keep which camera took photographs; of two, another series is the other camera's."""

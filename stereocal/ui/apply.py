@@ -187,7 +187,8 @@ def _choose_for_rig(project: Project, store: ProjectApplication) -> ApplyInputs 
         measure = ClickMeasure(rig, rig, Stated(sigma_px=sigma_px, names=TRACK), world)
         show_clicks(project, measure)
         if points and sigma_px is None:
-            sigma_px = measure.settled(ProjectClicks(project).clicks).sigma_px
+            clicks = ProjectClicks(project).clicks.of_cameras(rig.names)
+            sigma_px = measure.settled(clicks).sigma_px
     if len(points) < FEWEST:
         if not form.is_clicked:
             st.info("Still missing: the points of two cameras at least.")

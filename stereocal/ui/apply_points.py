@@ -108,7 +108,7 @@ class PointsForm:
         """
         kind = self._kind.menu("Points")
         if kind == CLICKED:
-            clicks = ProjectClicks(self.store.project).clicks
+            clicks = ProjectClicks(self.store.project).clicks.of_cameras(self.slots)
             tables = clicks.tables(self.slots, to_match=True) if clicks.are_points else {}
             label = f"{CLICKED_IN} {{}} pictures"
             return {c: self.store.own_points(own, label.format(c)) for c, own in tables.items()}

@@ -77,7 +77,7 @@ class _Panel:
         numbers = self.footage.numbers
         self.row = min(bisect.bisect_left(numbers, self.at.value()), len(numbers) - 1)
         self.frame, self.track = numbers[self.row], str(self.named.value())
-        self.clicks = self.store.clicks
+        self.clicks = self.store.clicks.of_cameras(self.measure.matching.placed)
         tracks = dict.fromkeys([*self.clicks.tracks, self.track])
         self.colours = dict(zip(tracks, cycle(COLOURS), strict=False))
         self._check_sizes()
@@ -145,12 +145,14 @@ class _Panel:
         here = [key for key in here if key in self.clicks.every]
         onward = after[0] if after else self.frame
         accept = f"Accept {len(self.proposed)} and go on" if self.proposed else "Accept and go on"
+        last = {camera for act in self.store.acts[-1:] for camera in act.cameras}
+        can_undo = not last.isdisjoint(self.measure.matching.placed)
         presses = (
             Press("Back", "b", partial(self.at.set, before), before != self.frame),
             Press("Forward", "f", partial(self.at.set, onward), bool(after)),
             Press(accept, "a", partial(self._accept, onward), bool(self.proposed)),
             Press("Remove it", "x", partial(self._place, [], here), bool(here)),
-            Press("Undo", "u", self.store.undo, bool(self.store.acts)),
+            Press("Undo", "u", self.store.undo, can_undo),
         )
         show_presses("clicks", presses, accept if self.proposed else "")
 

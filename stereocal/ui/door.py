@@ -27,6 +27,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.ui import intake
 from stereocal.ui.archives import ask_about_archive
 from stereocal.ui.downloads import offer
+from stereocal.ui.fields import page_shown
 from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import drop_zone
 from stereocal.ui.messages import callback, readable, show_refusal
@@ -185,6 +186,12 @@ def _cameras_of(name: str, content: bytes) -> int:
     return 0
 
 
+def _waiting() -> dict[str, bytes]:
+    """The videos given on this page whose cameras are to be asked about."""
+    found: dict[str, bytes] = st.session_state.setdefault(f"{_VIDEOS}_{page_shown()}", {})
+    return found
+
+
 def place_videos(
     videos: Mapping[str, bytes], use: UseVideos, cameras: tuple[str, ...] = CAMERAS, fewest: int = 2
 ) -> None:
@@ -195,14 +202,14 @@ def place_videos(
     """
     if not videos:
         return
-    waiting: dict[str, bytes] = {**st.session_state.get(_VIDEOS, {}), **videos}
+    waiting = {**_waiting(), **videos}
     if len(waiting) > len(cameras):
         more = "; of more cameras, give photographs of the same moments" * (cameras == CAMERAS)
         raise StereocalError(
             f"{', '.join(waiting)}: these are {len(waiting)} videos. Give those of "
             f"{'two' if cameras == CAMERAS else len(cameras)} cameras{more}."
         )
-    st.session_state[_VIDEOS] = waiting
+    _waiting().update(videos)
     known: Mapping[str, str] = which_of(waiting, cameras)
     if cameras == CAMERAS:
         known = which_camera(waiting, each=True).known
@@ -211,7 +218,7 @@ def place_videos(
 
 
 def _use_videos(names: Mapping[str, str], use: UseVideos) -> None:
-    waiting = st.session_state[_VIDEOS]
+    waiting = _waiting()
     use({camera: (name, waiting.pop(name)) for camera, name in names.items()})
 
 
@@ -295,7 +302,7 @@ def _give_file(project_files: ProjectGiven, name: str, slot: Slot) -> None:
 
 def ask_whose_video(use: UseVideos, cameras: tuple[str, ...] = CAMERAS, fewest: int = 2) -> None:
     """Which camera took the videos that wait; arguments as of `place_videos`."""
-    waiting = [*st.session_state.get(_VIDEOS, {})]
+    waiting = [*_waiting()]
     if 0 < len(waiting) < fewest:
         st.info(
             f"{escape_markdown(waiting[0])} waits for the video of the other camera: drop it here."

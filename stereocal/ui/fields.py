@@ -267,6 +267,11 @@ def end_page() -> None:
     st.session_state[_BEFORE] = (of_page, set())
 
 
+def page_shown() -> str:
+    """The page that is drawn, or was when something on it was pressed."""
+    return str(st.session_state.get(_BEFORE, ("", set()))[0])
+
+
 def _is_drawn(key: str) -> bool:
     """Whether the browser still has the widget from the last run of the page."""
     _, before = st.session_state.get(_BEFORE, ("", set()))

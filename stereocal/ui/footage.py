@@ -157,6 +157,7 @@ class Pictures:
     def _clear(self) -> None:
         _VIDEOS.keep(self._key, _Videos())
         self.given.photographs.clear()
+        self.given.name_cameras({})
 
 
 def _names(paths: Mapping[str, Path]) -> dict[str, str]:

@@ -19,8 +19,9 @@ from stereocal.ui.apply_points import CLICKED
 from tests.files import encoded
 from tests.known_rig import PRIMARY, SECONDARY
 from tests.matching.test_clicks import LENGTH_M, flight
-from tests.pages.stored_projects import drop, messages, page_of, pictured, project_of, told
+from tests.pages.stored_projects import drop, go, messages, page_of, pictured, project_of, told
 from tests.pages.test_apply import SET_2D, begun, give_sets
+from tests.projects.test_recording import rig_text
 from tools.photographs.videos import write_video
 
 PLACE = "upload_footage"
@@ -29,6 +30,7 @@ PHOTOGRAPHS: dict[str, GreyImage] = {
     for side, camera in (("left", PRIMARY), ("right", SECONDARY))
     for frame in (1, 2, 3)
 }
+RIGS = [*flight(1).every.values()]
 
 
 def give_pictures(app: AppTest, files: Mapping[str, GreyImage]) -> AppTest:
@@ -123,3 +125,28 @@ def test_one_video_for_both_cameras_and_a_damaged_one(app: AppTest, tmp_path: Pa
         drop(app, {"left.mp4": sound, "right.mp4": right}, PLACE)
         assert told_of in told(app, "warning")
         assert pictures(app) == "Pictures: none yet"
+
+
+def test_a_pair_after_a_rig_has_its_own_clicks_pictures_and_names(app: AppTest, home: Path) -> None:
+    begun(app).file_uploader(key="upload_set_matching").upload("r.json", rig_text().encode()).run()
+    app.selectbox(key="apply_points_of_rig").set_value(CLICKED).run()
+    drop(app, {f"{name}.mp4": name.encode() for name in ("red", "green", "blue")}, PLACE)
+    assert "Which camera took" in told(app)
+    go(app, "data")
+    assert not app.exception and "Which camera took" not in told(app)
+    go(app, "apply")
+    give_pictures(app, PHOTOGRAPHS)
+    store = ProjectClicks(project_of(app, home))
+    store.act(Act([replace(e, camera=f"{1 + (e.camera != 'primary')}") for e in RIGS]))
+    app.run().button(key="forget_rig").click().run()
+    give_sets(app, SET_2D, SET_2D).selectbox(key="apply_points").set_value(CLICKED).run()
+    app.button(key="clicks_clear").click().run()
+    unnamed = {
+        name.replace("left", "x").replace("right", "y"): image
+        for name, image in PHOTOGRAPHS.items()
+    }
+    give_pictures(app, unnamed)
+    assert "Which photographs are the primary camera's?" in told(app)
+    app.button(key="whose_0").click().run()
+    assert not app.exception and "Click point 1 in one of the pictures." in told(app)
+    assert app.button(key="clicks_u").disabled and len(store.clicks.every) == len(RIGS)
