@@ -230,7 +230,7 @@ class PointTable:
 
     def _csv_names(self, path: Path) -> list[str]:
         with path.open("rb") as binary:
-            encoding = encoding_of(binary.read(2))
+            encoding = encoding_of(binary.read(HEAD_CHARACTERS))
         with path.open(encoding=encoding, newline="") as file:
             lines = head_of(file.read(HEAD_CHARACTERS))
         if not "".join(lines).strip():

@@ -80,6 +80,12 @@ class TestMatch:
         csv = pd.read_csv(folder / "pairs.csv")
         pd.testing.assert_frame_equal(csv, pairs, check_dtype=False)
 
+    def test_words_as_windows_writes_them(self, folder: Path) -> None:
+        table = (folder / "p.csv").read_text().replace("large", "groß")
+        (folder / "p.csv").write_bytes(table.encode("cp1252"))
+        assert run_match(folder) == 0
+        assert (pd.read_csv(folder / "pairs.csv")["size"] == "groß").all()
+
     def test_unmatched_points_are_written(self, folder: Path) -> None:
         lost = folder / "lost.csv"
         assert run_match(folder, "--unmatched", str(lost), "--threshold", "0.05") == 0
