@@ -104,26 +104,17 @@ def solve_lens(
         cv2.setNumThreads(1)
     if settings.model == "fisheye":
         return fit_fisheye(boards_of(pattern, views), image_size, start)
-    return _usual_lens(pattern, views, image_size, settings)[0]
+    return usual_lens(pattern, views, image_size, settings)[0]
 
 
-def least_squares_errors(
-    pattern: BoardPattern,
-    views: Sequence[BoardView],
-    image_size: tuple[int, int],
-    settings: LensSettings,
-) -> FloatArray:
-    """(9,): standard errors of `PARAMETERS` of the usual lens by the residuals of the corners."""
-    return _usual_lens(pattern, views, image_size, settings)[1]
-
-
-def _usual_lens(
+def usual_lens(
     pattern: BoardPattern,
     views: Sequence[BoardView],
     image_size: tuple[int, int],
     settings: LensSettings,
 ) -> tuple[FloatArray, FloatArray]:
-    """(9,): `PARAMETERS`, and (9,): their standard errors as OpenCV has them."""
+    """(9,): `PARAMETERS`, and (9,): their standard errors by the residuals of the corners, as
+    OpenCV has both."""
     boards = (
         [pattern.points[view.ids].astype("f4") for view in views],
         [view.corners.astype("f4") for view in views],

@@ -86,14 +86,9 @@ FAR_PX, FAR_TIMES = 10.0, 20.0
 animals is 1 to 5 px."""
 
 
-def is_far(px: float, targets_px: float | None) -> bool:
-    """Whether points scatter as those of other moments or cameras do."""
-    return px > max(FAR_PX, FAR_TIMES * (targets_px or 0.0))
-
-
 def on_far(px: float, targets_px: float | None) -> str:
-    """A note on points that hardly are of the same moment, or nothing."""
-    if not is_far(px, targets_px):
+    """A note on points that scatter as those of other moments or cameras do, or nothing."""
+    if px <= max(FAR_PX, FAR_TIMES * (targets_px or 0.0)):
         return ""
     return (
         f"A scatter of {rounded(px)} px is rarely noise: make sure that both tables count the "
