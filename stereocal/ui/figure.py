@@ -59,8 +59,13 @@ def show_figure(
 
 
 def is_narrow() -> bool:
-    """Whether this tab is on a narrow screen; before it has told, it is taken for a wide one."""
-    return bool(st.session_state.get(NARROW, False))
+    """Whether this tab is on a narrow screen; before it has told, phones are taken for it.
+
+    Their browsers all name themselves "Mobi". Else a phone's first page would be drawn twice, and
+    what a finger has begun to point at would move away below it.
+    """
+    agent = st.context.headers.get("User-Agent", "")
+    return bool(st.session_state.get(NARROW, "Mobi" in agent))
 
 
 def tell_screen() -> None:

@@ -8,9 +8,10 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Error, Page, expect, sync_playwright
@@ -62,14 +63,15 @@ def served(
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     url = f"http://127.0.0.1:{port}"
-    server = subprocess.Popen(
-        [sys.executable, *command, str(port)],
-        cwd=folder,
-        env={**os.environ, "STEREOCAL_HOME": str(home), **(environment or {})},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    with log_of(home).open("ab") as log:
+        server = subprocess.Popen(
+            [sys.executable, *command, str(port)],
+            cwd=folder,
+            env={**os.environ, "STEREOCAL_HOME": str(home), **(environment or {})},
+            stdout=subprocess.DEVNULL,
+            stderr=log,
+            start_new_session=True,
+        )
     try:
         for _ in range(600):
             try:
@@ -84,6 +86,29 @@ def served(
         if server.poll() is None:
             os.killpg(server.pid, signal.SIGTERM)
         server.wait(20)
+
+
+def log_of(home: Path) -> Path:
+    """What servers with these projects say, all of it an error."""
+    return home.with_name(f"{home.name}.log")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """With a walk that failed, tell what was on its page, and what its server said."""
+    report = yield
+    used: dict[str, Any] = getattr(item, "funcargs", {})
+    if report.failed and "page" in used:
+        with suppress(Error):
+            app = used["page"].get_by_test_id("stApp")
+            state = app.get_attribute("data-test-script-state", timeout=1000)
+            report.sections.append((f"page: {state}", app.inner_text(timeout=1000)))
+        for home in (used.get("home"), used.get("tmp_path", Path()) / "home"):
+            if home is not None and (log := log_of(home)).exists():
+                report.sections.append((f"server: {home.name}", log.read_text()[-5000:]))
+    return report
 
 
 def chromium() -> str | None:

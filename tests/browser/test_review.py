@@ -215,16 +215,18 @@ def test_what_a_press_opens_is_scrolled_to(
 
 
 def test_by_touch_on_a_narrow_screen(
-    browser: Browser, page: Page, store: ProjectPhotographs
+    browser: Browser, page: Page, store: ProjectPhotographs, settled: Settled
 ) -> None:
     narrow = browser.new_context(
         viewport={"width": 420, "height": 900},
         has_touch=True,
         is_mobile=True,
         device_scale_factor=2,
+        user_agent="Mozilla/5.0 (Linux; Android 10; K) Chrome/156.0.0.0 Mobile Safari/537.36",
     )
     phone = narrow.new_page()
     phone.goto(page.url)
+    settled(phone)
     primary = Photograph(phone, "primary")
     # Sharp: as many pixels as the screen has.
     width = primary.canvas.evaluate("canvas => [canvas.width, canvas.clientWidth]")
