@@ -11,13 +11,16 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.network.fit import RigSettings
 from stereocal.network.fuse import LOCAL, Fused, PairFit, difference, fuse
 from stereocal.network.pairs import pair_name, reached
-from stereocal.network.rig_file import RigFile, fused_file
+from stereocal.network.rig_file import RigFile, counts_and_shutters, fused_file
+from stereocal.network.started_by_hand import closed
 from stereocal.refined.two_views import BAR, SHARED, shared_unknowns, with_lens
 from stereocal.refined.unknowns import LensPrior
+from stereocal.refined.views import EACH, TIME
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.recording import Recording
+from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.numbers import rounded
 from stereocal.system.records import of_plain
 
@@ -26,6 +29,14 @@ CONTRADICTS = 60.0
 pairs exceed it in 1 of 10,000."""
 EXPLAINED = 0.2
 """What is left of the growth of all files when one length explains it."""
+COUNTED_ANEW = (
+    "They were recorded at different times, with cameras that were started anew, or one is wrong: "
+    "the rig has no time offsets. Number the frames of all its cameras alike."
+)
+DRIFTING = (
+    "By the file of a pair, the clocks of its cameras drift; the rig does not: its time offsets "
+    "are those in the middle of that recording."
+)
 
 
 def fuse_files(files: Sequence[Path]) -> RigFile:
@@ -45,11 +56,31 @@ def fuse_files(files: Sequence[Path]) -> RigFile:
     empty = Recording("", stated, wand, none, none, none, np.empty((0, 2)), np.empty(0))
     fuse_these = partial(fuse, empty, settings=RigSettings(lenses=priors))
     fused = fuse_these(pairs)
-    rig = fused_file(stated, pairs, fused)
-    if max(fused.misfits.values()) <= CONTRADICTS:
-        return rig
-    warning = _contradiction(names, pairs, fuse_these, sum(fused.misfits.values()))
-    return replace(rig, about=replace(rig.about, warnings=(warning,)))
+    rig, warnings = _in_time(fused_file(stated, pairs, fused), sets)
+    if max(fused.misfits.values()) > CONTRADICTS:
+        warnings += [_contradiction(names, pairs, fuse_these, sum(fused.misfits.values()))]
+    return replace(rig, about=replace(rig.about, warnings=tuple(warnings)))
+
+
+def _in_time(rig: RigFile, sets: Sequence[RigParameters]) -> tuple[RigFile, list[str]]:
+    """The rig with the counts and shutters of its cameras, and warnings where it has none."""
+    offsets = dict[CameraPair, MeasuredOffset]()
+    for found in sets:
+        assert found.camera_names is not None
+        late = found.time_offset or MeasuredOffset()
+        offsets[found.camera_names] = replace(late, frames=late.frames + found.start_frame)
+    if not any(offset.is_shift for offset in offsets.values()):
+        return rig, []
+    try:
+        starts, errors = closed(rig.names, offsets)
+    except StereocalError as error:
+        return rig, [f"{error} {COUNTED_ANEW}"]
+    covariance, times = rig.covariance.copy(), np.arange(len(starts)) * EACH + TIME
+    covariance[np.ix_(times, times)] = errors
+    both = dict(zip(rig.names, starts.round(9).tolist(), strict=True))
+    wholes, shutters = counts_and_shutters(both, covariance)
+    drifting = [DRIFTING] * any(offset.drift for offset in offsets.values())
+    return replace(rig, time_offsets=shutters, start_frames=wholes, covariance=covariance), drifting
 
 
 def _pair(file: RigParameters, source: str) -> PairFit:

@@ -6,7 +6,7 @@ fraction of the one that stands out.
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -172,27 +172,42 @@ def _brought_into_step(recording: Recording, near: float | None) -> BroughtIntoS
     if lost or not found:
         told = failed[pair := next(pair for pair in failed if not lost or {*pair} & {*lost})]
         raise StereocalError(told + _rates_that_fit(recording, pair))
-    rows = np.array([[(name == b) - (name == a) for name in names[1:]] for a, b in found], float)
-    values = np.array([each.measured.frames for each in found.values()])
-    sigmas = np.array([max(each.measured.sigma, LEAST_SIGMA) for each in found.values()])
+    try:
+        starts, covariance = closed(names, {pair: own.measured for pair, own in found.items()})
+    except StereocalError as error:
+        raise StereocalError(
+            f"{error} One of them is wrong: record an irregular motion that all cameras see."
+        ) from error
+    errors = np.sqrt(np.diag(covariance)).tolist()
+    offsets = dict(zip(names, zip(starts.tolist(), errors, strict=True), strict=True))
+    whole = {name: round(value) for name, (value, _) in offsets.items()}
+    counted = replace(recording.counted_from(whole), start_frames=whole)
+    return BroughtIntoStep(counted, offsets, found)
+
+
+def closed(
+    names: Sequence[str], pairs: Mapping[CameraPair, MeasuredOffset]
+) -> tuple[FloatArray, FloatArray]:
+    """By how many frames of the first each of n cameras was started later, (n,), and their
+    covariance (n, n), from the offsets of pairs that reach all.
+
+    Raises:
+        StereocalError: the pairs contradict each other.
+    """
+    rows = np.array([[(name == b) - (name == a) for name in names[1:]] for a, b in pairs], float)
+    values = np.array([each.frames for each in pairs.values()])
+    sigmas = np.array([max(each.sigma, LEAST_SIGMA) for each in pairs.values()])
     covariance = np.linalg.inv(rows.T @ (rows / sigmas[:, None] ** 2))
     starts = covariance @ rows.T @ (values / sigmas**2)
     off = np.abs(rows @ starts - values)
     if (off > CLOSED + 5 * sigmas).any():
         each = ", ".join(
-            f"{a}-{b} {value:.2f}" for (a, b), value in zip(found, values, strict=True)
+            f"{a}-{b} {value:.2f}" for (a, b), value in zip(pairs, values, strict=True)
         )
         raise StereocalError(
-            f"The offsets of the pairs contradict each other by {off.max():.2f} frames: {each}. "
-            "One of them is wrong: record an irregular motion that all cameras see."
+            f"The offsets of the pairs contradict each other by {off.max():.2f} frames: {each}."
         )
-    errors = np.sqrt(np.diag(covariance)).tolist()
-    offsets = dict(
-        zip(names, [(0.0, 0.0), *zip(starts.tolist(), errors, strict=True)], strict=True)
-    )
-    whole = {name: round(value) for name, (value, _) in offsets.items()}
-    counted = replace(recording.counted_from(whole), start_frames=whole)
-    return BroughtIntoStep(counted, offsets, found)
+    return np.array([0.0, *starts]), np.pad(covariance, ((1, 0), (1, 0)))
 
 
 def _rates_that_fit(recording: Recording, pair: CameraPair) -> str:

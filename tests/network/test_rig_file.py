@@ -20,7 +20,9 @@ from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import EACH, TRANSLATION
+from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair, Recording
+from stereocal.rig.tracks import MeasuredOffset
 from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
 
 STATED = LensPrior(*LENS_ERRORS)
@@ -110,6 +112,28 @@ def test_files_of_pairs_are_fused(truth: SimulatedRig, files: dict[CameraPair, P
         sigma = np.sqrt(np.diag(fused.covariance))[at : at + 3]
         # the points of three pairs are counted twice, so that errors are stated too small
         assert np.abs((fused.poses[name].T - truth.poses[name].T) / sigma).max() < 5.0
+
+
+def test_fused_pairs_keep_the_counts_of_their_cameras(
+    files: dict[CameraPair, Path], tmp_path: Path
+) -> None:
+    def fused_from(starts: dict[CameraPair, int]) -> RigFile:
+        for (one, other), start in starts.items():
+            late = MeasuredOffset(0.3 * ((other == "c3") - (one == "c3")), sigma=0.01)
+            read = RigParameters.load(files[one, other])
+            own = replace(read, start_frame=start, time_offset=late)
+            own.save(tmp_path / f"{one}-{other}.json")
+        fused = fuse_files(sorted(tmp_path.glob("*.json")))
+        return RigFile.loads(fused.dumps())
+
+    fused = fused_from({("c1", "c2"): 40, ("c2", "c3"): 17, ("c1", "c3"): 57})
+    assert fused.start_frames == {"c1": 0, "c2": 40, "c3": 57}
+    pair = fused.pair("c2", "c3")
+    assert pair.start_frame == 17 and pair.time_offset is not None
+    assert pair.time_offset.frames == pytest.approx(0.3)
+    assert 0.005 < pair.time_offset.sigma <= 0.01
+    anew = fused_from({("c1", "c3"): 900})
+    assert not any(anew.start_frames.values()) and anew.about.warnings
 
 
 def test_wrong_lengths_are_named_if_one_file_has_them(
