@@ -146,3 +146,10 @@ def same_lens(one: Camera, other: Camera) -> bool:
     """Whether two cameras have the same lens, as where one file was given twice."""
     same = np.array_equal(one.K, other.K) and np.array_equal(one.distortion, other.distortion)
     return same and one.model == other.model
+
+
+def of_lenses(data: Dataset | Recording, remedy: str) -> str:
+    """A remedy for camera files, which asks about that of two cameras if they have the same one."""
+    if isinstance(data, Dataset) and same_lens(data.primary, data.secondary):
+        return f"{remedy} Both cameras have the same lens: was one file used twice?"
+    return remedy

@@ -16,6 +16,7 @@ from stereocal.calibration.board_numbering import run_counter_clockwise
 from stereocal.calibration.corrections import (
     Given,
     cameras_of,
+    of_lenses,
     of_which,
     same_lens,
     scaled,
@@ -26,13 +27,18 @@ from stereocal.calibration.corrections import (
     with_pixels,
     with_targets,
 )
-from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensModel
+from stereocal.rig.camera import CAMERAS, SIZE_FACTOR_TOLERANCE, Camera, CameraName, LensModel
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
 from stereocal.system.numbers import rounded
 
 COUNT_ALIKE = "Count the corners of both cameras row by row, from the same corner of the board."
+FOR_SIZE = "Provide K for the size of the images in which the points were measured."
+INVERSE = (
+    "Some programs write the inverse (undistorting) coefficients: export the lens in OpenCV's "
+    "convention, or change the signs."
+)
 FEWEST_TO_SHIFT = 8
 """Frames, of which two may be lost."""
 ESTIMATED_HANDICAP = 1.3
@@ -94,8 +100,7 @@ def readings_of_cameras(data: Given, groups: Sequence[Group]) -> Iterator[Readin
     for names in (group.names for group in groups):
         yield Reading(
             f"The {whose(data, names)} distortion coefficients seem to have the wrong sign",
-            "Some programs write the inverse (undistorting) coefficients: export the lens in "
-            "OpenCV's convention, or change the signs.",
+            of_lenses(data, INVERSE),
             partial(with_changed, data, names, _negated),
             names,
         )
@@ -104,18 +109,18 @@ def readings_of_cameras(data: Given, groups: Sequence[Group]) -> Iterator[Readin
             yield Reading(
                 f"The {whose(data, names)} four distortion coefficients seem to be of the other "
                 "lens model (k1 k2 k3 k4 of a fisheye, k1 k2 p1 p2 of the usual lens)",
-                "Give the camera file again, and state which they are.",
+                of_lenses(data, "Give the camera file again, and state which they are."),
                 partial(with_changed, data, names, _of_other_model),
                 names,
             )
     for names in (group.names for group in groups):
-        factor = cameras[names[0]].size_factor
-        if len(names) == 1 and factor is not None:
+        if (factor := _size_factor([cameras[name] for name in names])) is not None:
             width, height = cameras[names[0]].image_size
+            theirs = "theirs" if len(names) > 1 else f"{width}x{height} px"
             yield Reading(
                 f"The {whose(data, names)} matrix K seems to be that of an image "
-                f"{rounded(factor, 3)} times as large as {width}x{height} px",
-                "Provide K for the size of the images in which the points were measured.",
+                f"{rounded(factor, 3)} times as large as {theirs}",
+                of_lenses(data, FOR_SIZE),
                 partial(with_changed, data, names, partial(scaled, factor=1.0 / factor)),
                 names,
             )
@@ -309,6 +314,16 @@ def _transposed(points: FloatArray, _: Camera) -> FloatArray:
 
 def _camera_by_camera(dataset: Dataset) -> Dataset:
     return replace(dataset, correspondences=dataset.correspondences.camera_by_camera())
+
+
+def _size_factor(cameras: Sequence[Camera]) -> float | None:
+    """How many times as large as theirs the images of all their matrices are; None where they are
+    not, or not alike."""
+    factors = [camera.size_factor for camera in cameras]
+    logs = [np.log(factor) for factor in factors if factor is not None]
+    if len(logs) < len(cameras) or np.ptp(logs) > np.log(SIZE_FACTOR_TOLERANCE):
+        return None
+    return float(np.exp(np.mean(logs)))
 
 
 def _has_other_model(camera: Camera) -> bool:

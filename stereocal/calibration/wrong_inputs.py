@@ -19,6 +19,7 @@ from stereocal.calibration.corrections import (
     Given,
     cameras_of,
     fitting_px,
+    of_lenses,
     same_lens,
     scaled,
     whose,
@@ -209,14 +210,13 @@ def _focal_message(
         " and ".join(f"{scale * camera.K[0, 0]:.0f}" for camera in cameras)
         for scale in (1.0, factor)
     )
-    same = ""
-    if isinstance(data, Dataset) and same_lens(data.primary, data.secondary):
-        same = " Both cameras have the same lens: was one file used twice?"
+    remedy = (
+        "Calibrate it again, or check whether the file belongs to this camera, lens and image size."
+    )
     return (
         f"The {whose(data, names)} lens cannot have the stated focal length of {stated} px; "
         f"about {fitting} px would fit",
-        "Calibrate it again, or check whether the file belongs to this camera, lens and image "
-        f"size.{same}",
+        of_lenses(data, remedy),
     )
 
 

@@ -25,6 +25,7 @@ from stereocal.calibration.corrections import (
     cameras_of,
     fewer_corners,
     fitting_px,
+    of_lenses,
     whose,
     with_files,
 )
@@ -54,6 +55,10 @@ from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import rounded
 from stereocal.system.sampling import evenly_spread
 
+CROPPED = (
+    "Was the image cropped? Then subtract what was cut off on the left and above from cx and cy, "
+    "or give the points in pixels of the whole image."
+)
 HELD_LENGTHS = 1e-3
 """Scatter of the bars, as a fraction: what is wrong must show in pixels."""
 MOST_FRAMES = 60
@@ -343,8 +348,7 @@ def centred_readings(data: Given, groups: Iterable[Group]) -> Iterator[Reading[G
         yield Reading(
             f"The {whose(data, names)} image centre seems to be at {fitting_words} px, where the "
             f"file says {stated_words} px",
-            "Was the image cropped? Then subtract what was cut off on the left and above from cx "
-            "and cy, or give the points in pixels of the whole image.",
+            of_lenses(data, CROPPED),
             partial(with_files, data, files),
             names,
             is_estimated=True,

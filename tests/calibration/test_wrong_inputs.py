@@ -35,6 +35,7 @@ SIDES = ("primary",), ("secondary",), CAMERAS
 FURTHER = (
     "u and v exchanged in one camera",
     "K of twice the image",
+    "K of both of half the image",
     "distortion of one camera of the other sign",
     "targets exchanged in one camera",
 )

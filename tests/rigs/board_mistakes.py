@@ -2,15 +2,17 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.simulation.simulate import lens_off_by
 from tests.rigs.board_pairs import BoardPair
-from tests.rigs.mistakes import scaled
-from tests.rigs.pair_mistakes import lexical
+from tests.rigs.mistakes import flipped, scaled
+from tests.rigs.pair_mistakes import from_below, from_the_right, lexical
 
 Spoil = Callable[[BoardPair, np.random.Generator], BoardPair]
 
@@ -46,11 +48,28 @@ def _one(rng: np.random.Generator) -> int:
     return int(rng.integers(2))
 
 
-def images_mirrored(pair: BoardPair, cameras: tuple[int, ...]) -> BoardPair:
-    """u counted from the right."""
+def with_pixels(
+    pair: BoardPair, cameras: tuple[int, ...], change: Callable[[FloatArray, Camera], FloatArray]
+) -> BoardPair:
+    """The points (n, 2) of some cameras changed; frames that leave an image are lost."""
     points = pair.points.copy()
     for camera in cameras:
-        points[..., camera, 0] = pair.cameras[camera].image_size[0] - 1 - points[..., camera, 0]
+        own = points[:, :, camera]
+        own[:] = change(own.reshape(-1, 2), pair.cameras[camera]).reshape(own.shape)
+    sizes = np.array([camera.image_size for camera in pair.cameras])
+    inside = ~((points < 0) | (points > sizes - 1)).any(axis=(1, 2, 3))
+    return replace(pair, points=points[inside])
+
+
+def images_mirrored(pair: BoardPair, cameras: tuple[int, ...]) -> BoardPair:
+    return with_pixels(pair, cameras, from_the_right)
+
+
+def copied(pair: BoardPair, rng: np.random.Generator, share: float) -> BoardPair:
+    """A share of the frames of one camera are others of its frames, saved once more."""
+    camera, count = _one(rng), round(share * len(pair.points))
+    order, points = rng.permutation(len(pair.points)), pair.points.copy()
+    points[order[:count], :, camera] = points[rng.choice(order[count:], count), :, camera]
     return replace(pair, points=points)
 
 
@@ -102,15 +121,15 @@ def board_of(pair: BoardPair, scale: FloatArray, second_half: bool = False) -> B
     return replace(pair, points=points[inside])
 
 
-def with_camera(pair: BoardPair, number: int, camera: Camera) -> BoardPair:
-    cameras = list(pair.cameras)
-    cameras[number] = camera
-    return replace(pair, cameras=(cameras[0], cameras[1]))
-
-
-def half_size(pair: BoardPair, rng: np.random.Generator) -> BoardPair:
-    which = _one(rng)
-    return with_camera(pair, which, replace(scaled(pair.cameras[which], 0.5), uncertainty=None))
+def with_files(
+    pair: BoardPair, cameras: tuple[int, ...], change: Callable[[Camera], Camera]
+) -> BoardPair:
+    """Some camera files changed, of which nothing else is known then."""
+    files = [
+        replace(change(own), uncertainty=None) if number in cameras else own
+        for number, own in enumerate(pair.cameras)
+    ]
+    return replace(pair, cameras=(files[0], files[1]))
 
 
 def cropped(pair: BoardPair, rng: np.random.Generator) -> BoardPair:
@@ -134,6 +153,11 @@ def files_exchanged(pair: BoardPair, _: np.random.Generator) -> BoardPair:
 
 def square_off(pair: BoardPair, _: np.random.Generator) -> BoardPair:
     return replace(pair, board=replace(pair.board, square_m=1.1 * pair.board.square_m))
+
+
+def file_twice(pair: BoardPair, _: np.random.Generator) -> BoardPair:
+    one, two = pair.cameras
+    return replace(pair, cameras=(one, replace(one, image_size=two.image_size)))
 
 
 def _stated(columns: int, rows: int) -> Spoil:
@@ -171,7 +195,47 @@ MISTAKES: Mapping[str, BoardMistake] = {
     "frames shifted by one": BoardMistake(
         lambda p, r: reordered(p, r, [k + 1 for k in range(len(p.points))]), ("counted 1 apart",)
     ),
-    "K at half size": BoardMistake(half_size, ("matrix k", "focal length")),
+    "K at half size": BoardMistake(
+        lambda p, r: with_files(p, (_one(r),), partial(scaled, factor=0.5)),
+        ("matrix k", "focal length"),
+    ),
     "a crop": BoardMistake(cropped, ("centre", "principal point")),
     "camera files exchanged": BoardMistake(files_exchanged, ("camera files seem to be exchanged",)),
+    "one camera from below": BoardMistake(
+        lambda p, r: with_pixels(p, (_one(r),), from_below), ("from below",)
+    ),
+    "both cameras from below": BoardMistake(
+        lambda p, _: with_pixels(p, (0, 1), from_below), ("from below",)
+    ),
+    "u and v exchanged in one camera": BoardMistake(
+        lambda p, r: with_pixels(p, (_one(r),), lambda points, _: points[:, ::-1]), ("u and v",)
+    ),
+    "one camera's points of half size": BoardMistake(
+        lambda p, r: with_pixels(p, (_one(r),), lambda points, _: 0.5 * points),
+        ("images of about",),
+    ),
+    "all points at 75 %": BoardMistake(
+        lambda p, _: with_pixels(p, (0, 1), lambda points, _: 0.75 * points), ("images of about",)
+    ),
+    "K of both at half size": BoardMistake(
+        lambda p, _: with_files(p, (0, 1), partial(scaled, factor=0.5)), ("matrix k", "k seems")
+    ),
+    "K at twice the size": BoardMistake(
+        lambda p, r: with_files(p, (_one(r),), partial(scaled, factor=2.0)), ("matrix k",)
+    ),
+    "distortion of one camera of the other sign": BoardMistake(
+        lambda p, r: with_files(p, (_one(r),), flipped), ("distortion",)
+    ),
+    "distortion of both of the other sign": BoardMistake(
+        lambda p, _: with_files(p, (0, 1), flipped), ("distortion",)
+    ),
+    "file of another zoom": BoardMistake(
+        lambda p, r: with_files(p, (_one(r),), lambda own: lens_off_by(own, 0.5, (0.0, 0.0))),
+        ("focal length",),
+    ),
+    "one file for both cameras": BoardMistake(file_twice, ("same lens",)),
+    "frames in no order": BoardMistake(
+        lambda p, r: reordered(p, r, r.permutation(len(p.points)).tolist()), ("cannot tell",)
+    ),
+    "half of the frames copied": BoardMistake(partial(copied, share=0.5), ("exactly those of",)),
 }

@@ -28,14 +28,6 @@ def _points(data: Dataset, **changed: FloatArray) -> Dataset:
     return data.with_points(replace(data.correspondences, **points))
 
 
-def mirrored(data: Dataset, rng: np.random.Generator, axis: int = 0) -> Dataset:
-    """The columns (0) or rows (1) of one camera counted from the other side."""
-    which = _which(rng)
-    points = getattr(data.correspondences, which).copy()
-    points[:, axis] = getattr(data, which).image_size[axis] - 1 - points[:, axis]
-    return _points(data, **{which: points})
-
-
 def cropped(data: Dataset, rng: np.random.Generator) -> Dataset:
     """The outer columns of one camera cut off, an eighth on each side, of which its file tells
     nothing: only bars that are left."""
@@ -150,6 +142,11 @@ def from_the_right(points: FloatArray, camera: Camera) -> FloatArray:
     return np.column_stack([camera.image_size[0] - 1 - points[:, 0], points[:, 1]])
 
 
+def from_below(points: FloatArray, camera: Camera) -> FloatArray:
+    """v counted from below."""
+    return np.column_stack([points[:, 0], camera.image_size[1] - 1 - points[:, 1]])
+
+
 def lengths(baseline: float = 1.0, bar: float = 1.0) -> Change:
     """Lengths stated so many times too large."""
     return lambda data, _: replace(
@@ -261,8 +258,8 @@ OF_FISHEYES = ("more than 75 degrees",)
 UNLIKE = ("unlike cameras",)
 FOCAL = "focal length", "primary focal", "secondary focal", "focal lengths"
 MISTAKES: Mapping[str, Mistake] = {
-    "one camera mirrored": Mistake(mirrored, ("mirrored",)),
-    "one camera counted from below": Mistake(partial(mirrored, axis=1), ("from below",)),
+    "one camera mirrored": Mistake(of_points(from_the_right), ("mirrored",)),
+    "one camera counted from below": Mistake(of_points(from_below), ("from below",)),
     "a crop of an eighth on each side": Mistake(cropped, ("image centre", "principal point"), 70),
     "a wand table camera by camera": Mistake(camera_by_camera, ("camera by camera",), kinds=LIKE),
     "frames in the order of words": Mistake(reordered(lexical), ("order of words",)),
@@ -294,6 +291,9 @@ MISTAKES: Mapping[str, Mistake] = {
     ),
     "K of twice the image": Mistake(
         of_lenses(partial(scaled, factor=2.0)), ("times as large", "matrix K", *OF_FISHEYES, *FOCAL)
+    ),
+    "K of both of half the image": Mistake(
+        of_lenses(partial(scaled, factor=0.5), True), ("matrix K", "K seems", *OF_FISHEYES)
     ),
     "distortion of one camera of the other sign": Mistake(
         of_lenses(flipped), ("distortion", *OF_FISHEYES)

@@ -15,7 +15,7 @@ from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.simulation.rigs import NOISE_PX, SimulatedRig
 from stereocal.simulation.simulate import lens_off_by
 from tests.rigs.mistakes import flipped, scaled
-from tests.rigs.pair_mistakes import from_the_right, upside_down
+from tests.rigs.pair_mistakes import from_below, from_the_right, upside_down
 
 SIZE = (1280, 1024)
 LENS_ERRORS = 0.003, 5.0
@@ -197,13 +197,15 @@ def of_file(change: Callable[[Camera], Camera]) -> Change:
     return changed
 
 
+def of_files(change: Callable[[Camera], Camera]) -> Change:
+    """The files of all cameras changed."""
+    return lambda recording, _: with_lens(
+        recording, **{name: change(camera) for name, camera in recording.cameras.items()}
+    )
+
+
 def with_lens(recording: Recording, **lenses: Camera) -> Recording:
     return replace(recording, cameras={**recording.cameras, **lenses})
-
-
-def from_below(points: FloatArray, camera: Camera) -> FloatArray:
-    """v counted from below."""
-    return np.column_stack([points[:, 0], camera.image_size[1] - 1 - points[:, 1]])
 
 
 def smaller(factor: float) -> Callable[[FloatArray, Camera], FloatArray]:
@@ -336,13 +338,17 @@ MISTAKES: Mapping[str, Callable[[str, int], Recording]] = {
     "all mirrored": partial(changed, of_all(from_the_right)),
     "all from below": partial(changed, of_all(from_below)),
     "K of half size": partial(changed, of_file(partial(scaled, factor=0.5))),
+    "K of half size in all": partial(changed, of_files(partial(scaled, factor=0.5))),
+    "K of twice the size": partial(changed, of_file(partial(scaled, factor=2.0))),
+    "distortion of all negative": partial(changed, of_files(flipped)),
+    "u and v exchanged": partial(changed, of_one(lambda points, _: points[:, ::-1])),
+    "all upside down": partial(changed, of_all(upside_down)),
     "a crop": partial(changed, cropped),
     "another zoom": partial(changed, of_file(lambda own: lens_off_by(own, 0.3, (0.0, 0.0)))),
     "negative distortion": partial(changed, of_file(flipped)),
     "ends exchanged": partial(changed, ends_exchanged),
-    "frames shifted by one": partial(
-        changed, reordered(lambda frames, _: [it + 1 for it in frames])
-    ),
+    "frames shifted by one": partial(changed, reordered(one_later)),
+    "frames backwards": partial(changed, reordered(lambda frames, _: frames[::-1])),
     "frames as words": partial(changed, reordered(as_words)),
     "frames in no order": partial(changed, reordered(in_no_order)),
     "object in cm": partial(changed, object_times(100.0)),
