@@ -32,6 +32,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.ui.apply_points import CLICKED
 from tests.browser.conftest import FLAGS, LONGEST_MS, ROOT, chromium, results_shown, serve
+from tests.browser.conftest import settle as drawn
 
 FLIGHT = ROOT / "sample_data" / "flight"
 PICTURES = ROOT / "docs" / "pictures"
@@ -52,10 +53,9 @@ COLOURS = 256
 
 def settle(page: Page) -> None:
     """Wait until the page is whole and no job runs."""
-    ready = page.locator("[data-testid=stApp][data-test-script-state=notRunning]")
-    expect(ready).to_be_attached(timeout=LONGEST_MS)
+    drawn(page)
     expect(page.get_by_role("button", name="Cancel")).to_have_count(0, timeout=10 * LONGEST_MS)
-    expect(ready).to_be_attached(timeout=LONGEST_MS)
+    drawn(page)
     page.wait_for_timeout(SETTLE_MS)
 
 

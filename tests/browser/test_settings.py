@@ -9,7 +9,7 @@ from playwright.sync_api import Page, expect
 
 from stereocal.projects.project import Project
 from stereocal.ui.menu import TITLES
-from tests.browser.conftest import LONGEST_MS
+from tests.browser.conftest import LONGEST_MS, settle
 from tests.browser.work import finished_project
 
 pytestmark = pytest.mark.browser
@@ -117,9 +117,8 @@ READ = """() => Object.fromEntries(
 
 def forms(page: Page, wanted: dict[str, str]) -> dict[str, str]:
     """What the forms of the page say: `wanted`, as soon as they do, or what they say in the end."""
-    ready = page.locator("[data-testid=stApp][data-test-script-state=notRunning]")
     for _ in range(100):
-        expect(ready).to_be_attached(timeout=LONGEST_MS)
+        settle(page)
         found: dict[str, str] = page.evaluate(READ)
         if found.items() >= wanted.items():
             break
