@@ -11,7 +11,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -68,9 +68,15 @@ def compile_all(progress: Progress | None = None) -> int:
         The number of functions that were compiled.
     """
     compiled = _compile_apart(progress) if uncompiled() else 0
+    _load()
+    return compiled
+
+
+@cache
+def _load() -> None:
+    """Use all that is compiled, once in a process: what is loaded stays."""
     for use in PARTS.values():
         use()
-    return compiled
 
 
 def _compile_apart(progress: Progress | None) -> int:

@@ -187,12 +187,12 @@ def test_targets_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 def test_a_board_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Held still at nine places for half a second each; the size of the board is found."""
+    """Held still at nine places for 0.3 s each; the size of the board is found."""
     files, paths = photographs(stereo(0.3), 9, 6), []
     for side in ("left", "right"):
         images = [read_photograph(files[name], name) for name in sorted(files) if side in name]
-        times = [k / 10 for k in range(5 * len(images))]
-        path, shown = tmp_path / f"{side}.mp4", [images[k // 5] for k in range(len(times))]
+        times = [k / 10 for k in range(3 * len(images))]
+        path, shown = tmp_path / f"{side}.mp4", [images[k // 3] for k in range(len(times))]
         paths.append(write_video(path, times, draw=shown.__getitem__, preset="ultrafast"))
     out, data = tmp_path / "out", tmp_path / "frames"
     given = [str(data), "--videos", *map(str, paths), "--target", "board:0.03", "--out", str(out)]

@@ -79,6 +79,8 @@ SLOW = {
     "docs/howto/photographs.md": "tests/commands/test_from_photographs.py takes its steps",
     "docs/howto/board.md": "tests/intrinsics/test_stereo_boards.py takes its steps",
     "docs/howto/rig.md": "tests/commands/test_rig.py takes its steps",
+    "docs/tutorial.md": "tests/commands/test_cli.py and test_evaluate_command.py take its steps",
+    "docs/photographs.md": "tests/commands/test_from_photographs.py takes its steps",
     "docs/paper_kit.md": "tests/paper_kit computes a kit again",
 }
 """Pages whose commands take seconds, which the soak runs; and what does the same without a page."""

@@ -211,6 +211,7 @@ def test_threads_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list[R
         assert same(evaluate(pair_of_sets, FEW, threads, chunk=2), by_hand)
 
 
+@pytest.mark.soak  # tests/commands/test_workers.py has one command of all
 def test_processes_give_the_same(
     pair_of_sets: list[Dataset], by_hand: list[list[RunCounts]]
 ) -> None:

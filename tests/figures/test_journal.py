@@ -50,7 +50,11 @@ DRAWN: dict[str, Callable[[], Drawn]] = {
 
 @pytest.mark.parametrize(
     ("name", "width_mm"),
-    [*((name, COLUMN_MM) for name in DRAWN), *further(("validation", PAGE_MM), ("rig", PAGE_MM))],
+    [
+        ("validation", COLUMN_MM),
+        ("rig", COLUMN_MM),
+        *further(*((name, width) for name in DRAWN for width in (COLUMN_MM, PAGE_MM))),
+    ],
 )
 def test_svg_and_pdf_hold_the_figure_on_their_page(name: str, width_mm: float) -> None:
     draw, word = DRAWN[name]()

@@ -31,11 +31,13 @@ def grey_of(image: ColourPhotograph) -> npt.NDArray[np.uint8]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "seed"),
-    [*((kind, 2) for kind in KINDS if kind != "charuco"), *further(("charuco", 2))],
+    ("kind", "seed"), [("tags", 2), *further(*((kind, 2) for kind in KINDS if kind != "tags"))]
 )
 def test_the_object_that_moves_before_both_cameras(kind: Kind, seed: int) -> None:
-    """Of 100 renderings of each kind none was taken for another (`benchmarks.held`)."""
+    """Of 100 renderings of each kind none was taken for another (`benchmarks.held`).
+
+    A bar, balls and a board are proposed on the page (tests/pages/test_held.py).
+    """
     held = proposed(kind, seed)
     assert held is not None
     assert held.kind == ("board" if kind == "charuco" else kind)
@@ -55,7 +57,7 @@ def test_a_photograph_is_read_alike_each_time() -> None:
     photograph = photographs_of("board", np.random.default_rng(2))[0]["primary/0004"]
     grey = grey_of(photograph)
     seen = set()
-    for earlier in range(10):
+    for earlier in range(5):
         cv2.setRNGSeed(earlier)
         board = chessboard_in(grey)
         seen.add(board and str(board[0]))

@@ -30,6 +30,7 @@ from stereocal.rig.parameters import RigParameters
 PAIR = ("1", "2")
 
 
+@cache
 def _bars(first: int, last: int, later: int = 0) -> Dataset:
     """Bars of the real recording; the second camera's frames are numbered `later` too high."""
     whole = read_recording("sample_data/rig").of_cameras(PAIR)
@@ -40,7 +41,7 @@ def _bars(first: int, last: int, later: int = 0) -> Dataset:
 @cache
 def _parameters() -> RigParameters:
     """Of bars whose second camera was numbered one too high."""
-    fit, _ = with_offset_if_out_of_step(_bars(0, 250, later=1), RefineSettings())
+    fit, _ = with_offset_if_out_of_step(_bars(0, 150, later=1), RefineSettings())
     return refined_parameters(fit)
 
 

@@ -45,7 +45,8 @@ def sets(request: pytest.FixtureRequest) -> dict[str, RigParameters]:
     data: Dataset = request.getfixturevalue("recordings")
     frames = data.correspondences.frames
     even = data.of_frames(frames[frames % 2 == 0])
-    found = calibrate(even, CalibrationSettings(search=SearchSettings(seed=request.param)))
+    settings = CalibrationSettings(search=SearchSettings(seed=request.param))
+    found = calibrate(even, settings, refined=None)
     return {"2d": found.parameters("2d"), "3d": found.parameters("3d")}
 
 
@@ -59,8 +60,8 @@ def test_the_2d_set_finds_the_pairs(
         return float(right.sum() / len(markers[0])), float(right.mean())
 
     # Measured: 100 % with the 2D set, 89.1 to 99.0 % with the 3D set.
-    assert right("3d", 50.0)[0] < right("2d", 50.0)[0]
-    assert right("2d", 50.0)[0] >= 0.995
+    assert right("3d", 50.0)[0] < (found := right("2d", 50.0)[0])
+    assert found >= 0.995
     # With a threshold from the points. Measured: 100 % found, 100 % of those right, at 2.5 px.
     assert min(right("2d", None)) >= 0.995
     pairs = match(sets["3d"], *markers)  # by name

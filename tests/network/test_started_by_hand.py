@@ -41,15 +41,6 @@ def test_the_offset_of_a_window_is_found_with_its_standard_error(start: int) -> 
     assert f"one frame off {found.one_off_px:.0f}" in found.sentence()
 
 
-def test_cameras_of_a_rig_are_brought_into_step_by_all_pairs() -> None:
-    truth = {"1": 0, "2": 41, "3": -118}
-    real = _real().where(_real().frame < 120)
-    found = bring_into_step(real.counted_from({name: -start for name, start in truth.items()}))
-    assert found.recording.start_frames == truth
-    np.testing.assert_array_equal(found.recording.frame, real.frame)
-    assert len(found.pairs) == 3
-
-
 def test_a_camera_of_half_the_rate_is_brought_into_step_by_the_stated_rates() -> None:
     two = _window(300, 420)
     own = two.where((two.camera == 0) | (two.frame % 2 == 1))

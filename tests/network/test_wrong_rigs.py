@@ -26,7 +26,7 @@ from tests.rigs.spoiled_rigs import MISTAKES, bumped_from, sound
 
 
 def simulated(seed: int, cameras: int = 3) -> SimulatedRig:
-    return simulated_rig(np.random.default_rng(seed), cameras, 150)
+    return simulated_rig(np.random.default_rng(seed), cameras, 100 if cameras == 4 else 150)
 
 
 def mirrored_in_all(recording: Recording) -> Recording:
@@ -81,11 +81,11 @@ def test_a_sound_chain_is_not_accused_because_a_camera_shares_too_few_bars() -> 
     ("kind", "mistake", "names"),
     [
         ("3 cameras", "files exchanged", "camera files of c1 and c2, or their points"),
-        ("3 cameras", "one mirrored", "images of camera c1 seem to be mirrored"),
         ("3 cameras, waved wand", "a crop", "camera c3's image centre"),
         ("3 cameras", "points twice", "c1 and c2 have exactly the same points"),
         ("3 cameras", "one file for all", "cameras c1 and c2 and c3 have one lens"),
         *further(
+            ("3 cameras", "one mirrored", "images of camera c1 seem to be mirrored"),
             ("3 cameras", "K of half size", "camera c1's"),
             ("3 cameras", "ends exchanged", "A and B seem to be exchanged in camera c1"),
             (
@@ -199,10 +199,11 @@ def test_of_two_cameras_it_cannot_be_told_which_was_bumped() -> None:
         calibrate_rig(recording.of_cameras(["c1", "c2"]))
 
 
+@pytest.mark.soak  # a turn that the images follow is named above
 def test_a_camera_that_was_turned_away_is_named() -> None:
     """It agrees with none of the others, but its frames before and after do."""
     with pytest.raises(StereocalError, match="camera c2 seems to have moved at about"):
-        calibrate_rig(bumped_from(simulated(3, 4), "c2", 2.0, 80))
+        calibrate_rig(bumped_from(simulated(3, 4), "c2", 2.0, 60))
 
 
 @pytest.mark.parametrize(

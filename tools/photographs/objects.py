@@ -152,7 +152,4 @@ def _paint(picture: ColourPicture, camera_from_here: Pose, things: list[Placed])
     for thing in things:
         seen = thing.seen_from(camera_from_here)
         linear = Board(seen.board.cells / 255.0, seen.board.size_m)
-        for channel in range(3):
-            paint(
-                picture[..., channel], CAMERA, Placed(linear, seen.camera_from_board), PAINT_BLUR_PX
-            )
+        paint(picture, CAMERA, Placed(linear, seen.camera_from_board), PAINT_BLUR_PX)

@@ -163,7 +163,7 @@ def exposed(
 
 
 def paint(picture: Picture, camera: Camera, placed: Placed, blur_px: float) -> None:
-    """Draw a board with blur over a picture, in place.
+    """Draw a board with blur over a picture, or over all channels of one in colour, in place.
 
     A board seen from behind has a uniform grey level.
     """
@@ -192,8 +192,8 @@ def paint(picture: Picture, camera: Camera, placed: Placed, blur_px: float) -> N
         fine = np.empty((2, (len(rows) - 1) * parts, (len(columns) - 1) * parts), dtype=np.float32)
         fill_parts(s, t, cells, offsets, parts, fine)
         grey, cover = (sum_parts(layer, weights, parts) for layer in fine)
-        strip = picture[start:stop, left:right]
-        strip += grey - cover * strip
+        for channel in np.atleast_3d(picture[start:stop, left:right]).transpose(2, 0, 1):
+            channel += grey - cover * channel
 
 
 def expose(picture: Picture, settings: PhotographSettings, rng: np.random.Generator) -> Photograph:
