@@ -28,9 +28,10 @@ from stereocal.detection.target import in_reading_order
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.frames.by_motion import paired_by_motion
-from stereocal.frames.pairing import Pairing
+from stereocal.frames.pairing import ByHand, Pairing
 from stereocal.network.frame_rates import at_slowest
 from stereocal.network.started_by_hand import OffsetOfPair, offset_of_pair
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import RigidObject
@@ -129,21 +130,21 @@ def _inside(recording: Recording) -> "np.typing.NDArray[np.bool_]":
 def offset_of_alike(case: Case) -> float:
     """The offset where the two ends look alike, by the way of photographs and videos."""
     two, last = case.recording.of_cameras(case.pair), len(case.recording.object.names) - 1
-    counts = dict[str, int](), dict[str, int]()
+    counts = {str(camera): dict[str, int]() for camera in CAMERAS}
     points = dict[str, FloatArray]()
-    for camera in (0, 1):
+    for camera, own in enumerate(counts.values()):
         frames, images = two.where(two.camera == camera).images()
         for frame, ends in zip(frames.tolist(), images[:, [0, last], camera], strict=True):
             if np.isfinite(ends).all():
-                counts[camera][f"{camera} {frame}"] = frame
+                own[f"{camera} {frame}"] = frame
                 points[f"{camera} {frame}"] = ends if in_reading_order(*ends) else ends[::-1]
     orders = [np.arange(2), np.array([1, 0])]
     first, second = two.cameras.values()
-    pairing = Pairing((), (), (), "", True, counts)
+    pairing = Pairing((), (), (), "", True, ByHand(counts))
     bar = RigidObject.bar(1.0)
     motion = paired_by_motion(pairing, points, (first, second), bar, orders).motion
     assert motion is not None
-    return motion.later + motion.late
+    return motion.later[CAMERAS[1]] + motion.late[CAMERAS[1]]
 
 
 def judged(case: Case, found: OffsetOfPair) -> tuple[str, float]:

@@ -2,6 +2,7 @@
 
 import argparse
 import tempfile
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -50,8 +51,10 @@ def run(parsed: argparse.Namespace) -> None:
         proposal = propose(when_taken(photographs))
         if not out.suffix and proposal.pairing.pairs and proposal.way != "order":
             given = photographs, pattern, proposal.pairing, None, settings
-            two = out, executor, say, None, None, None
-            found = in_stages(lambda *bar: PhotographSearch(*two, *bar).recording(*given))
+            two = PhotographSearch(out, executor, say)
+            found = in_stages(
+                lambda begin, show: replace(two, begin=begin, progress=show).recording(*given)
+            )
             write_recording(out, found)
             return
         boards_in = partial(find_boards, photographs, pattern, executor)

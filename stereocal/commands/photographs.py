@@ -1,7 +1,7 @@
 """The photographs of two cameras for a command, and frames of videos as such."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
@@ -15,7 +15,6 @@ from stereocal.formats.recording_files import pack_recording
 from stereocal.frames.proposal import WAYS
 from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.library.targets import PhotographSearch
-from stereocal.rig.camera import CAMERAS
 from stereocal.rig.recording import Recording
 from stereocal.system.atomic_files import write_all, write_atomically
 
@@ -40,14 +39,18 @@ def in_search(
     search = PhotographSearch(parsed.dataset, executor, say, parsed.pair_by, parsed.lens_model)
     if search.is_described or not isinstance(target, Board):
         _ = search.known  # before the long work
+    if parsed.doubtful and len(search.cameras) > 2:
+        raise StereocalError("--doubtful is for the bars of two cameras.")
     if parsed.videos is not None:
         coloured = isinstance(target, Balls) and BRIGHT not in target.colours
-        search = replace(search, heard=_take_frames(parsed, coloured))
+        search = replace(search, heard=_take_frames(parsed, search.cameras, coloured))
     return in_stages(lambda begin, show: work(replace(search, begin=begin, progress=show)))
 
 
-def _take_frames(parsed: argparse.Namespace, coloured: bool) -> float | None:
-    """Write frames of two videos into the folder of the data set; what their sound says."""
+def _take_frames(
+    parsed: argparse.Namespace, cameras: Sequence[str], coloured: bool
+) -> Mapping[str, float]:
+    """Write frames of the videos into the folder of the data set; what their sound says."""
     if parsed.dataset.exists() and not parsed.dataset.is_dir():
         raise StereocalError(f"{parsed.dataset}: with --videos, the data set must be a folder.")
     every, ahead = parsed.every, parsed.clock_ahead
@@ -59,11 +62,16 @@ def _take_frames(parsed: argparse.Namespace, coloured: bool) -> float | None:
             "--clock-ahead compares the clocks of both cameras, and with --pair-by motion the "
             "targets tell: state one of them."
         )
+    if len(parsed.videos) != len(cameras):
+        raise StereocalError(
+            f"--videos: these are {len(parsed.videos)}; give one of each camera, in the order "
+            f"{', '.join(cameras)}."
+        )
     settings = VideoSettings("every" if every else "still", every or 1, ahead, by_hand, coloured)
-    first, second = parsed.videos
+    videos = dict(zip(cameras, parsed.videos, strict=True))
     earlier = {
         path.relative_to(parsed.dataset).as_posix()
-        for which in CAMERAS
+        for which in cameras
         for path in (parsed.dataset / which).glob("[0-9][0-9][0-9][0-9][0-9][0-9].*")
     }
 
@@ -71,13 +79,13 @@ def _take_frames(parsed: argparse.Namespace, coloured: bool) -> float | None:
         write_atomically(parsed.dataset / name, content)
         earlier.discard(name)
 
-    found = in_stages(partial(extract, (first, second), settings, write))
+    found = in_stages(partial(extract, videos, settings, write))
     for sentence in found.sentences:
         say(sentence)
     if earlier and by_hand:
         raise StereocalError(
             f"{parsed.dataset}: {min(earlier)} and {len(earlier) - 1} more are frames that were "
-            "taken otherwise, of other moments: remove primary/ and secondary/, and begin again."
+            "taken otherwise, of other moments: remove the folders of frames, and begin again."
         )
     return found.heard
 

@@ -7,7 +7,7 @@ has the same targets in all its pairs, so that these give one order to all photo
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import PurePosixPath
 from types import MappingProxyType
@@ -17,12 +17,13 @@ import numpy as np
 
 from stereocal.detection.target import Sighting, Target
 from stereocal.errors import StereocalError
+from stereocal.frames.by_motion import found_by_motion, pairs_of
 from stereocal.frames.by_time import aligned_clocks, times_of
 from stereocal.frames.frame import Frame
-from stereocal.frames.labelling import label_frames
-from stereocal.frames.pairing import Pair, number_pairs, short_names
+from stereocal.frames.labelling import label_frames, points_by_photograph
+from stereocal.frames.pairing import ByHand, Moments, Motion, number_pairs, short_names
 from stereocal.frames.proposal import CONTRADICTED
-from stereocal.frames.search import search_photographs
+from stereocal.frames.search import search_photographs, ways_of
 from stereocal.frames.sides import in_order_taken
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -33,12 +34,9 @@ from stereocal.system.photograph_files import Photographs
 from stereocal.system.taken import Taken
 from stereocal.system.tasks import Earlier, Progress
 
-Moments = Mapping[int, Mapping[str, str]]
-"""By frame and camera, the photograph."""
 PairPoints = Mapping[tuple[str, str], Mapping[int, tuple[FloatArray, FloatArray]]]
 """By pair of cameras and frame, u, v and their standard error of every target (n, 3) in both; NaN
 if not seen."""
-EITHER_WAY = [np.array([0, 1]), np.array([1, 0])]
 UNFIT = "no other camera sees its targets, or they do not fit together."
 DISAGREE = "the pairs of cameras name the targets differently; the frame is left out."
 
@@ -50,6 +48,8 @@ class FoundRecording:
     recording: Recording
     unused: tuple[str, ...]
     """Photographs that are not used, and why; a line each."""
+    told: str = ""
+    """Of cameras started by hand, how it was found which photographs belong together."""
 
 
 def by_folder(names: Iterable[str], cameras: Iterable[str]) -> dict[str, list[str]]:
@@ -133,7 +133,7 @@ def _by_time(folders: Mapping[str, Sequence[str]], taken: Mapping[str, Taken]) -
 
 
 def find_in_all_cameras(
-    moments: Moments,
+    moments: Moments | ByHand,
     photographs: Photographs,
     cameras: Mapping[str, Camera],
     target: Target,
@@ -145,37 +145,36 @@ def find_in_all_cameras(
     """Find the bar in the photographs of all cameras, as `detect_frames`, and name its ends alike
     in all: the recording of a bar of 1 m."""
     names = names_by_camera(moments, cameras)
+    ways, bar = ways_of(target), RigidObject.bar(1.0)
     seen = search_photographs(
         names, photographs, cameras, executor, begin, progress, earlier, target
     )
     found: dict[tuple[str, str], dict[int, tuple[FloatArray, FloatArray]]] = {}
+    told, motion = "", Motion(dict.fromkeys(cameras, 0), dict.fromkeys(cameras, 0.0), frozenset())
+    if isinstance(moments, ByHand):
+        points = points_by_photograph(names, seen, target)
+        motion, told = found_by_motion(moments, points, cameras, bar, ways)
+        moments = moments.moments(motion.later)
     for one, other in combinations(cameras, 2):
-        pairs = pairs_of(moments, one, other)
-        both = label_frames(pairs, seen, (cameras[one], cameras[other]), target)
+        pairs, lenses = pairs_of(moments, one, other), (cameras[one], cameras[other])
+        late = motion.late[other] - motion.late[one]
+        both = label_frames(pairs, seen, lenses, target, motion.exchanged, late)
         found[one, other] = {frame.frame: _points(frame) for frame in both if frame.use}
-    ways = EITHER_WAY[:1] if target.named else EITHER_WAY
     why = {
         name: one.missing if isinstance(one, Sighting) else one.sentence
         for name, one in seen.items()
     }
-    return put_together(moments, found, ways, cameras, RigidObject.bar(1.0), why)
+    return replace(put_together(moments, found, ways, cameras, bar, why), told=told)
 
 
-def names_by_camera(moments: Moments, cameras: Iterable[str]) -> dict[str, list[str]]:
+def names_by_camera(moments: Moments | ByHand, cameras: Iterable[str]) -> dict[str, list[str]]:
     """The photographs of each camera, by frame."""
+    if isinstance(moments, ByHand):
+        return moments.names
     return {
         camera: [files[camera] for files in moments.values() if camera in files]
         for camera in cameras
     }
-
-
-def pairs_of(moments: Moments, first: str, second: str) -> list[Pair]:
-    """The photographs of two cameras."""
-    return [
-        Pair(frame, files[first], files[second])
-        for frame, files in moments.items()
-        if first in files and second in files
-    ]
 
 
 def put_together(

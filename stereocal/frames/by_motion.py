@@ -1,19 +1,26 @@
-"""Pair the photographs of two cameras that were started by hand: the motion of the target tells.
+"""Which photographs of cameras that were started by hand belong together: the motion tells.
 
 Each camera's targets are found by themselves and followed from photograph to photograph, so that
 targets that look alike keep their names; `network.started_by_hand` then finds the offset of the
-counts. What both soundtracks say narrows the search where the images leave two offsets, and is
+counts. What the soundtracks say narrows the search where the images leave two offsets, and is
 checked by the images where they do not.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.frames.pairing import Counts, Motion, Pair, Pairing, counted
-from stereocal.network.started_by_hand import STANDS_OUT, BroughtIntoStep, bring_into_step
+from stereocal.frames.pairing import ByHand, Moments, Motion, Pair, Pairing, counted
+from stereocal.network.started_by_hand import (
+    STANDS_OUT,
+    BroughtIntoStep,
+    OffsetOfPair,
+    bring_into_step,
+    offset_of_pair,
+)
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.recording import Recording
@@ -25,13 +32,13 @@ ALIKE = 3.0
 late or early in most cameras."""
 
 
-def paired_from(counts: Counts, later: int) -> tuple[Pair, ...]:
-    """The pairs where the secondary's photograph 0 is the primary's `later`, numbered as the
-    primary's; where one camera did not run yet or any more, there are none."""
-    first = {number: name for name, number in counts[0].items()}
-    second = {number + later: name for name, number in counts[1].items()}
-    both = sorted(first.keys() & second.keys())
-    return tuple(Pair(number, first[number], second[number]) for number in both)
+def pairs_of(moments: Moments, first: str, second: str) -> tuple[Pair, ...]:
+    """The photographs of two cameras."""
+    return tuple(
+        Pair(frame, files[first], files[second])
+        for frame, files in moments.items()
+        if first in files and second in files
+    )
 
 
 def paired_by_motion(
@@ -41,46 +48,57 @@ def paired_by_motion(
     held: RigidObject,
     orders: Sequence[IntArray],
 ) -> Pairing:
-    """The pairing of photographs by the motion of what is held.
+    """The pairing of two cameras, which has their counts, as `found_by_motion`."""
+    assert pairing.by_hand is not None
+    named = {str(name): camera for name, camera in zip(CAMERAS, cameras, strict=True)}
+    motion, told = found_by_motion(pairing.by_hand, points, named, held, orders)
+    pairs = pairs_of(pairing.by_hand.moments(motion.later), *CAMERAS)
+    sentence = f"{counted(len(pairs))} by the motion. {told}"
+    return Pairing(pairs, (), pairing.unknown, sentence, False, pairing.by_hand, motion)
+
+
+def found_by_motion(
+    by_hand: ByHand,
+    points: Mapping[str, FloatArray],
+    cameras: Mapping[str, Camera],
+    held: RigidObject,
+    orders: Sequence[IntArray],
+) -> tuple[Motion, str]:
+    """How photographs belong together by the motion of what is held, and how that was found.
 
     Args:
-        pairing: with the counts of both cameras.
         points: (k, 2) pixels of the targets in each photograph, NaN where not seen.
         orders: numbers of the targets with which the object looks the same, its own first.
 
     Raises:
         StereocalError: the photographs do not tell it.
     """
-    assert pairing.counts is not None
-    first, second = (_Followed.of(own, points, orders) for own in pairing.counts)
-    sides = [(first, replace(second, orders=order[second.orders])) for order in orders]
-    tries = [_recording(each, cameras, held) for each in sides]
-    heard, told = pairing.heard, ""
+    followed = {name: _Followed.of(own, points, orders) for name, own in by_hand.counts.items()}
+    first, heard, told = next(iter(followed)), by_hand.heard, list[str]()
     try:
-        found, best = _best(tries)
+        sides, found = _in_step(followed, cameras, held, orders, {})
     except StereocalError:
-        if heard is None:
+        if not heard:
             raise
-        found, best = _best(tries, heard)
-        if abs(heard - found.offsets[CAMERAS[1]][0]) > ALIKE:
+        sides, found = _in_step(followed, cameras, held, orders, {first: 0.0, **heard})
+        if any(abs(found.offsets[name][0] - said) > ALIKE for name, said in heard.items()):
             raise
-        told = " Of several offsets that fit, it is the one that the sound of both says."
-    offset, later = found.offsets[CAMERAS[1]][0], found.recording.start_frames[CAMERAS[1]]
-    if heard is not None and not told:
-        told = f" The sound says the same to {rounded(abs(heard - offset))} photographs."
-        if abs(heard - offset) > ALIKE:
-            told = f" Their sound says {heard:.1f}, which the images contradict."
-    pairs = paired_from(pairing.counts, later)
-    sentence = f"{counted(len(pairs))} by the motion. {' '.join(found.answer)}{told}"
+        told = ["Of several offsets that fit, it is the one that the sound of all says."]
+    for name, said in {} if told else heard.items():
+        apart = abs(said - found.offsets[name][0])
+        of = f" of {name}" * (len(followed) > 2)
+        contradicted = f"The sound{of} says {said:.1f}, which the images contradict."
+        agrees = f"The sound{of} says the same to {rounded(apart)} photographs."
+        told.append(contradicted if apart > ALIKE else agrees)
+    later = found.recording.start_frames
+    late = {name: offset - later[name] for name, (offset, _) in found.offsets.items()}
     exchanged = frozenset(
         name
-        for side in sides[best]
+        for side in sides.values()
         for name, order in zip(side.names, side.orders, strict=True)
         if order[0]
     )
-    motion = Motion(later, offset - later, exchanged)
-    about = pairs, (), pairing.unknown, sentence, False, pairing.counts, heard
-    return Pairing(*about, motion)
+    return Motion(later, late, exchanged), " ".join([*found.answer, *told])
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,40 +131,75 @@ class _Followed:
         return cls(names, np.array([counts[name] for name in names]), every, chosen)
 
 
+def _in_step(
+    left: Mapping[str, _Followed],
+    cameras: Mapping[str, Camera],
+    held: RigidObject,
+    orders: Sequence[IntArray],
+    near: Mapping[str, float],
+) -> tuple[dict[str, _Followed], BroughtIntoStep]:
+    """The cameras with one order of the targets, and in step.
+
+    One camera after the other gets the order in which its points fit one that has it already.
+    """
+    left = dict(left)
+    first = next(iter(left))
+    placed = {first: left.pop(first)}
+    while left:
+        failed = list[StereocalError]()
+        for name, known in product(left, placed):
+            tries = [replace(left[name], orders=order[left[name].orders]) for order in orders]
+            both = ({known: placed[known], name: each} for each in tries)
+            try:
+                best = _best([_recording(each, cameras, held) for each in both], near)
+            except StereocalError as error:
+                failed.append(error)
+                continue
+            placed[name] = tries[best]
+            del left[name]
+            break
+        else:
+            raise failed[0]
+    in_order = {name: placed[name] for name in cameras if name in placed}
+    return in_order, bring_into_step(_recording(in_order, cameras, held), near)
+
+
 def _recording(
-    sides: Iterable[_Followed], cameras: tuple[Camera, Camera], held: RigidObject
+    sides: Mapping[str, _Followed], cameras: Mapping[str, Camera], held: RigidObject
 ) -> Recording:
     """What each camera saw, by its own count."""
     parts = []
-    for camera, own in enumerate(sides):
+    for camera, own in enumerate(sides.values()):
         found = np.take_along_axis(own.points, own.orders[:, :, None], axis=1)
         at, target = np.nonzero(np.isfinite(found).all(axis=2))
         numbers = own.numbers[at], np.full(len(at), camera), target
         parts.append(np.column_stack([*numbers, found[at, target]]))
     rows = np.concatenate(parts)
     frame, camera_of, target_of = rows[:, :3].T.astype(np.int64)
-    named = {str(name): camera for name, camera in zip(CAMERAS, cameras, strict=True)}
+    named = {name: cameras[name] for name in sides}
     unknown = np.full(len(rows), np.nan)
     return Recording("", named, held, frame, camera_of, target_of, rows[:, 3:], unknown)
 
 
-def _best(tries: Sequence[Recording], near: float | None = None) -> tuple[BroughtIntoStep, int]:
-    """The try whose points fit best, and which; an error if another fits nearly as well."""
-    found, failed = list[tuple[float, int, BroughtIntoStep]](), list[StereocalError]()
+def _best(tries: Sequence[Recording], near: Mapping[str, float]) -> int:
+    """Which try's points, of two cameras, fit best; an error if another fits nearly as well."""
+    if len(tries) == 1:
+        return 0
+    found, failed = dict[int, OffsetOfPair](), list[StereocalError]()
     for number, each in enumerate(tries):
         try:
-            brought = bring_into_step(each, near)
-            found.append((brought.pairs[CAMERAS].px, number, brought))
+            found[number] = offset_of_pair(each, each.pairs[0], near)
         except StereocalError as error:
             failed.append(error)
     if not found:
         raise failed[0]
-    (px, number, best), *others = sorted(found)
-    for other_px, _, other in others:
-        same = other.recording.start_frames == best.recording.start_frames
-        if not same and other_px < STANDS_OUT * px:
+    number, *others = sorted(found, key=lambda each: found[each].px)
+    best = found[number]
+    for other in map(found.__getitem__, others):
+        same = round(other.measured.frames) == round(best.measured.frames)
+        if not same and other.px < STANDS_OUT * best.px:
             raise StereocalError(
                 "Which end of the object is which decides when the cameras were started, and is "
-                f"open: {best.answer[0]} Or: {other.answer[0]}"
+                f"open: {best.sentence()} Or: {other.sentence()}"
             )
-    return best, number
+    return number

@@ -9,7 +9,7 @@ the others, or fits them only with A and B exchanged in one camera, is doubtful.
 are named by it.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,7 +23,7 @@ from stereocal.detection.target import Balls, Bar2x2, Sighting, Spot, Target
 from stereocal.frames.choosing import choose_boards
 from stereocal.frames.epipolar_labels import FrameLabels, decide_labels
 from stereocal.frames.frame import Centre, CentrePair, Frame
-from stereocal.frames.pairing import Motion, Pair
+from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.tracks import interpolate
@@ -58,23 +58,26 @@ class _Seen:
             return cls((None, None), ((), ()), found.sentence, found.reason == "unreadable")
         return cls(found.targets, ((found.sentence,) if found.doubts else (), ()))
 
-    def exchanged(self) -> "_Seen":
-        """With the other names of both targets."""
+    def turned(self, exchanged: bool) -> "_Seen":
+        """With the other names of both targets, if they are exchanged."""
+        if not exchanged:
+            return self
         return replace(self, targets=self.targets[::-1], doubts=self.doubts[::-1])
 
 
 def points_by_photograph(
-    names: Iterable[str], seen: Mapping[str, Any], target: Target
+    names: Mapping[str, Sequence[str]], seen: Mapping[str, Any], target: Target
 ) -> dict[str, FloatArray]:
-    """(2, 2) pixels of A and B in each photograph of a camera, NaN where not seen."""
-    listed = [*names]
-    found = [seen[name] for name in listed]
-    if isinstance(target, Balls):
-        found = without_still(found)
-    return {
-        name: np.array([one.centre if one else (np.nan, np.nan) for one in _Seen.of(own).targets])
-        for name, own in zip(listed, found, strict=True)
-    }
+    """(2, 2) pixels of A and B in each photograph of all cameras, NaN where not seen."""
+    points = dict[str, FloatArray]()
+    for of_camera in names.values():
+        found = [seen[name] for name in of_camera]
+        if isinstance(target, Balls):
+            found = without_still(found)
+        for name, own in zip(of_camera, found, strict=True):
+            places = [one.centre if one else (np.nan, np.nan) for one in _Seen.of(own).targets]
+            points[name] = np.array(places)
+    return points
 
 
 def label_frames(
@@ -82,15 +85,17 @@ def label_frames(
     seen: Mapping[str, Any],
     cameras: tuple[Camera, Camera],
     target: Target,
-    motion: Motion | None = None,
+    exchanged: Collection[str] = (),
+    late: float = 0.0,
 ) -> list[Frame]:
     """A frame for each pair, in order, with A and B told apart.
 
     Args:
         seen: of `search_photographs`.
-        motion: of cameras that were started by hand.
+        exchanged: photographs in which the targets have each other's names.
+        late: by what part of a frame the secondary's photographs are later.
     """
-    frames = _labelled(pairs, seen, cameras, target, motion)
+    frames = _labelled(pairs, seen, cameras, target, exchanged, late)
     open_frames = {
         pair.frame: (seen[pair.primary], seen[pair.secondary])
         for pair in pairs
@@ -109,7 +114,7 @@ def label_frames(
         replace(frame, reason=f"{frame.reason} {chosen[frame.frame].sentence}".strip())
         if frame.state != "refused" and frame.frame in chosen
         else frame
-        for frame in _labelled(pairs, decided, cameras, target, motion)
+        for frame in _labelled(pairs, decided, cameras, target, exchanged, late)
     ]
 
 
@@ -118,14 +123,18 @@ def _labelled(
     seen: Mapping[str, Any],
     cameras: tuple[Camera, Camera],
     target: Target,
-    motion: Motion | None,
+    exchanged: Collection[str],
+    late: float,
 ) -> list[Frame]:
     """The frames, without a choice among more than two boards."""
     sides = [[seen[getattr(pair, which)] for pair in pairs] for which in CAMERAS]
     if isinstance(target, Balls):
         sides = [without_still(found) for found in sides]
     both = {
-        pair.frame: (_named(pair.primary, first, motion), _named(pair.secondary, second, motion))
+        pair.frame: (
+            _Seen.of(first).turned(pair.primary in exchanged),
+            _Seen.of(second).turned(pair.secondary in exchanged),
+        )
         for pair, first, second in zip(pairs, *sides, strict=True)
     }
     centres = {
@@ -133,17 +142,11 @@ def _labelled(
         for frame, found in sorted(both.items())
         if all(all(own.targets) for own in found)
     }
-    if motion and centres:
-        centres = _at_primary(centres, motion.late)
+    if late and centres:
+        centres = _at_primary(centres, late)
     decided = decide_labels(centres, cameras)
     named = target.named
     return [_frame(pair, both[pair.frame], named, decided.get(pair.frame)) for pair in pairs]
-
-
-def _named(name: str, found: Detection | Sighting, motion: Motion | None) -> _Seen:
-    """What a photograph shows, with the names that the motion tells."""
-    seen = _Seen.of(found)
-    return seen.exchanged() if motion and name in motion.exchanged else seen
 
 
 def _at_primary(centres: Mapping[int, FloatArray], late: float) -> dict[int, FloatArray]:
@@ -171,7 +174,7 @@ def _frame(
     if decided is not None:
         exchange, report = decided
         if not named:
-            second = second.exchanged() if exchange else second
+            second = second.turned(exchange)
             sure = report.is_sure
             reasons.append(report.sentence)
         else:

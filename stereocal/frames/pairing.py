@@ -6,7 +6,7 @@ photographs of a recording: by name, by the time taken, or in order.
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import PurePosixPath
 
@@ -14,8 +14,8 @@ from stereocal.frames.conventions import NameReading, readings_by_words
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.numbers import plural
 
-Counts = tuple[Mapping[str, int], Mapping[str, int]]
-"""The photographs of each camera with its own count."""
+Moments = Mapping[int, Mapping[str, str]]
+"""By frame and camera, the photograph."""
 MAXIMUM_DIGITS = 15
 """The most digits of a frame number, which a table then stores exactly."""
 
@@ -49,13 +49,42 @@ class Alone:
 
 
 @dataclass(frozen=True)
+class ByHand:
+    """The photographs of cameras that were started by hand: a search finds which belong together,
+    by the motion."""
+
+    counts: Mapping[str, Mapping[str, int]]
+    """Of each camera, the photographs with their numbers in its own count."""
+    heard: Mapping[str, float] = field(default_factory=dict)
+    """Of cameras, which of the first's photographs their 0 is by the sound of both videos."""
+
+    @property
+    def names(self) -> dict[str, list[str]]:
+        """The photographs of each camera, all of which are searched."""
+        return {camera: [*own] for camera, own in self.counts.items()}
+
+    def moments(self, later: Mapping[str, int]) -> Moments:
+        """The photographs that belong together, numbered as the first camera's; where no other
+        camera ran, there are none.
+
+        Args:
+            later: of each camera, which of the first's photographs its 0 is.
+        """
+        found: dict[int, dict[str, str]] = {}
+        for camera, own in self.counts.items():
+            for name, number in own.items():
+                found.setdefault(number + later[camera], {})[camera] = name
+        return {frame: own for frame, own in sorted(found.items()) if len(own) > 1}
+
+
+@dataclass(frozen=True)
 class Motion:
     """What the motion tells of cameras that were started by hand."""
 
-    later: int
-    """Which of the primary's photographs the secondary's 0 is."""
-    late: float
-    """By what part of a step the secondary's photographs are then later than the primary's."""
+    later: Mapping[str, int]
+    """Of each camera, which of the first's photographs its 0 is."""
+    late: Mapping[str, float]
+    """By what part of a step its photographs are then later than the first's."""
     exchanged: frozenset[str]
     """Photographs in which the two targets have each other's names."""
 
@@ -72,17 +101,15 @@ class Pairing:
     """How the photographs were paired, for the user to check."""
     ambiguous: bool
     """Whether they can as well be paired differently in the same way."""
-    counts: Counts | None = None
+    by_hand: ByHand | None = None
     """Of cameras that were started by hand: a search finds which pairs are the true ones."""
-    heard: float | None = None
-    """Which of the primary's photographs the secondary's 0 is by the sound of both videos."""
     motion: Motion | None = None
 
     @property
     def names(self) -> dict[str, list[str]]:
         """The photographs of each camera that are searched: of pairs, or all if these are found."""
-        if self.counts:
-            return {camera: [*own] for camera, own in zip(CAMERAS, self.counts, strict=True)}
+        if self.by_hand:
+            return self.by_hand.names
         return {camera: [getattr(pair, camera) for pair in self.pairs] for camera in CAMERAS}
 
     @property

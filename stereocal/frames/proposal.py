@@ -5,11 +5,11 @@ one difference of the clocks fits clearly best; then names that pair most; then 
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 from stereocal.calibration.offset_scan import FEWEST
-from stereocal.frames.by_motion import paired_from
+from stereocal.frames.by_motion import pairs_of
 from stereocal.frames.by_time import Alignment, Times, aligned_clocks, times_of
 from stereocal.frames.conventions import (
     FOLDERS,
@@ -19,6 +19,7 @@ from stereocal.frames.conventions import (
 )
 from stereocal.frames.pairing import (
     Alone,
+    ByHand,
     Pair,
     Pairing,
     best_reading,
@@ -56,11 +57,9 @@ class Choice:
     """Photographs that are left out: they have no partner."""
     exchanged: bool = False
     """Whether the other camera is the primary."""
-    heard: float | None = None
-    """As in a `Pairing`."""
-    later: int | None = None
-    """Of cameras started by hand, which of the primary's photographs the secondary's 0 is, if the
-    motion told it, as `told`."""
+    heard: Mapping[str, float] = field(default_factory=dict)
+    later: Mapping[str, int] | None = None
+    """Of cameras started by hand, as in `ByHand` and, if the motion told it as `told`, `Motion`."""
     told: str = ""
 
 
@@ -195,19 +194,24 @@ def _in_order(sides: Sides) -> Pairing:
 
 
 def _by_motion(sides: Sides, choice: Choice) -> Pairing:
-    first, second = (
-        {pair.primary: pair.frame for pair in _numbered([(name, name) for name in own])}
-        for own in sides.cameras
-    )
-    about: dict[str, Any] = {"counts": (first, second), "heard": choice.heard}
+    own = by_hand_of(dict(zip(CAMERAS, sides.cameras, strict=True)), choice.heard)
     if choice.later is not None:
-        pairs = paired_from((first, second), choice.later)
-        return Pairing(pairs, (), sides.unknown, choice.told, False, **about)
+        pairs = pairs_of(own.moments(choice.later), *CAMERAS)
+        return Pairing(pairs, (), sides.unknown, choice.told, False, own)
     sentence = (
         "Cameras that were started by hand: which photographs belong together is found with the "
         "targets. Until then, the first with the first."
     )
-    return replace(_in_order(sides), sentence=sentence, ambiguous=True, **about)
+    return replace(_in_order(sides), sentence=sentence, ambiguous=True, by_hand=own)
+
+
+def by_hand_of(folders: Mapping[str, Sequence[str]], heard: Mapping[str, float]) -> ByHand:
+    """The photographs of cameras that were started by hand, by camera and in order."""
+    counts = {
+        camera: {pair.primary: pair.frame for pair in _numbered([(name, name) for name in own])}
+        for camera, own in folders.items()
+    }
+    return ByHand(counts, heard)
 
 
 def _about(sides: Sides, alone: Sequence[Alone]) -> list[str]:

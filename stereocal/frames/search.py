@@ -20,6 +20,7 @@ from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames, points_by_photograph
 from stereocal.frames.pairing import Pairing
 from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.compiled import IntArray
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph import (
     PhotographFile,
@@ -76,12 +77,17 @@ def detect_frames(
     seen = search_photographs(
         pairing.names, photographs, lenses, executor, begin, progress, earlier, target
     )
-    if pairing.counts:
-        points = [points_by_photograph(own, seen, target) for own in pairing.counts]
-        orders = [np.arange(2), np.array([1, 0])][: 1 if target.named else 2]
-        bar = RigidObject.bar(1.0)
-        pairing = paired_by_motion(pairing, points[0] | points[1], cameras, bar, orders)
-    return label_frames(pairing.pairs, seen, cameras, target, pairing.motion), pairing
+    if pairing.by_hand:
+        points = points_by_photograph(pairing.names, seen, target)
+        pairing = paired_by_motion(pairing, points, cameras, RigidObject.bar(1.0), ways_of(target))
+    motion = pairing.motion
+    told = (motion.exchanged, motion.late[CAMERAS[1]]) if motion else ()
+    return label_frames(pairing.pairs, seen, cameras, target, *told), pairing
+
+
+def ways_of(target: Target) -> list[IntArray]:
+    """The orders of the targets with which the bar looks the same, its own first."""
+    return [np.arange(2), np.array([1, 0])][: 1 if target.named else 2]
 
 
 def search_photographs(

@@ -10,15 +10,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.frames import all_cameras
-from stereocal.frames.by_motion import paired_by_motion
-from stereocal.frames.pairing import Pair, Pairing, pair_names
+from stereocal.frames.by_motion import found_by_motion, paired_by_motion, pairs_of
+from stereocal.frames.pairing import ByHand, Moments, Pair, Pairing, pair_names
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
 from stereocal.intrinsics.lens_fit import (
@@ -48,6 +48,7 @@ MOST_HYPOTHESES = 40
 STAGES = ("boards of the primary", "boards of the secondary", "lenses")
 BOARDS_STAGE = "photographs searched for boards"
 Begin = Callable[[str], None]
+C = TypeVar("C")
 
 
 class SeenBoard(NamedTuple):
@@ -141,20 +142,26 @@ def find_stereo_boards(
     if not pairing.pairs:
         raise StereocalError(pairing.sentence)
     names = pairing.names
-    for alone in () if pairing.counts else pairing.alone:
+    for alone in () if pairing.by_hand else pairing.alone:
         names[CAMERAS[alone.camera]].append(alone.name)
     searches = []
     for own, stage in zip(names.values(), STAGES, strict=False):
         begin(stage)
         files = {name: photographs[name] for name in own}
         searches.append(find_boards(files, pattern, executor, progress, earlier))
-    if pairing.counts:
-        points = {view.name: _whole(view, pattern) for search in searches for view in search.views}
+    if pairing.by_hand:
         first, second = lenses or map(_rough_lens, searches)
-        board = RigidObject.of_board(pattern)
-        about = points, (first, second), board, orders_of(pattern)
-        pairing = paired_by_motion(pairing, *about)
+        pairing = paired_by_motion(pairing, *_about_motion(searches, (first, second)))
     return stereo_boards(pairing, tuple(searches))
+
+
+def _about_motion(
+    searches: Sequence[BoardSearch], cameras: C
+) -> tuple[dict[str, FloatArray], C, RigidObject, list[IntArray]]:
+    """What `found_by_motion` asks."""
+    pattern = searches[0].pattern
+    points = {view.name: _whole(view, pattern) for search in searches for view in search.views}
+    return points, cameras, RigidObject.of_board(pattern), orders_of(pattern)
 
 
 def _whole(view: BoardView, pattern: BoardPattern) -> FloatArray:
@@ -224,7 +231,7 @@ def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str
             without = {frames.get(own, own): change for own, change in known.without.items()}
             camera = replace(camera, uncertainty=replace(known, without=without))
         named[which] = camera
-    moments: all_cameras.Moments = {
+    moments: Moments = {
         pair.frame: {CAMERAS[0]: pair.primary, CAMERAS[1]: pair.secondary}
         for pair in boards.pairing.pairs
     }
@@ -233,7 +240,7 @@ def recording_of(boards: StereoBoards, cameras: tuple[Camera, Camera], name: str
 
 
 def boards_in_all_cameras(
-    moments: all_cameras.Moments,
+    moments: Moments | ByHand,
     photographs: Photographs,
     cameras: Mapping[str, Camera],
     pattern: BoardPattern,
@@ -251,19 +258,23 @@ def boards_in_all_cameras(
             search = find_boards(own, pattern, executor, progress, earlier)
             _check_size(camera, cameras[camera], search)
             searches[camera] = search
-    by_pair = {}
+    by_pair, told = {}, ""
+    if isinstance(moments, ByHand):
+        about = _about_motion([*searches.values()], cameras)
+        motion, told = found_by_motion(moments, *about)
+        moments = moments.moments(motion.later)
     for one, other in combinations(searches, 2):
         both = searches[one], searches[other]
-        seen = _seen_by_both(all_cameras.pairs_of(moments, one, other), both)
+        seen = _seen_by_both(pairs_of(moments, one, other), both)
         repeated = _repeated(seen)
         if once := [each for each in seen if each.frame not in repeated]:
             by_pair[one, other] = once
     why = {item.name: item.reason for each in searches.values() for item in each.refused}
-    return _put_together(moments, by_pair, cameras, pattern, why)
+    return replace(_put_together(moments, by_pair, cameras, pattern, why), told=told)
 
 
 def _put_together(
-    moments: all_cameras.Moments,
+    moments: Moments,
     by_pair: Mapping[tuple[str, str], Sequence[SeenBoard]],
     cameras: Mapping[str, Camera],
     pattern: BoardPattern,

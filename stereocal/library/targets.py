@@ -1,9 +1,9 @@
-"""The targets, or the boards, in the photographs of two cameras: of scripts and of commands."""
+"""The targets, or the boards, in the photographs of all cameras: of scripts and of commands."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -17,16 +17,27 @@ from stereocal.detection.target import Board, Target, parse_board, parse_target
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_cameras, read_texts
 from stereocal.formats.recording_files import DESCRIPTION
+from stereocal.frames.all_cameras import (
+    by_folder,
+    find_in_all_cameras,
+    match_names,
+    names_by_camera,
+)
 from stereocal.frames.frame import Frame, correspondences_of, describe_frames, report_line
-from stereocal.frames.pairing import Pairing
-from stereocal.frames.proposal import Choice, Way, propose
+from stereocal.frames.pairing import ByHand, Moments, Pairing, natural
+from stereocal.frames.proposal import Choice, Way, by_hand_of, propose
 from stereocal.frames.search import detect_frames
 from stereocal.frames.slips import find_slip
 from stereocal.intrinsics.held_object import held_object
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.quality import lens_answer, note_on_model
-from stereocal.intrinsics.stereo_boards import find_stereo_boards, lenses_of_boards, recording_of
+from stereocal.intrinsics.stereo_boards import (
+    boards_in_all_cameras,
+    find_stereo_boards,
+    lenses_of_boards,
+    recording_of,
+)
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.correspondences import Correspondences
@@ -46,13 +57,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FoundTargets(TableAnswer):
-    """The targets, or the boards, in the photographs of two cameras."""
+    """The targets, or the boards, in the photographs of all cameras."""
 
     recording: Dataset | Recording
     """To calibrate from."""
     sentences: list[str]
     frames: list[Frame] = field(default_factory=list)
-    """Of a bar: what was found, doubtful ones too, which are not used."""
+    """Of a bar and two cameras: what was found, doubtful ones too, which are not used."""
 
     @property
     def answer(self) -> list[str]:
@@ -85,9 +96,9 @@ def detect(
     told = list[str]()
     with engine() as workers:
         search = PhotographSearch(Path(path), workers, told.append, pair_by, lens_model)
-        if (board := parse_board(target)) is not None:
-            return FoundTargets(search.boards(board), told)
-        frames = search.frames(parse_target(target))
+        frames = search.found(parse_board(target) or parse_target(target))
+        if isinstance(frames, Recording):
+            return FoundTargets(frames, told)
         found = _of_two(search.known, correspondences_of(frames))
         return FoundTargets(with_baseline_found(found), told, frames)
 
@@ -106,21 +117,21 @@ class PhotographSearch:
     """Called with what was found, a sentence each time."""
     way: Way | None = None
     lens_model: LensModel | None = None
-    heard: float | None = None
-    """As in a `Pairing`."""
+    heard: Mapping[str, float] = field(default_factory=dict)
+    """As in `ByHand`."""
     begin: Callable[[str], None] = _silent
     progress: Progress = _silent
 
     @cached_property
     def known(self) -> Recording:
         """The cameras and lengths of the data set, without points."""
-        found = read_cameras(self.path, self.lens_model)
-        if len(found.cameras) > 2:
-            raise StereocalError(
-                f"{self.path}: it has {len(found.cameras)} cameras; targets and boards are found "
-                "in the photographs of two."
-            )
-        return found
+        return read_cameras(self.path, self.lens_model)
+
+    @cached_property
+    def cameras(self) -> Sequence[str]:
+        """By which folders of photographs are called; of two cameras primary and secondary."""
+        several = self.is_described and len(self.known.cameras) > 2
+        return [*self.known.cameras] if several else CAMERAS
 
     @cached_property
     def is_described(self) -> bool:
@@ -128,8 +139,39 @@ class PhotographSearch:
         texts = read_texts(self.path)[0] if self.path.exists() else ()
         return any(PurePath(name).name == DESCRIPTION for name in texts)
 
-    def frames(self, target: Target) -> list[Frame]:
-        """What is on the bar, in all frames."""
+    def found(self, target: Target | Board) -> list[Frame] | Recording:
+        """What is on the bar in all frames; of boards, or of more than two cameras, points."""
+        if len(self.cameras) > 2:
+            return self._in_all_cameras(target)
+        return self._boards(target) if isinstance(target, Board) else self._frames(target)
+
+    def _in_all_cameras(self, target: Target | Board) -> Recording:
+        cameras, control = self.known.cameras, (self.workers, self.begin, self.progress)
+        if self.way not in (None, "motion"):
+            raise StereocalError(
+                f"--pair-by {self.way} is for two cameras. The photographs of more belong together "
+                "by their names or the time taken; or by the motion (--pair-by motion)."
+            )
+        with self._photographs() as photographs:
+            folders = by_folder(sorted(photographs, key=natural), cameras)
+            moments: Moments | ByHand = by_hand_of(folders, self.heard)
+            if self.way is None:
+                moments = match_names(folders, when_taken(photographs))
+            about = moments, photographs, cameras
+            if isinstance(target, Board):
+                names = names_by_camera(moments, cameras).values()
+                pattern = target.pattern(target.size or self._size_found(photographs, names))
+                found = boards_in_all_cameras(*about, pattern, *control)
+            else:
+                found = find_in_all_cameras(*about, target, *control)
+        for line in filter(None, (found.told, *found.unused)):
+            self.tell(line)
+        recording = _as_stated(found.recording, self.known)
+        if isinstance(target, Board):
+            return recording
+        return replace(recording, object=self.known.object)
+
+    def _frames(self, target: Target) -> list[Frame]:
         cameras = _two(self.known)
         with self._photographs() as photographs:
             pairing = pairing_of(photographs, self.path, Choice(self.way, heard=self.heard))
@@ -139,18 +181,19 @@ class PhotographSearch:
         if paired is not pairing:
             self.tell(paired.sentence)
         self.tell(describe_frames(frames))
-        if not paired.counts and (slip := find_slip(frames, cameras)) is not None:
+        if not paired.by_hand and (slip := find_slip(frames, cameras)) is not None:
             self.tell(f"{slip} Take it out of the folder, and find the targets again.")
         return frames
 
-    def boards(self, board: Board) -> Recording:
+    def _boards(self, board: Board) -> Recording:
         """The boards of both cameras.
 
         The lenses are those of the data set; without one, they come from the same photographs.
         """
         with self._photographs() as photographs:
             pairing = pairing_of(photographs, self.path, Choice(self.way, heard=self.heard))
-            pattern = board.pattern(board.size or self._size_found(photographs, pairing))
+            names = [[getattr(pair, which) for pair in pairing.pairs] for which in CAMERAS]
+            pattern = board.pattern(board.size or self._size_found(photographs, names))
             known = self.known if self.is_described else None
             return self.recording(photographs, pattern, pairing, known)
 
@@ -182,8 +225,7 @@ class PhotographSearch:
         found = recording_of(boards, cameras, self.path.stem)
         if beyond := beyond_in_words(found.beyond_view):
             self.tell(beyond)
-        names = ("name", "cameras", "baselines_m", "baseline_sigma_m", "notes")
-        return replace(found, **{name: getattr(known, name) for name in names if known})
+        return _as_stated(found, known) if known else found
 
     @contextmanager
     def _photographs(self) -> Iterator[dict[str, Path]]:
@@ -192,9 +234,12 @@ class PhotographSearch:
             found = photographs_in(self.path, Path(store), self.progress)
             yield dict(of_the_bar(found))
 
-    def _size_found(self, photographs: Photographs, pairing: Pairing) -> str:
-        """The size of the board that moves before both cameras, or else that most show."""
-        names = [[getattr(pair, which) for pair in pairing.pairs] for which in CAMERAS]
+    def _size_found(self, photographs: Photographs, names: Iterable[Sequence[str]]) -> str:
+        """The size of the board that moves before the cameras, or else that most show.
+
+        Args:
+            names: of each camera, its photographs.
+        """
         held = held_object([{name: photographs[name] for name in own} for own in names])
         board = held.what if held is not None else None
         if not isinstance(board, ProposedBoard):
@@ -226,6 +271,12 @@ def pairing_of(photographs: Mapping[str, Path], source: Path, choice: Choice) ->
         ways = " or ".join(f"--pair-by {each}" for each in proposal.ways)
         raise StereocalError(f"{source}: {pairing.sentence} Or state how to pair them: {ways}.")
     return pairing
+
+
+def _as_stated(found: Recording, known: Recording) -> Recording:
+    """The recording with the cameras and lengths of the data set."""
+    names = ("name", "cameras", "baselines_m", "baseline_sigma_m", "notes")
+    return replace(found, **{name: getattr(known, name) for name in names})
 
 
 def _two(known: Recording) -> tuple[Camera, Camera]:

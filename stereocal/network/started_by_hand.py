@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -63,7 +64,7 @@ LONGEST = 400_000
 """The largest count of frames, from the first frame seen."""
 
 
-KEPT: Latest["BroughtIntoStep"] = Latest(4)
+KEPT: Latest["OffsetOfPair | StereocalError"] = Latest(16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +143,10 @@ def _pm(frames: float, sigma: float) -> str:
     return f"{frames:.3f} ± {max(sigma, 0.001):.3f}"
 
 
-def bring_into_step(recording: Recording, near: float | None = None) -> BroughtIntoStep:
-    """Find by how much later than the first each camera was started, from all pairs;
-    what was found is kept for the recordings asked about last.
+def bring_into_step(
+    recording: Recording, near: Mapping[str, float] = MappingProxyType({})
+) -> BroughtIntoStep:
+    """Find by how much later than the first each camera was started, from all pairs.
 
     Args:
         recording: whose cameras count their own frames.
@@ -153,14 +155,6 @@ def bring_into_step(recording: Recording, near: float | None = None) -> BroughtI
     Raises:
         StereocalError: the data do not tell it, or pairs contradict each other.
     """
-    columns = (recording.frame, recording.camera, recording.target, recording.points)
-    digest = hashlib.sha256(repr([near, *recording.cameras.items()]).encode())
-    for column in columns:
-        digest.update(column.tobytes())
-    return KEPT.once(digest.hexdigest(), lambda: _brought_into_step(recording, near))
-
-
-def _brought_into_step(recording: Recording, near: float | None) -> BroughtIntoStep:
     names = list(recording.cameras)
     found, failed = dict[CameraPair, OffsetOfPair](), dict[CameraPair, str]()
     for pair in recording.pairs:
@@ -336,19 +330,39 @@ class _Seen:
 
 
 def offset_of_pair(
-    recording: Recording, pair: CameraPair, near: float | None = None
+    recording: Recording, pair: CameraPair, near: Mapping[str, float] = MappingProxyType({})
 ) -> OffsetOfPair:
-    """The offset of two cameras that counted their own frames.
+    """The offset of two cameras that counted their own frames; what was found is kept for the
+    pairs asked about last.
 
     Args:
-        near: only offsets within `AROUND` of it are tried.
+        near: by how much later cameras were started than one of them, by what else tells it: with
+            both cameras of the pair, only offsets within `AROUND` of that are tried.
 
     Raises:
         StereocalError: the data do not tell it.
     """
     shown = np.unique(recording.target)
     few = shown[evenly_spread(len(shown), TARGETS)]
-    recording = recording.where(np.isin(recording.target, few))
+    two = recording.where(np.isin(recording.target, few)).of_cameras(pair)
+    about = near[pair[1]] - near[pair[0]] if {*pair} <= near.keys() else None
+    digest = hashlib.sha256(repr([about, *two.cameras.items()]).encode())
+    for column in (two.frame, two.camera, two.target, two.points):
+        digest.update(column.tobytes())
+
+    def search() -> OffsetOfPair | StereocalError:
+        try:
+            return _offset_of_pair(two, pair, about)
+        except StereocalError as error:
+            return error
+
+    found = KEPT.once(digest.hexdigest(), search)
+    if isinstance(found, StereocalError):
+        raise StereocalError(str(found))
+    return found
+
+
+def _offset_of_pair(recording: Recording, pair: CameraPair, near: float | None) -> OffsetOfPair:
     seen = _Seen.of(recording, pair)
     offsets, errors = seen.scan(near)
     best, other = _two_best(seen, pair, offsets, errors)

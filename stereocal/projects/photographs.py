@@ -7,9 +7,9 @@ from types import MappingProxyType
 from typing import Any
 
 from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
-from stereocal.frames.all_cameras import Moments, by_folder, match_names
+from stereocal.frames.all_cameras import by_folder, match_names
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
-from stereocal.frames.pairing import Pairing
+from stereocal.frames.pairing import Moments, Pairing
 from stereocal.frames.proposal import Choice, Proposal, propose
 from stereocal.frames.search import keep_corrections
 from stereocal.projects.database import DamagedError, DiskFullError
@@ -121,7 +121,7 @@ class ProjectPhotographs(ProjectPart):
     def pairing(self) -> Pairing:
         """The pairs in use; of cameras started by hand, until they are found, what finds them."""
         pairing = self.proposal.pairing
-        if pairing.counts and self._edited is None:
+        if pairing.by_hand and self._edited is None:
             return pairing
         used = tuple(row.pair for row in self.rows if row.use)
         return Pairing(used, (), (), pairing.sentence, ambiguous=False)

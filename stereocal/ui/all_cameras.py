@@ -15,7 +15,8 @@ from stereocal.formats.archives.gather import is_table
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.recording_files import POINTS, pack_recording, write_points
 from stereocal.frames import all_cameras
-from stereocal.frames.pairing import natural
+from stereocal.frames.by_motion import pairs_of
+from stereocal.frames.pairing import Moments, natural
 from stereocal.frames.search import STAGES, pack_detection, unpack_detection
 from stereocal.intrinsics.files import pack_board, unpack_board
 from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_in_all_cameras
@@ -198,9 +199,7 @@ def _photographs_of_all(project: Project, cameras: Mapping[str, Camera]) -> bool
     return True
 
 
-def _search(
-    store: ProjectPhotographs, cameras: Mapping[str, Camera], moments: all_cameras.Moments
-) -> None:
+def _search(store: ProjectPhotographs, cameras: Mapping[str, Camera], moments: Moments) -> None:
     """What is held, the press, and what was not found."""
     project = store.project
     found_by = project.settings.get(FOUND_BY)
@@ -234,14 +233,14 @@ HeldTarget = Target | BoardPattern
 
 
 def ask_held(
-    store: ProjectPhotographs, moments: all_cameras.Moments, fold: bool
+    store: ProjectPhotographs, moments: Moments, fold: bool
 ) -> tuple[HeldTarget | None, bool]:
     """What is held, and whether it can be searched for: of a board, its size must be stated.
 
     Args:
         fold: once it is said.
     """
-    pairs = all_cameras.pairs_of(moments, *[*next(iter(moments.values()))][:2])
+    pairs = pairs_of(moments, *[*next(iter(moments.values()))][:2])
     held: HeldTarget | None = ask_what_is_held(store, pairs, fold)
     stated = True
     if holds_board(store.project):
@@ -252,7 +251,7 @@ def ask_held(
 def moment_search(
     store: ProjectPhotographs,
     cameras: Mapping[str, Camera],
-    moments: all_cameras.Moments,
+    moments: Moments,
     held: HeldTarget | None,
     keep: Callable[[all_cameras.FoundRecording, str], None],
     **more: float | None,

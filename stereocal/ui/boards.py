@@ -63,8 +63,9 @@ def boards_in(store: ProjectPhotographs) -> None:
     st.markdown(f"The lenses {where}.")
     files = {name: path.name for name, path in store.photographs.items()}
     listed = [[p.frame, files.get(p.primary), files.get(p.secondary)] for p in pairs]
-    if pairing.counts:  # the search finds the pairs
-        listed = [[own[name], files.get(name)] for own in pairing.counts for name in own]
+    if pairing.by_hand:  # the search finds the pairs
+        every = pairing.by_hand.counts.values()
+        listed = [[own[name], files.get(name)] for own in every for name in own]
     about = {
         "pairs": listed,
         "board": asdict(pattern),

@@ -99,7 +99,7 @@ def _show_ways(store: ProjectPhotographs, proposal: Proposal) -> None:
 
             _way(store, proposal).buttons("Pair the photographs", format_func=titled)
         if proposal.ways:
-            turned = replace(choice, exchanged=not choice.exchanged, heard=None, later=None)
+            turned = replace(choice, exchanged=not choice.exchanged, heard={}, later=None)
             st.button(
                 "Exchange the cameras",
                 on_click=callback(partial(_take, store, turned)),

@@ -128,7 +128,9 @@ def _take(
     def keep(name: str, content: bytes) -> None:
         found[name] = store.keep(name, content)
 
-    report = extract(videos, settings, keep, job.begin, job.progress)
+    report = extract(
+        dict(zip(CAMERAS, videos, strict=True)), settings, keep, job.begin, job.progress
+    )
     if not found:
         raise StereocalError("No frame of the videos could be decoded.")
     if settings.by_hand != (store.choice.way == "motion"):

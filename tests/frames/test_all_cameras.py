@@ -14,7 +14,6 @@ import pytest
 from stereocal.detection.target import parse_target
 from stereocal.errors import StereocalError
 from stereocal.frames.all_cameras import (
-    EITHER_WAY,
     FoundRecording,
     by_folder,
     find_in_all_cameras,
@@ -28,6 +27,7 @@ from tests.files import encoded, write
 from tests.frames.test_pairing import shots, walk
 from tests.photographed_rig import BAR_M, CAMERAS, POSES, TAGS, photographed_bars
 
+EITHER_WAY = [np.array([0, 1]), np.array([1, 0])]
 FRAMES = {"bar2x2": 12, TAGS: 8}
 
 

@@ -8,24 +8,37 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import read_dataset
-from stereocal.frames.by_motion import paired_by_motion
-from stereocal.frames.pairing import Pairing
+from stereocal.formats.dataset_files import read_dataset, read_recording
+from stereocal.frames.by_motion import found_by_motion, paired_by_motion
+from stereocal.frames.pairing import ByHand, Pairing
 from stereocal.frames.video.extract import VideoSettings, by_themselves, extract
 from stereocal.frames.video.sound import heard_later
 from stereocal.intrinsics.stereo_boards import orders_of
+from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.fit import RigSettings
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from tools.photographs.rendering import HERE
-from tools.photographs.started_by_hand import CAMERA, RATE, RIG, START_S, Bar, write_sample
+from tools.photographs.started_by_hand import (
+    CAMERA,
+    RATE,
+    RIG,
+    START_S,
+    THIRD,
+    THIRD_S,
+    Bar,
+    write_sample,
+)
 
 STEP_S = 2 / RATE
 
 
-def _counts(of: int) -> tuple[dict[str, int], dict[str, int]]:
-    return {f"left/{k}": k for k in range(of)}, {f"right/{k}": k for k in range(of)}
+def _counts(of: int) -> dict[str, dict[str, int]]:
+    sides = zip(CAMERAS, ("left", "right"), strict=True)
+    return {camera: {f"{side}/{k}": k for k in range(of)} for camera, side in sides}
 
 
 def _seen(
@@ -41,7 +54,8 @@ def _seen(
 
 
 def _open(of: int, heard: float | None = None) -> Pairing:
-    return Pairing((), (), (), "", True, _counts(of), heard)
+    heard_of = {} if heard is None else {"secondary": heard}
+    return Pairing((), (), (), "", True, ByHand(_counts(of), heard_of))
 
 
 def test_ends_that_look_alike_are_followed_and_told_apart() -> None:
@@ -54,12 +68,37 @@ def test_ends_that_look_alike_are_followed_and_told_apart() -> None:
     about = (CAMERA, CAMERA), RigidObject.bar(1.0), orders
     found = paired_by_motion(_open(150), mixed, *about)
     assert found.motion is not None
-    assert found.motion.later + found.motion.late == pytest.approx(40.4, abs=0.02)
+    assert found.motion.later["secondary"] + found.motion.late["secondary"] == pytest.approx(
+        40.4, abs=0.02
+    )
     assert found.motion.exchanged in (turned, {*seen} - turned)
     assert {pair.frame: pair.secondary for pair in found.pairs}[60] == "right/20"
     of_one = {name: own for name, own in seen.items() if name.startswith("left")}
     with pytest.raises(StereocalError, match="saw no points"):
         paired_by_motion(_open(150), of_one, *about)
+
+
+def test_cameras_that_share_a_view_with_one_only_are_joined_through_it() -> None:
+    """The first and the third see the bar in turns, and the second both times."""
+    bar, orders = Bar(8, 15.0), [np.arange(2), np.array([1, 0])]
+    seen, counts = dict[str, FloatArray](), dict[str, dict[str, int]]()
+    rng = np.random.default_rng(3)
+    starts = {"left": (HERE, 0, 0), "mid": (RIG.pose, 40.4, 0), "third": (THIRD, 20.25, 75)}
+    for camera, (pose, start, first) in starts.items():
+        counts[camera] = {f"{camera}/{k}": k for k in range(first, 150)}
+        for name, k in counts[camera].items():
+            pixels = CAMERA.project(pose.apply(bar.ends_m((start + k) / 15)))
+            pixels += rng.normal(0.0, 0.1, pixels.shape)
+            seen[name] = pixels[:: rng.choice([-1, 1])]
+    for k in range(95, 150):
+        seen[f"left/{k}"] = np.full((2, 2), np.nan)
+    about = dict.fromkeys(starts, CAMERA), RigidObject.bar(1.0), orders
+    motion, told = found_by_motion(ByHand(counts, {"third": 20.0}), seen, *about)
+    for camera, (_, start, _) in starts.items():
+        assert motion.later[camera] + motion.late[camera] == pytest.approx(start, abs=0.03)
+    assert "The sound of third says the same" in told
+    moments = ByHand(counts).moments(motion.later)
+    assert moments[100] == {"left": "left/100", "mid": "mid/60", "third": "third/80"}
 
 
 def test_boards_that_look_alike_when_turned() -> None:
@@ -78,7 +117,9 @@ def test_boards_that_look_alike_when_turned() -> None:
     mixed = {name: own[half] if name.startswith("right") else own for name, own in seen.items()}
     found = paired_by_motion(_open(120), mixed, (CAMERA, CAMERA), board, orders_of(pattern))
     assert found.motion is not None
-    assert found.motion.later + found.motion.late == pytest.approx(25.25, abs=0.02)
+    assert found.motion.later["secondary"] + found.motion.late["secondary"] == pytest.approx(
+        25.25, abs=0.02
+    )
 
 
 def test_sound_decides_between_offsets_that_fit_and_none_other() -> None:
@@ -89,11 +130,11 @@ def test_sound_decides_between_offsets_that_fit_and_none_other() -> None:
     with pytest.raises(StereocalError, match="two offsets fit nearly as well"):
         paired_by_motion(_open(120), seen, *about)
     found = paired_by_motion(_open(120, heard=30.3), seen, *about)
-    assert found.motion is not None and found.motion.later == 30
+    assert found.motion is not None and found.motion.later["secondary"] == 30
     assert "sound" in found.sentence
     once = _seen(bar.ends_m, 120, 30 / 15)
     contradicted = paired_by_motion(_open(120, heard=-20.0), once, *about)
-    assert contradicted.motion is not None and contradicted.motion.later == 30
+    assert contradicted.motion is not None and contradicted.motion.later["secondary"] == 30
     assert "contradict" in contradicted.sentence
 
 
@@ -113,7 +154,7 @@ def test_claps_are_heard() -> None:
 
 def test_frames_are_taken_at_equal_times_of_both_rates() -> None:
     primary, secondary = np.arange(300) / 60, np.delete(3.0 + np.arange(100) / 25, 40)
-    pairs, step_s = by_themselves(primary, secondary, None)
+    pairs, step_s = by_themselves([primary, secondary], None)
     assert step_s == pytest.approx(0.08)
     assert (pairs.frames[:, 1] >= 0).sum() == 49  # one is missing
     there = (pairs.frames >= 0).all(axis=1)
@@ -126,7 +167,7 @@ def test_videos_of_cameras_started_by_hand(
 ) -> None:
     pytest.importorskip("av")
     videos = write_sample(tmp_path)
-    together = extract(videos, VideoSettings("every", 200), lambda *_: None)
+    together = extract(dict(zip(CAMERAS, videos, strict=True)), VideoSettings("every", 200), print)
     assert "if the cameras were started by hand, say so" in together.sentences[-1]
     table = tmp_path / "correspondences.csv"
     command = ["detect", str(tmp_path), "--target", "balls:red,yellow", "--out", str(table)]
@@ -148,3 +189,22 @@ def test_videos_of_cameras_started_by_hand(
     assert fit.time_offset.frames == pytest.approx(later - round(later), abs=0.02)
     assert len(frames) > 120
     assert np.linalg.norm(fit.pose.angles - np.array(RIG.pose.angles)) < 0.01
+
+
+def test_videos_of_three_cameras_become_a_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("av")
+    videos = [*map(str, write_sample(tmp_path, cameras=3, seconds=7))]
+    table = tmp_path / "points.csv"
+    command = ["detect", str(tmp_path), "--target", "balls:red,yellow", "--out", str(table)]
+    assert main([*command, "--videos", *videos[:2], "--pair-by", "motion"]) == 2
+    assert "left, right, third" in capsys.readouterr().err
+    assert main([*command, "--videos", *videos]) == 2  # not of cameras that started together
+    assert main([*command, "--videos", *videos, "--pair-by", "motion"]) == 0
+    capsys.readouterr()
+    recording = read_recording(tmp_path)
+    assert np.isfinite(recording.images()[1]).all(axis=(1, 2, 3)).sum() > 60
+    late = calibrate_rig(recording, RigSettings()).time_offsets
+    for found, start_s in zip(late, (0.0, START_S, THIRD_S), strict=True):
+        assert found == pytest.approx(start_s / STEP_S - round(start_s / STEP_S), abs=0.02)

@@ -10,6 +10,7 @@ from stereocal.errors import StereocalError
 from stereocal.frames.pairing import pair_names
 from stereocal.frames.video.extract import VideoReport, VideoSettings, extract
 from stereocal.frames.video.footage import of_photographs, of_videos
+from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 from stereocal.system.tasks import StoppedError
 from tests.files import encoded
@@ -32,7 +33,7 @@ def taken(
     def keep(name: str, content: bytes) -> None:
         found[name] = read_photograph(content, name)
 
-    report = extract(videos, settings, keep)
+    report = extract(dict(zip(CAMERAS, videos, strict=True)), settings, keep)
     return report, found
 
 
@@ -60,7 +61,11 @@ def test_frames_keep_their_colours_when_asked(tmp_path: Path) -> None:
     path = write_video(tmp_path / "a.mp4", constant(12), draw=red)
     for coloured in (True, False):
         frames: dict[str, bytes] = {}
-        extract((path, path), VideoSettings("every", 5, coloured=coloured), frames.__setitem__)
+        extract(
+            {"primary": path, "secondary": path},
+            VideoSettings("every", 5, coloured=coloured),
+            frames.__setitem__,
+        )
         for name, content in frames.items():
             blue, _, reds = (part.astype(int) for part in cv2.split(read_colours(content, name)))
             assert (float((reds - blue).mean()) > 15.0) == coloured
@@ -88,7 +93,7 @@ def test_cancelled(tmp_path: Path) -> None:
         raise StoppedError
 
     with pytest.raises(StoppedError):
-        extract((path, path), settings, lambda *_: None, progress=cancel)
+        extract({"primary": path, "secondary": path}, settings, lambda *_: None, progress=cancel)
 
 
 def test_damaged_and_other_files_leave_a_sentence(tmp_path: Path) -> None:
@@ -102,14 +107,14 @@ def test_damaged_and_other_files_leave_a_sentence(tmp_path: Path) -> None:
     ):
         bad.write_bytes(damaged)
         with pytest.raises(StereocalError, match=r"b\.mp4"):
-            extract((good, bad), VideoSettings("every"), lambda *_: None)
+            extract({"primary": good, "secondary": bad}, VideoSettings("every"), lambda *_: None)
     broken = bytearray(content)
     rng = np.random.default_rng(0)
     for at in rng.integers(50, len(broken) // 2, 300):
         broken[at] = rng.integers(256)
     bad.write_bytes(bytes(broken))
     try:
-        extract((good, bad), VideoSettings("every", 5), lambda *_: None)
+        extract({"primary": good, "secondary": bad}, VideoSettings("every", 5), lambda *_: None)
     except StereocalError as error:
         assert "b.mp4" in str(error)
 

@@ -1,14 +1,16 @@
-"""Two small videos of a bar with two balls, of cameras that were started by hand.
+"""Small videos of a bar with two balls, of two cameras or three that were started by hand.
 
-    python -m tools.photographs.started_by_hand --out FOLDER
+    python -m tools.photographs.started_by_hand --out FOLDER [--cameras 3]
 
-The right camera was started `START_S` after the left, its clock is slow by `DRIFT`, and both
-microphones hear claps. `dataset.json` and the camera files are beside them.
+The right camera was started `START_S` after the left, its clock is slow by `DRIFT`, the third was
+started `THIRD_S` after the left, and all microphones hear claps. `dataset.json` and the camera
+files are beside them.
 """
 
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,10 +25,11 @@ from stereocal.system.photograph import GreyImage
 from tools.photographs.rendering import HERE
 from tools.photographs.videos import HERTZ, write_video
 
-START_S, DRIFT, RATE, SECONDS = 2.17, 40e-6, 30, 9
+START_S, THIRD_S, DRIFT, RATE, SECONDS = 2.17, 1.33, 40e-6, 30, 9
 BAR_M, BALL_M, MIDDLE_M = 0.5, 0.03, (0.13, -0.07, 2.0)
 CAMERA = Camera(np.array([[400.0, 0, 160], [0, 400, 120], [0, 0, 1]]), np.zeros(5), (320, 240))
 RIG = Rig(CAMERA, CAMERA, Pose.from_angles(Angles(0.3, -0.03, 0.04, 0.1, 3.1), 0.9))
+THIRD = Pose.from_angles(Angles(0.16, 0.02, -0.1, 0.6, 3.0), 0.5)
 RED, YELLOW = (230, 40, 40), (230, 220, 40)
 
 
@@ -69,37 +72,42 @@ class Bar:
         return found
 
 
-def write_sample(out: Path, late_s: float = 0.02) -> tuple[Path, Path]:
+def write_sample(
+    out: Path, late_s: float = 0.02, cameras: int = 2, seconds: int = SECONDS
+) -> list[Path]:
     """Write the videos, `dataset.json` and the camera files.
 
     Args:
-        late_s: by how much the right camera stores its sound late.
+        late_s: by how much the others store their sound later than the left camera.
     """
     bar, paths = Bar(), list[Path]()
     out.mkdir(parents=True, exist_ok=True)
-    for name, pose, start, drift in (("left", HERE, 0.0, 0.0), ("right", RIG.pose, START_S, DRIFT)):
-        own = np.arange(SECONDS * RATE) / RATE
+    started = ("left", HERE, 0.0, 0.0), ("right", RIG.pose, START_S, DRIFT)
+    for name, pose, start, drift in (*started, ("third", THIRD, THIRD_S, 0.0))[:cameras]:
+        own = np.arange(seconds * RATE) / RATE
         true = start + own * (1 + drift)
 
         def draw(k: int, pose: Pose = pose, true: FloatArray = true) -> GreyImage:
             return bar.picture(pose, float(true[k]))
 
-        sound = bar.sound(start, late_s if start else 0.0)
+        sound = bar.sound(start, late_s if start else 0.0)[: seconds * HERTZ]
         path = out / f"{name}.mp4"
         paths.append(write_video(path, own.tolist(), draw=draw, preset="ultrafast", sound=sound))
-    for which in ("primary", "secondary"):
-        (out / f"{which}.json").write_bytes(write_camera(CAMERA))
-    described = {
-        "format": "stereocal-dataset/1",
-        "cameras": {which: f"{which}.json" for which in ("primary", "secondary")},
-        "baseline_m": RIG.pose.baseline,
-        "target_distance_m": BAR_M,
-    }
-    (out / "dataset.json").write_text(json.dumps(described))
-    return paths[0], paths[1]
+    (out / "camera.json").write_bytes(write_camera(CAMERA))
+    if cameras == 2:
+        format_of, names = "stereocal-dataset/1", ["primary", "secondary"]
+        lengths: Any = {"baseline_m": RIG.pose.baseline, "target_distance_m": BAR_M}
+    else:
+        format_of, names = "stereocal-dataset/2", [path.stem for path in paths]
+        lengths = {"object": {"red": [0, 0, 0], "yellow": [BAR_M, 0, 0]}}
+    about = {"format": format_of, "cameras": dict.fromkeys(names, "camera.json")}
+    (out / "dataset.json").write_text(json.dumps(about | lengths))
+    return paths
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True, help="folder for the videos")
-    write_sample(parser.parse_args().out)
+    parser.add_argument("--cameras", type=int, default=2, choices=(2, 3), help="how many")
+    parsed = parser.parse_args()
+    write_sample(parsed.out, cameras=parsed.cameras)

@@ -1,10 +1,11 @@
-"""Take frames out of two videos that belong together by their time stamps, as photographs that
-pair by their names."""
+"""Take frames out of videos: of two those that belong together by their time stamps, as photographs
+that pair by their names; of cameras started by hand each by itself."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +15,6 @@ from scipy.ndimage import median_filter
 from stereocal.errors import StereocalError
 from stereocal.frames.video.decoding import VideoTimes, encoded_frames, read_times, score_frames
 from stereocal.frames.video.sound import heard_later, read_rises
-from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.guarded import Guard
 from stereocal.system.limits import Limits
@@ -67,64 +67,74 @@ class VideoReport:
 
     sentences: tuple[str, ...]
     taken: int
-    """Number of pairs."""
+    """Number of moments."""
     frames_missing: bool
     """Whether frames are missing within a video, by its time stamps."""
-    heard: float | None = None
-    """Of cameras started by hand, which of the primary's frames taken is the secondary's first by
-    the sound of both."""
+    heard: Mapping[str, float] = field(default_factory=dict)
+    """Of cameras started by hand, as in `ByHand`."""
 
 
 def extract(
-    videos: tuple[Path, Path],
+    videos: Mapping[str, Path],
     settings: VideoSettings,
     keep: Callable[[str, bytes], object],
     begin: Callable[[str], None] = lambda _stage: None,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> VideoReport:
-    """Take frames out of the videos of the primary and the secondary.
+    """Take frames out of the videos of all cameras, of more than two only if they were started by
+    hand.
 
     Args:
+        videos: by camera.
         keep: called with the name and the content of each photograph, `primary/000031.png` and
             `secondary/000031.png` for recorded frame 31 of the primary.
         begin, progress: called with each stage of `STAGES`, and how much of it is done; what they
             raise ends the work.
     """
+    names, paths = [*videos], [*videos.values()]
+    if len(names) > 2 and not settings.by_hand:
+        raise StereocalError(
+            f"Of the videos of {len(names)} cameras, frames are taken as of cameras that were "
+            "started by hand only, whose motion tells which belong together: say so."
+        )
     guard = Guard(
         [read_times, score_frames, encoded_frames, read_rises], least_seconds=LEAST_SECONDS
     )
-    step_s, rises = None, list[FloatArray]()
+    step_s, rises, heard = None, list[FloatArray](), dict[str, float]()
     try:
-        times: list[VideoTimes] = [guard.read(read_times, path, path.name) for path in videos]
-        first, second = (each.seconds for each in times)
+        times: list[VideoTimes] = [guard.read(read_times, each, each.name) for each in paths]
+        seconds = [each.seconds for each in times]
         n = settings.n if settings.choice == "every" else None
         with suppress(StereocalError):  # no sound that can be read
-            rises = [guard.read(read_rises, path, path.name) for path in videos]
+            rises = [guard.read(read_rises, each, each.name) for each in paths]
         if settings.by_hand:
-            pairs, step_s = by_themselves(first, second, n)
+            pairs, step_s = by_themselves(seconds, n)
         else:
-            pairs = pair_times(first, second, settings.later_s)
-        work = _Work(guard, videos, times, pairs, settings.coloured, begin, progress)
+            pairs = pair_times(seconds[0], seconds[1], settings.later_s)
+        work = _Work(guard, names, paths, times, pairs, settings.coloured, begin, progress)
         if settings.by_hand or n is not None:
             chosen = every(pairs, 1 if settings.by_hand else settings.n)
         else:
             chosen = work.stillest()
-        Limits.from_environment().check_count(2 * len(chosen), "The frames of the videos")
+        Limits.from_environment().check_count(len(names) * len(chosen), "The frames of the videos")
         lost = work.take(chosen, keep)
     finally:
         guard.close()
-    sentences = describe_times(first, second, pairs)
+    sentences = describe_times(dict(zip(names, seconds, strict=True)), pairs)
     taken = f"{len(chosen) - lost:,} pairs of frames were taken."
     if step_s is not None:
         each = " and ".join(f"{count:,}" for count in (pairs.frames >= 0).sum(axis=0))
         taken = f"Of each by itself, a frame every {rounded(step_s)} s was taken: {each}."
     sentences.append(taken)
-    heard_s = heard_later(*rises) if len(rises) == 2 else None
-    if heard_s is not None:
+    for name, own, rise in zip(names[1:], seconds[1:], rises[1:], strict=False):
+        if (heard_s := heard_later(rises[0], rise)) is None:
+            continue
         together = settings.by_hand or settings.later_s is None
-        heard_s += second[0] - first[0] if together else settings.later_s or 0.0
-        if settings.by_hand:
-            sentences.append(f"By their sound, they began {abs(heard_s):.2f} s apart.")
+        heard_s += own[0] - seconds[0][0] if together else settings.later_s or 0.0
+        if step_s is not None:
+            heard[name] = heard_s / step_s
+            both = f"{names[0]} and {name}" if len(names) > 2 else "they"
+            sentences.append(f"By their sound, {both} began {abs(heard_s):.2f} s apart.")
         elif abs(heard_s) > HEARD_APART_S:
             sentences.append(
                 f"By their sound, these frames are {abs(heard_s):.2f} s apart: if the cameras were "
@@ -133,14 +143,14 @@ def extract(
     if lost:
         sentences.append(f"{lost} could not be decoded.")
     missing = any(gaps_of(each.seconds) for each in times)
-    heard = heard_s and heard_s / step_s if step_s else None
     return VideoReport(tuple(sentences), len(chosen) - lost, missing, heard)
 
 
 @dataclass(frozen=True, eq=False)
 class _Work:
     guard: Guard
-    videos: tuple[Path, Path]
+    names: list[str]
+    paths: list[Path]
     times: list[VideoTimes]
     pairs: "VideoPairs"
     coloured: bool
@@ -156,9 +166,9 @@ class _Work:
             for which, seconds in enumerate(each.seconds for each in self.times)
             for at in range(0, len(seconds), SEGMENT)
         ]
-        scores: list[list[FloatArray]] = [[], []]
+        scores: list[list[FloatArray]] = [[] for _ in self.names]
         done = 0
-        threads = ThreadPoolExecutor(2)
+        threads = ThreadPoolExecutor(len(self.names))
         try:
             for which, found in threads.map(self._scores, segments):
                 scores[which].append(found)
@@ -180,18 +190,17 @@ class _Work:
         pixels *= 3 if self.coloured else 1
         lossless = pixels <= LOSSLESS_BYTES
         lost = 0
-        with ThreadPoolExecutor(2) as threads:
+        with ThreadPoolExecutor(len(self.names)) as threads:
             for first in range(0, len(chosen), BATCH):
                 batch = chosen[first : first + BATCH]
-                both = list(
-                    threads.map(self._encoded, (0, 1), (batch, batch), (lossless, lossless))
-                )
-                rows = self.pairs.numbers[batch], self.pairs.frames[batch], *both
+                encoded = partial(self._encoded, chosen=batch, lossless=lossless)
+                every = threads.map(encoded, range(len(self.names)))
+                rows = self.pairs.numbers[batch], self.pairs.frames[batch], *every
                 for number, there, *sides in zip(*rows, strict=True):
                     if None in [side for side, at in zip(sides, there, strict=True) if at >= 0]:
                         lost += 1
                         continue
-                    for which, content in zip(CAMERAS, sides, strict=True):
+                    for which, content in zip(self.names, sides, strict=True):
                         if content is None:
                             continue
                         suffix = ".png" if content.startswith(b"\x89PNG") else ".jpg"
@@ -201,11 +210,11 @@ class _Work:
 
     def _scores(self, segment: tuple[int, FloatArray]) -> tuple[int, FloatArray]:
         which, seconds = segment
-        path, ends = self.videos[which], (float(seconds[0]), float(seconds[-1]))
+        path, ends = self.paths[which], (float(seconds[0]), float(seconds[-1]))
         return which, self.guard.read(score_frames, path, path.name, *ends)
 
     def _encoded(self, which: int, chosen: IntArray, lossless: bool) -> list[bytes | None]:
-        path, found = self.videos[which], np.full(len(chosen), None, dtype=object)
+        path, found = self.paths[which], np.full(len(chosen), None, dtype=object)
         at = self.pairs.frames[chosen, which]
         seconds = self.times[which].seconds[at[at >= 0]].tolist()
         if seconds:
@@ -248,11 +257,11 @@ def gaps_of(seconds: FloatArray) -> list[tuple[float, int]]:
 
 @dataclass(frozen=True, eq=False)
 class VideoPairs:
-    """Frames of two videos that belong together."""
+    """Frames of videos that belong together."""
 
     frames: IntArray
-    """(n, 2): indices into the time stamps of the primary and the secondary; ascending, but -1 of
-    a camera that has no frame then."""
+    """(n, c): indices into the time stamps of each camera; ascending, but -1 of a camera that has
+    no frame then."""
     apart_s: FloatArray
     """(n,): time of the secondary's frame after the primary's; empty if that is still open."""
     numbers: IntArray
@@ -295,22 +304,21 @@ def _nearest(seconds: FloatArray, wanted: FloatArray) -> IntArray:
     return np.asarray(after - (wanted - seconds[after - 1] < seconds[after] - wanted))
 
 
-def by_themselves(
-    primary: FloatArray, secondary: FloatArray, n: int | None
-) -> tuple[VideoPairs, float]:
+def by_themselves(times: Sequence[FloatArray], n: int | None) -> tuple[VideoPairs, float]:
     """Frames of each video at equal steps of time from its first, and the step in seconds: their
     numbers are not of the same moments.
 
     Args:
-        n: a step is so many frames of the slower camera; None: not shorter than 1 / `DENSE`.
+        times: the time stamps of each video, in seconds.
+        n: a step is so many frames of the slowest camera; None: not shorter than 1 / `DENSE`.
     """
-    slower = max(_period(primary), _period(secondary))
-    step_s = slower * (n or int(np.ceil(1.0 / (DENSE * slower) - 0.01)))
+    slowest = max(map(_period, times))
+    step_s = slowest * (n or int(np.ceil(1.0 / (DENSE * slowest) - 0.01)))
     found = []
-    for seconds in (primary, secondary):
-        wanted = np.arange(seconds[0], seconds[-1] + 0.1 * slower, step_s)
+    for seconds in times:
+        wanted = np.arange(seconds[0], seconds[-1] + 0.1 * slowest, step_s)
         at = _nearest(seconds, wanted)
-        near = np.abs(seconds[at] - wanted) <= NEAREST * slower
+        near = np.abs(seconds[at] - wanted) <= NEAREST * slowest
         found.append(np.where(near, at, -1))
     most = max(map(len, found))
     frames = [np.pad(own, (0, most - len(own)), constant_values=-1) for own in found]
@@ -350,10 +358,10 @@ def stillest(
     return np.array(chosen, dtype=np.int64)
 
 
-def describe_times(primary: FloatArray, secondary: FloatArray, pairs: VideoPairs) -> list[str]:
-    """The rates, the gaps and the agreement of two videos, in words."""
+def describe_times(videos: Mapping[str, FloatArray], pairs: VideoPairs) -> list[str]:
+    """The rates, the gaps and the agreement of videos, in words."""
     sentences = []
-    for which, seconds in zip(CAMERAS, (primary, secondary), strict=True):
+    for which, seconds in videos.items():
         period, steps = _period(seconds), np.diff(seconds)
         low, high = np.percentile(steps, [5, 95])
         rate = f"{rounded(1 / period, 4)} frames a second"
