@@ -24,6 +24,7 @@ from stereocal.intrinsics.board_corners import (
     are_crossings,
     find_charuco,
     find_chessboard,
+    goes_on,
     halved,
     refine_corners,
 )
@@ -209,11 +210,20 @@ def _check_size(
     if views and pattern.dictionary is not None:
         return
     for name in seen[:2]:
-        image = read_photograph(photographs[name])
-        if pattern.dictionary is None:
-            _refuse_other_size(eight_bits(image), name, pattern, larger=bool(views))
-        else:
+        image, view = read_photograph(photographs[name]), results[name]
+        if pattern.dictionary is not None:
             _refuse_charuco(image, name, pattern)
+        elif not isinstance(view, BoardView):
+            _refuse_other_size(eight_bits(image), name, pattern, larger=False)
+        elif _may_be_a_part(view, eight_bits(image), pattern):
+            _refuse_other_size(eight_bits(image), name, pattern, larger=True)
+
+
+def _may_be_a_part(view: BoardView, grey: npt.NDArray[np.uint8], pattern: BoardPattern) -> bool:
+    """Whether a board may be a part of a larger one: its squares go on, or corners are missing."""
+    if len(view.ids) < pattern.rows * pattern.columns:
+        return True
+    return goes_on(view.corners.reshape(pattern.rows, pattern.columns, 2), grey)
 
 
 def _refuse_charuco(image: GreyImage, name: str, pattern: BoardPattern) -> None:
