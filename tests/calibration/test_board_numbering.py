@@ -9,6 +9,7 @@ from stereocal.calibration.board_numbering import check_numbering, note_on_ways_
 from stereocal.calibration.corrections import fewer_corners
 from stereocal.errors import StereocalError
 from stereocal.refined.free_baseline import with_baseline_found
+from tests.further import further
 from tests.rigs.board_mistakes import MISTAKES, images_mirrored
 from tests.rigs.board_pairs import sound
 
@@ -24,7 +25,7 @@ PAIR = sound(0, frames=12)
         "rows and columns exchanged in one camera",
         "half a turn of one camera",
         "corners of one camera mirrored",
-        "frames shifted by one",
+        *further("frames shifted by one"),
     ],
 )
 def test_mistake_is_named(mistake: str) -> None:

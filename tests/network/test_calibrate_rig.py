@@ -255,6 +255,7 @@ def test_the_marker_between_need_not_be_used(ewand: Recording) -> None:
     assert lengths["M", "B"] <= 0.0016
 
 
+@pytest.mark.soak  # it would only take longer
 def test_a_sound_rig_is_not_searched_for_time_offsets(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of one pair errors follow each other, but not the motion: -0.0005 ± 0.0009 frames. The search
     took as long as all else."""

@@ -10,15 +10,18 @@ import pytest
 from tools.answers.__main__ import main
 from tools.answers.comparing import difference
 
-CASE = "convert-opencv"
+CASE, REFUSED = "convert-opencv", "match-lost"
 
 
+@pytest.mark.soak  # processes of commands; what is compared is below
 def test_a_case_with_another_date_is_the_same_and_a_changed_digit_is_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     old, new = tmp_path / "old", tmp_path / "new"
-    assert main(["keep", str(old), "--only", CASE]) == 0
+    assert main(["keep", str(old), "--only", CASE, REFUSED]) == 0
     shutil.copytree(old, new)
+    assert (new / REFUSED / "exit").read_text() == "2\n"
+    assert "none.csv" in (new / REFUSED / "stderr").read_text()
     assert (new / CASE / "exit").read_text() == "0\n"
     assert "wrote parameters.json" in (new / CASE / "stdout").read_text()
     (old / "inputs" / "of_another_case").mkdir()
@@ -38,12 +41,6 @@ def test_a_case_with_another_date_is_the_same_and_a_changed_digit_is_found(
     assert count.startswith("1 of ")
     file.unlink()
     assert main(["compare", str(old), str(new), "--only", CASE]) == 1
-
-
-def test_what_a_command_refuses_is_kept(tmp_path: Path) -> None:
-    assert main(["keep", str(tmp_path), "--only", "match-lost"]) == 0
-    assert (tmp_path / "match-lost" / "exit").read_text() == "2\n"
-    assert "none.csv" in (tmp_path / "match-lost" / "stderr").read_text()
 
 
 def test_texts_differ_by_numbers_words_and_lines() -> None:
