@@ -16,7 +16,8 @@ from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.recording_files import POINTS, pack_recording, write_points
 from stereocal.frames import all_cameras
 from stereocal.frames.by_motion import pairs_of
-from stereocal.frames.pairing import Moments, natural
+from stereocal.frames.pairing import ByHand, Moments, natural
+from stereocal.frames.proposal import by_hand_of
 from stereocal.frames.search import STAGES, pack_detection, unpack_detection
 from stereocal.intrinsics.files import pack_board, unpack_board
 from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_in_all_cameras
@@ -41,9 +42,11 @@ from stereocal.ui.messages import callback, readable, show_stale, show_with_butt
 from stereocal.ui.navigation import go_to
 from stereocal.ui.rig import rig_work
 from stereocal.ui.texts import escape_markdown, escaped_table
+from stereocal.ui.videos import show_frames_taken
 from stereocal.ui.wizard import Questions
 
-FOUND_BY, UNUSED = "several_found_by", "several_unused"
+FOUND_BY, UNUSED, TOLD = "several_found_by", "several_unused", "several_told"
+BY_HAND = "Which photographs belong together is found with the targets, by their motion."
 GATHERED: Latest[Gathered] = Latest(8)
 
 
@@ -61,6 +64,9 @@ def show_files(project: Project) -> None:
     """The files, the questions, what was read, and the press."""
     store = ProjectRecording(project)
     _show_parts(store)
+    show_frames_taken(project)
+    if jobs.is_running(project, "video"):
+        return
     of_all = [name for name, part in store.parts.items() if not is_table(name, part.read_bytes())]
     if len(of_all) == 1:
         two = partial(_use_two, store, of_all[0])
@@ -192,14 +198,22 @@ def _photographs_of_all(project: Project, cameras: Mapping[str, Camera]) -> bool
         return False
     words, remove = f"Photographs: {counts}.", "Remove all photographs"
     show_with_button("markdown", words, remove, "several_clear", store.clear)
-    match = partial(all_cameras.match_names, folders, store.taken)
-    moments = readable(match, told=all(folders.values()))
+    moments: Moments | ByHand | None
+    if store.choice.way == "motion":
+        moments = by_hand_of(
+            {c: sorted(own, key=natural) for c, own in folders.items()}, store.choice.heard
+        )
+    else:
+        match = partial(all_cameras.match_names, folders, store.taken)
+        moments = readable(match, told=all(folders.values()))
     if moments is not None:
         _search(store, cameras, moments)
     return True
 
 
-def _search(store: ProjectPhotographs, cameras: Mapping[str, Camera], moments: Moments) -> None:
+def _search(
+    store: ProjectPhotographs, cameras: Mapping[str, Camera], moments: Moments | ByHand
+) -> None:
     """What is held, the press, and what was not found."""
     project = store.project
     found_by = project.settings.get(FOUND_BY)
@@ -207,11 +221,14 @@ def _search(store: ProjectPhotographs, cameras: Mapping[str, Camera], moments: M
     work = moment_search(store, cameras, moments, held, partial(_keep, store))
     press_search(work, "targets", "find_in_all_cameras", found_by is not None, ready)
     if found_by is None:
+        if isinstance(moments, ByHand):
+            st.caption(BY_HAND)
         return
     if found_by != work.digest:
         show_stale("photographs, cameras or what is held")
     unused = project.settings.get(UNUSED) or []
-    st.caption(f"{count(len(moments), 'frame')}. Photographs not used: {len(unused):,}.")
+    told = project.settings.get(TOLD) or f"{count(len(_in_order(moments)), 'frame')}."
+    st.caption(f"{escape_markdown(str(told))} Photographs not used: {len(unused):,}.")
     if unused:
         with st.expander("Photographs that are not used"):
             st.markdown("\n".join(f"- {escape_markdown(line)}" for line in unused))
@@ -225,21 +242,29 @@ def _keep(store: ProjectPhotographs, found: all_cameras.FoundRecording, digest: 
         recording.give(whole, pack_recording(whole))
     else:
         recording.add_parts({POINTS: write_points(found.recording)})
-    project.keep_settings({FOUND_BY: digest, UNUSED: [*found.unused]})
+    project.keep_settings({FOUND_BY: digest, UNUSED: [*found.unused], TOLD: found.told})
     settle(project)
+
+
+def _in_order(moments: Moments | ByHand) -> Moments:
+    """The moments; while those of cameras started by hand are open, the first with the first."""
+    if isinstance(moments, ByHand):
+        return moments.moments(dict.fromkeys(moments.counts, 0))
+    return moments
 
 
 HeldTarget = Target | BoardPattern
 
 
 def ask_held(
-    store: ProjectPhotographs, moments: Moments, fold: bool
+    store: ProjectPhotographs, moments: Moments | ByHand, fold: bool
 ) -> tuple[HeldTarget | None, bool]:
     """What is held, and whether it can be searched for: of a board, its size must be stated.
 
     Args:
         fold: once it is said.
     """
+    moments = _in_order(moments)
     pairs = pairs_of(moments, *[*next(iter(moments.values()))][:2])
     held: HeldTarget | None = ask_what_is_held(store, pairs, fold)
     stated = True
@@ -251,7 +276,7 @@ def ask_held(
 def moment_search(
     store: ProjectPhotographs,
     cameras: Mapping[str, Camera],
-    moments: Moments,
+    moments: Moments | ByHand,
     held: HeldTarget | None,
     keep: Callable[[all_cameras.FoundRecording, str], None],
     **more: float | None,
@@ -265,7 +290,8 @@ def moment_search(
     files = {name: file.name for name, file in store.photographs.items()}
     about = {
         "photographs": [
-            {"frame": k, **{c: files[n] for c, n in own.items()}} for k, own in moments.items()
+            {"frame": k, **{c: files[n] for c, n in own.items()}}
+            for k, own in _in_order(moments).items()
         ],
         "cameras": {name: camera.to_json() for name, camera in cameras.items()},
         "target": None if held is None else [type(held).__name__, plain(held)],

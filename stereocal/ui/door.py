@@ -74,6 +74,7 @@ def data_door(project: Project | None) -> None:
     with row.popover("Frames of videos"):
         use_videos = partial(take_videos, settings=video_settings(project))
     take = partial(_take, use_videos=use_videos)
+    cameras = CAMERAS if project is None else ProjectGiven(project).rig_cameras or CAMERAS
     with zone:
         drop_zone(LABEL, "upload_data", partial(_keep, []), take, row=row, below=below)
     with below:
@@ -83,7 +84,7 @@ def data_door(project: Project | None) -> None:
             ask_whose(ProjectGiven(project))
             ask_about_bars(ProjectApplication(project))
             ask_about_archive(project)
-        ask_whose_video(use_videos)
+        ask_whose_video(use_videos, cameras, len(cameras))
 
 
 def _show_state(project_files: ProjectGiven) -> None:
@@ -128,7 +129,8 @@ def _take(given: Dropped[StoredFile], use_videos: UseVideos) -> None:
     given.use(partial(project_files.add_photographs, given.photographs))
     given.use(partial(_take_cameras, project_files, given))
     given.use(partial(_take_tables, project_files, given.of("table")))
-    given.use(partial(place_videos, given.of("video"), use_videos))
+    cameras = project_files.rig_cameras or CAMERAS
+    given.use(partial(place_videos, given.of("video"), use_videos, cameras, len(cameras)))
 
 
 def _take_cameras(project_files: ProjectGiven, given: Dropped[StoredFile]) -> None:
@@ -204,7 +206,7 @@ def place_videos(
         return
     waiting = {**_waiting(), **videos}
     if len(waiting) > len(cameras):
-        more = "; of more cameras, give photographs of the same moments" * (cameras == CAMERAS)
+        more = "; of more cameras, drop a camera file of each first" * (cameras == CAMERAS)
         raise StereocalError(
             f"{', '.join(waiting)}: these are {len(waiting)} videos. Give those of "
             f"{'two' if cameras == CAMERAS else len(cameras)} cameras{more}."
@@ -214,7 +216,8 @@ def place_videos(
     if cameras == CAMERAS:
         known = which_camera(waiting, each=True).known
     if len({*known.values()}) == len(waiting) >= fewest:
-        _use_videos({camera: name for name, camera in known.items()}, use)
+        named = {camera: name for name, camera in known.items()}
+        _use_videos({camera: named[camera] for camera in cameras if camera in named}, use)
 
 
 def _use_videos(names: Mapping[str, str], use: UseVideos) -> None:
@@ -303,7 +306,12 @@ def _give_file(project_files: ProjectGiven, name: str, slot: Slot) -> None:
 def ask_whose_video(use: UseVideos, cameras: tuple[str, ...] = CAMERAS, fewest: int = 2) -> None:
     """Which camera took the videos that wait; arguments as of `place_videos`."""
     waiting = [*_waiting()]
-    if 0 < len(waiting) < fewest:
+    if waiting and fewest > 2:
+        st.info(
+            f"{escape_markdown(', '.join(waiting))}: give one of each camera, with the camera's "
+            f"name in the file's: {escape_markdown(', '.join(cameras))}."
+        )
+    elif 0 < len(waiting) < fewest:
         st.info(
             f"{escape_markdown(waiting[0])} waits for the video of the other camera: drop it here."
         )

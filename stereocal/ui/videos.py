@@ -1,4 +1,4 @@
-"""Two videos on the Data page: frames of the same moments become photographs of the project."""
+"""Videos on the Data page: their frames become photographs of the project."""
 
 import re
 import shutil
@@ -18,7 +18,6 @@ from stereocal.frames.video.extract import STAGES, FrameChoice, VideoSettings, e
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS
 from stereocal.ui import jobs
 from stereocal.ui.fields import Number, choose_from_menu, setting, yes_or_no
 from stereocal.ui.project import project_to_write
@@ -28,7 +27,7 @@ CHOICES: dict[FrameChoice, str] = {
     "still": "The sharpest still frame of each second; of short videos 30",
     "every": "Every n-th frame",
 }
-FRAME = re.compile(r"(?:primary|secondary)/\d{6}\.(?:png|jpg)")
+FRAME = re.compile(r"[^/]+/\d{6}\.(?:png|jpg)")
 REPORT = "video_report"
 FRAMES_MISSING = "video_frames_missing"
 MISSING = (
@@ -96,20 +95,18 @@ def take_videos(
         try:
             folder = Path(tempfile.mkdtemp(prefix="stereocal-video-"))
             undo.callback(shutil.rmtree, folder, ignore_errors=True)
-            paths = []
-            for which in CAMERAS:
-                name, content = videos[which]
+            paths = {}
+            for which, (name, content) in videos.items():
                 suffix = PurePosixPath(name).suffix.lower()
-                paths.append(folder / f"{which}{suffix if suffix in SUFFIXES else '.mp4'}")
-                paths[-1].write_bytes(content)
+                paths[which] = folder / f"{which}{suffix if suffix in SUFFIXES else '.mp4'}"
+                paths[which].write_bytes(content)
         except OSError as error:
             raise StereocalError(f"{error.strerror or error}.") from error
         project.keep_settings({REPORT: None})
-        first, second = paths
 
         def run(job: jobs.Job) -> None:
             try:
-                _take(project, (first, second), settings, job)
+                _take(project, paths, settings, job)
             finally:
                 shutil.rmtree(folder, ignore_errors=True)
 
@@ -120,7 +117,7 @@ def take_videos(
 
 
 def _take(
-    project: Project, videos: tuple[Path, Path], settings: VideoSettings, job: jobs.Job
+    project: Project, videos: Mapping[str, Path], settings: VideoSettings, job: jobs.Job
 ) -> None:
     store = ProjectPhotographs(project)
     found: dict[str, StoredFile] = {}
@@ -128,9 +125,7 @@ def _take(
     def keep(name: str, content: bytes) -> None:
         found[name] = store.keep(name, content)
 
-    report = extract(
-        dict(zip(CAMERAS, videos, strict=True)), settings, keep, job.begin, job.progress
-    )
+    report = extract(videos, settings, keep, job.begin, job.progress)
     if not found:
         raise StereocalError("No frame of the videos could be decoded.")
     if settings.by_hand != (store.choice.way == "motion"):
