@@ -24,6 +24,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
 from tests.field.plans import plan
+from tests.further import further
 from tools.photographs.rendering import (
     Board,
     Photograph,
@@ -130,7 +131,7 @@ def rectangles(sheet: Sheet) -> FloatArray:
     return np.array(found)
 
 
-@pytest.mark.parametrize(("side_m", "tilt"), [(0.05, TILT), (0.1, (0.0, 0.0, 0.0))])
+@pytest.mark.parametrize(("side_m", "tilt"), [(0.05, TILT), *further((0.1, (0.0, 0.0, 0.0)))])
 def test_printed_targets_are_found_and_their_scale_is_right(
     side_m: float, tilt: tuple[float, float, float]
 ) -> None:
@@ -146,7 +147,7 @@ def test_printed_targets_are_found_and_their_scale_is_right(
     np.testing.assert_allclose(np.sort(centres[:, 0]), np.sort(corners), atol=0.1)
 
 
-@pytest.mark.parametrize("target", ["tags:4X4_50:3,7", "tags:APRILTAG_36h11:0,5"])
+@pytest.mark.parametrize("target", ["tags:4X4_50:3,7", *further("tags:APRILTAG_36h11:0,5")])
 def test_printed_tags_are_found_and_their_scale_is_right(target: str) -> None:
     tags, side_m = parse_target(target), 0.09
     assert isinstance(tags, Tags)
@@ -163,7 +164,7 @@ def test_printed_tags_are_found_and_their_scale_is_right(target: str) -> None:
         print_tags(tags, 0.15, A4)
 
 
-@pytest.mark.parametrize(("side_m", "paper"), [(0.05, A4), (0.27, A3)])
+@pytest.mark.parametrize(("side_m", "paper"), [(0.05, A4), *further((0.27, A3))])
 def test_cut_targets_on_a_bar_are_found_without_a_doubt(side_m: float, paper: Paper) -> None:
     target = cut_target(print_targets(side_m, paper), 1e3 * side_m)
     assert target.size_m == pytest.approx((side_m, side_m), rel=SCALE)
@@ -223,7 +224,7 @@ def test_what_does_not_fit_names_a_paper_that_does() -> None:
 
 @pytest.mark.parametrize(
     "pattern",
-    [BoardPattern(9, 12, 0.02), BoardPattern(13, 9, 0.02, "DICT_5X5_250", 0.015)],
+    [BoardPattern(9, 12, 0.02), *further(BoardPattern(13, 9, 0.02, "DICT_5X5_250", 0.015))],
     ids=["upright", "charuco"],
 )
 def test_a_printed_board_is_found_with_all_corners_and_its_scale_is_right(

@@ -25,6 +25,7 @@ from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph_files import photographs_in
 from tests.files import encoded, write
 from tests.frames.test_pairing import shots, walk
+from tests.further import further
 from tests.photographed_rig import BAR_M, CAMERAS, POSES, TAGS, photographed_bars
 
 EITHER_WAY = [np.array([0, 1]), np.array([1, 0])]
@@ -55,7 +56,7 @@ def seen_in_part(kind: str) -> FoundRecording:
     return search(files, kind)
 
 
-@pytest.mark.parametrize("kind", ["bar2x2", TAGS])
+@pytest.mark.parametrize("kind", ["bar2x2", *further(TAGS)])
 def test_all_cameras_name_the_ends_alike(kind: str) -> None:
     found, (_, truth) = seen_in_part(kind), photographed_bars(kind, FRAMES[kind])
     recording = found.recording

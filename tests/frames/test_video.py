@@ -14,6 +14,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 from stereocal.system.tasks import StoppedError
 from tests.files import encoded
+from tests.further import further
 from tools.photographs.videos import number_in, picture, write_video
 
 pytest.importorskip("av")
@@ -37,7 +38,7 @@ def taken(
     return report, found
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
+@pytest.mark.parametrize("suffix", [".mp4", *further(".mkv")])
 def test_every_nth_frame_of_a_constant_rate(tmp_path: Path, suffix: str) -> None:
     first, second = (write_video(tmp_path / f"{name}{suffix}", constant(60)) for name in "ab")
     videos = first, second

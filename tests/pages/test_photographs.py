@@ -13,6 +13,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.rig.camera import CAMERAS, CameraName
 from tests.bar_photographs import bar_set
 from tests.files import description, zipped
+from tests.further import further
 from tests.pages.stored_projects import (
     again,
     drop,
@@ -111,7 +112,7 @@ def dataset_files() -> dict[str, bytes]:
     return files | {"rig/dataset.json": description("field day", 2.0, 0.9)}
 
 
-@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("packed", [True, *further(False)])
 def test_a_data_set_of_photographs(packed: bool, app: AppTest, tmp_path: Path) -> None:
     photograph = FILES["primary/left1.png"]
     drop(app, {"left77.png": photograph, "right77.png": photograph})

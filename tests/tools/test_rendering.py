@@ -11,6 +11,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.simulate import field_rig
+from tests.further import further
 from tests.known_rig import PRIMARY
 from tools.photographs.rendering import (
     Board,
@@ -108,7 +109,7 @@ def densely_sampled(
     return np.asarray(means[pad:-pad, pad:-pad], dtype=np.float64)
 
 
-@pytest.mark.parametrize("tilt", [0.4, 1.05])
+@pytest.mark.parametrize("tilt", [*further(0.4), 1.05])
 @pytest.mark.parametrize("camera", [PRIMARY, field_rig().secondary], ids=["wide", "long"])
 def test_tilted_board_through_the_lens_equals_dense_sampling(camera: Camera, tilt: float) -> None:
     width, height = camera.image_size
