@@ -5,7 +5,9 @@ New points may be of the recording that was calibrated, counted as it was, or of
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -64,7 +66,10 @@ def counted_alike(
     if not rig.start_frame:
         return secondary, ""
     sides = tuple(_by_frame(table) for table in (primary, secondary))
-    offset = _offset_of(rig, sides[0], sides[1])
+    try:
+        offset = _offset_of(rig, sides[0], sides[1])
+    except StereocalError as error:
+        raise StereocalError(f"{error}{_rates_that_fit(rig, sides, called)}") from error
     if offset is None:
         return secondary, (
             "the calibrated recording was counted "
@@ -78,6 +83,20 @@ def counted_alike(
         f"paired like this, with the numbers of {called[0]}."
     )
     return secondary.assign(frame=secondary["frame"] + offset), note
+
+
+def _rates_that_fit(rig: RigParameters, sides: tuple[Sides, ...], called: tuple[str, str]) -> str:
+    """A sentence, if the points fit where a camera takes two frames for each of the other."""
+    for fast, odd in product((0, 1), (0, 1)):
+        tried = [*sides]
+        tried[fast] = {k // 2: own for k, own in sides[fast].items() if k % 2 == odd}
+        with suppress(StereocalError):
+            if _offset_of(rig, tried[0], tried[1]) is not None:
+                return (
+                    f" With two frames of {called[fast]} for each of {called[1 - fast]}, they do: "
+                    f"give the points at the frames of {called[1 - fast]}, as `sync` writes them."
+                )
+    return ""
 
 
 def offset_of_pairs(

@@ -97,6 +97,15 @@ def test_points_that_do_not_tell_are_refused() -> None:
         counted_alike(_parameters(), primary, secondary)
 
 
+def test_twice_the_frame_rate_is_named() -> None:
+    """Frames in between have points too, of a later motion."""
+    primary, secondary = _tables(-37, 300, 400)
+    twice = secondary.assign(frame=2 * secondary["frame"])
+    between = secondary.shift(-1, fill_value=100.0).assign(frame=twice["frame"] + 1)
+    with pytest.raises(StereocalError, match="With two frames of the secondary for each"):
+        counted_alike(_parameters(), primary, pd.concat([twice, between]))
+
+
 @pytest.mark.parametrize("later", [0, 1])
 def test_pairs_are_measured_as_they_were_counted(later: int) -> None:
     rows = _bars(300, 420, later).correspondences
