@@ -24,7 +24,7 @@ def run(parsed: argparse.Namespace) -> None:
     counted = read_as_counted(parsed.dataset, parsed.lens_model)
     with naming(str(parsed.dataset)):
         found = bring_into_step(counted)
-    told = [*counted.step_notes, *found.answer]
+    told = found.recording.step_notes
     plots = {
         "-".join(pair): html_plot(plot_offsets(own), describe_offsets(own))
         for pair, own in found.pairs.items()

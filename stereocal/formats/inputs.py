@@ -77,8 +77,7 @@ def recording_in(content: bytes, label: str, rig: RigFile) -> Recording:
     own = "frame" not in names_of(text_of(content, label), label)[0]
     found = read_points_csv(content, rig.cameras, rig.object, label, own_frames=own)
     if own:
-        brought = bring_into_step(found)
-        found = replace(brought.recording, step_notes=tuple(brought.answer))
+        found = bring_into_step(found).recording
     return replace(found, name=label)
 
 

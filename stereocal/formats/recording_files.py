@@ -204,7 +204,9 @@ def parse_recording(
         raise StereocalError(f'{found.where}: "{RATES}" is for cameras with "frames": "own".')
     if with_points and found.counts_own_frames:
         recording = _in_own_frames(found, recording, pair)
-        return recording if recording.start_frames else _in_step(found, recording)
+        if not recording.start_frames:
+            with naming(found.source):
+                return bring_into_step(recording).recording
     return recording
 
 
@@ -248,14 +250,6 @@ def _in_own_frames(found: Description, recording: Recording, pair: str | None) -
                 raise StereocalError(f'"{STARTS}" must give a whole number of each camera.')
         recording = replace(recording.counted_from(known), start_frames=known)
         return recording.of_cameras(recording.pair_named(pair)) if pair else recording
-
-
-def _in_step(found: Description, recording: Recording) -> Recording:
-    """The recording with one count of frames, that of its first camera."""
-    with naming(found.source):
-        brought = bring_into_step(recording)
-    notes = (*recording.step_notes, *brought.answer)
-    return replace(brought.recording, step_notes=notes)
 
 
 def _object(description: Description) -> RigidObject:

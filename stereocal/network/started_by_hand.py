@@ -101,7 +101,8 @@ class OffsetOfPair:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BroughtIntoStep(TableAnswer):
-    """A recording whose cameras count their frames alike, and how that was found."""
+    """A recording whose cameras count their frames alike, and how that was found, which is in its
+    notes."""
 
     recording: Recording
     offsets: Mapping[str, tuple[float, float]]
@@ -176,7 +177,9 @@ def bring_into_step(
     offsets = dict(zip(names, zip(starts.tolist(), errors, strict=True), strict=True))
     whole = {name: round(value) for name, (value, _) in offsets.items()}
     counted = replace(recording.counted_from(whole), start_frames=whole)
-    return BroughtIntoStep(counted, offsets, found)
+    brought = BroughtIntoStep(counted, offsets, found)
+    notes = (*recording.step_notes, *brought.answer)
+    return replace(brought, recording=replace(counted, step_notes=notes))
 
 
 def closed(
