@@ -1,9 +1,8 @@
 """The evaluation: pairs and errors against the paper's definition, and the same on every engine."""
 
 import math
-import multiprocessing
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -209,15 +208,6 @@ def by_hand(pair_of_sets: list[Dataset]) -> list[list[RunCounts]]:
 def test_threads_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list[RunCounts]]) -> None:
     with ThreadPoolExecutor(3) as threads:
         assert same(evaluate(pair_of_sets, FEW, threads, chunk=2), by_hand)
-
-
-@pytest.mark.soak  # tests/commands/test_workers.py has one command of all
-def test_processes_give_the_same(
-    pair_of_sets: list[Dataset], by_hand: list[list[RunCounts]]
-) -> None:
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(2, mp_context=spawn) as processes:
-        assert same(evaluate(pair_of_sets, FEW, processes, chunk=3), by_hand)
 
 
 def test_cancelled_drops_what_is_left(pair_of_sets: list[Dataset]) -> None:

@@ -24,7 +24,6 @@ from tests.pages.stored_projects import drop, ended, messages, page_of, project_
 from tests.pages.test_pages import give_zip
 from tests.rigs.boards import photographs, stereo
 from tests.rigs.objects import BOARD, recorded
-from tools.photographs.videos import write_video
 
 BARS = bar_set(7)
 
@@ -77,23 +76,6 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     again = project.dataset
     assert again is not None
     assert again.baseline_m == pytest.approx(2 * dataset.baseline_m, rel=1e-6)
-
-
-@pytest.mark.soak  # what is held is proposed from photographs, in the tests around it
-def test_a_board_in_two_videos(app: AppTest, home: Path, tmp_path: Path) -> None:
-    pytest.importorskip("av")
-    files, videos = photographs(stereo(0.3), 4, 6), {}
-    for side in ("left", "right"):
-        images = [read_photograph(files[name], name) for name in sorted(files) if side in name]
-        times, shown = [k / 10 for k in range(20)], [images[k // 5] for k in range(20)]
-        path = write_video(tmp_path / f"{side}.mp4", times, draw=shown.__getitem__)
-        videos[path.name] = path.read_bytes()
-    app.switch_page("pages/data.py").run()
-    drop(app, videos)
-    ended(project_of(app, home), "video")
-    app.run()
-    assert "a chessboard with 8x6 inner corners" in told(app, "markdown")
-    assert app.segmented_control(key="held").value == "board"
 
 
 def test_pages_of_an_object(app: AppTest, home: Path) -> None:
