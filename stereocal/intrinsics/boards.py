@@ -205,18 +205,16 @@ def _check_size(
     photographs: Photographs, results: Mapping[str, BoardView | Refused], pattern: BoardPattern
 ) -> None:
     """Raise an error if the first two photographs that show the board, or may, show another."""
-    views = [name for name, result in results.items() if isinstance(result, BoardView)]
-    seen = views or [name for name, result in results.items() if result.image_size]
+    views = {name: view for name, view in results.items() if isinstance(view, BoardView)}
+    seen = [*views] or [name for name, result in results.items() if result.image_size]
     if views and pattern.dictionary is not None:
         return
     for name in seen[:2]:
-        image, view = read_photograph(photographs[name]), results[name]
+        image = read_photograph(photographs[name])
         if pattern.dictionary is not None:
             _refuse_charuco(image, name, pattern)
-        elif not isinstance(view, BoardView):
-            _refuse_other_size(eight_bits(image), name, pattern, larger=False)
-        elif _may_be_a_part(view, eight_bits(image), pattern):
-            _refuse_other_size(eight_bits(image), name, pattern, larger=True)
+        elif not views or _may_be_a_part(views[name], eight_bits(image), pattern):
+            _refuse_other_size(eight_bits(image), name, pattern, larger=bool(views))
 
 
 def _may_be_a_part(view: BoardView, grey: npt.NDArray[np.uint8], pattern: BoardPattern) -> bool:

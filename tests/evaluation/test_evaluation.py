@@ -41,6 +41,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.system.tasks import StoppedError
 from tests.calibration import reference
+from tests.projects.test_found_before import bits
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
@@ -179,35 +180,18 @@ def test_zeros_are_counted_below_and_points_behind_above() -> None:
     assert counts[REPROJECTION, CORRECT, OVERFLOW] == 1
 
 
-def same(first: list[list[RunCounts]] | None, second: list[list[RunCounts]] | None) -> bool:
-    if first is None or second is None:
-        return False
-    names = ("counts", "nans", "lengths", "angles")
-    return [len(runs) for runs in first] == [len(runs) for runs in second] and all(
-        np.array_equal(getattr(a, name), getattr(b, name), equal_nan=name == "lengths")
-        for of_a, of_b in zip(first, second, strict=True)
-        for a, b in zip(of_a, of_b, strict=True)
-        for name in names
-    )
-
-
 @pytest.fixture(scope="module")
 def pair_of_sets(field: Dataset) -> list[Dataset]:
     return [field, read_dataset(NINETEEN / "15")]
 
 
-@pytest.fixture(scope="module")
-def by_hand(pair_of_sets: list[Dataset]) -> list[list[RunCounts]]:
-    """No engine at all."""
-    return [
+def test_threads_give_the_same(pair_of_sets: list[Dataset]) -> None:
+    by_hand = [
         [evaluate_run(dataset, FEW, number, run) for run in range(FEW.runs)]
         for number, dataset in enumerate(pair_of_sets)
     ]
-
-
-def test_threads_give_the_same(pair_of_sets: list[Dataset], by_hand: list[list[RunCounts]]) -> None:
     with ThreadPoolExecutor(3) as threads:
-        assert same(evaluate(pair_of_sets, FEW, threads, chunk=2), by_hand)
+        assert bits(evaluate(pair_of_sets, FEW, threads, chunk=2)) == bits(by_hand)
 
 
 def test_cancelled_drops_what_is_left(pair_of_sets: list[Dataset]) -> None:
