@@ -17,7 +17,7 @@ def test_data_brings_them_into_step_and_says_how(home: Path, tmp_path: Path) -> 
     assert main(["sample", "by_hand", "--out", str(tmp_path)]) == 0
     files = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     lines = files["points.csv"].splitlines(keepends=True)
-    early = [line for line in lines[1:] if int(line.split(b",")[0]) < 120]
+    early = [line for line in lines[1:] if int(line.split(b",")[0]) < 200]
     files["points.csv"] = b"".join([lines[0], *early])
     app = go(drop(dashboard("data"), {"recording.zip": zipped(files)}), "data")
     assert "The cameras were started by hand" in [str(each.value) for each in app.subheader]
