@@ -146,7 +146,7 @@ def _choose_sets(
             titles = {name: METHOD_NAMES[name] for name in answer.sets}
             titles[answer.recommendation.use[use]] += " · recommended"
             named = titles.__getitem__
-            place.selectbox(PURPOSES[use], titles, format_func=named, **chosen.widget())
+            chosen.menu(PURPOSES[use], place, format_func=named)
             found.append(answer.sets[chosen.value()])
         elif kept is not None:
             place.caption(f"{PURPOSES[use]}  \nIn use: {escape_markdown(kept[0])}")

@@ -98,7 +98,7 @@ def show_application(
         looks["Tables"] = partial(_show_tables, tables, result[0].matched)
     if looks:
         shown = setting(project, "apply_view", None, one_of([None, *looks]), tabs_own=True)
-        if look := st.segmented_control("Look closer", list(looks), **shown.widget()):
+        if look := st.segmented_control("Look closer", list(looks), **shown.widget("default")):
             looks[look]()
     if result is not None:
         _show_words(store, result[0], tables)

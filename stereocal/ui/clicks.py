@@ -137,8 +137,9 @@ class _Panel:
         numbers = self.footage.numbers
         if len(numbers) > 1:
             self.at.slider("Frame", at)
-        own = {"accept_new_options": True, **self.named.widget()}
-        named.selectbox("Track (type a new name)", list(self.colours), **own)
+        tracks, own = [*self.colours], {"accept_new_options": True, **self.named.widget("index")}
+        own["index"] = tracks.index(self.track)
+        named.selectbox("Track (type a new name)", tracks, **own)
         self.to.menu("A click goes to", to)
         before, after = numbers[max(self.row - 1, 0)], numbers[self.row + 1 : self.row + 2]
         here = [(self.frame, camera, self.track) for camera in self.cameras]

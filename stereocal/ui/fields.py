@@ -5,10 +5,16 @@ by the widget's own change. So drawing never writes, and every page shows the st
 
 Streamlit 1.67 identifies a widget by its page and key: a session value written on one page is lost
 on the next, where the widget starts at its minimum. So the value is written to the key in each run.
+
+What a run has written does not reach the browser if another run begins at once. A widget that comes
+without a value then shows, and tells, its default, which was stored: lengths were lost so in 18 of
+40 pages that were drawn anew a few times within seconds. So the default is the stored value; but a
+number that the user may remove has none, and what is told of it is looked at (`_is_echo`).
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -23,6 +29,11 @@ from stereocal.ui.messages import callback
 Fit = Callable[[Any], Any]
 """Converts a stored value for display; ValueError or TypeError if the field cannot show it."""
 _SHOWN, _DRAWN, _BEFORE = "fields_shown", "fields_drawn", "fields_drawn_before"
+_REMOVABLE, _ECHOES, _ENDED = "fields_removable", "fields_echoes", "fields_ended"
+"""The keys of numbers that may be removed; when each was last told to be there no more; when the
+last run of a page ended."""
+RESTS_S, AGAIN_S = 1.0, 10.0
+"""A user who has removed a number again does so in a page that rests, and not much later."""
 _GIVEN = "fields_given"
 """By key, the value that each widget was given, or has told since."""
 
@@ -63,8 +74,12 @@ class Field:
                 return self.fit(shown[self.name])
         return self.read()
 
-    def widget(self) -> dict[str, Any]:
-        """`key` and `on_change` for the widget, which will show the value."""
+    def widget(self, default: str = "value") -> dict[str, Any]:
+        """`key`, `on_change` and default of the widget, which will show the value.
+
+        Args:
+            default: the name of that argument.
+        """
         value = self.value()
         shown: dict[str, Any] = st.session_state[_SHOWN]
         # Only then: writing would discard what the user is typing.
@@ -73,7 +88,11 @@ class Field:
         shown[self.name] = value
         st.session_state.setdefault(_GIVEN, {})[self.key] = value
         st.session_state.setdefault(_DRAWN, set()).add(self.key)
-        return {"key": self.key, "on_change": self.changed}
+        usual = value
+        if isinstance(self.fit, Number) and self.fit.or_none:
+            usual = None
+            st.session_state.setdefault(_REMOVABLE, set()).add(self.key)
+        return {"key": self.key, "on_change": self.changed, default: usual}
 
     def shown(self) -> Any:
         """The value that this tab showed last; None before."""
@@ -100,9 +119,8 @@ class Field:
         assert isinstance(self.fit, Number)
         low, high = (end if math.isfinite(end) else None for end in (self.fit.low, self.fit.high))
         shown = {"format": None if isinstance(low, int) else "%.4g", **widget, **self.widget()}
-        empty = {"value": None} if self.fit.or_none else {}
         draw: Any = place or st
-        return draw.number_input(title, low, high, **empty, **shown)
+        return draw.number_input(title, low, high, **shown)
 
     def slider(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
         """As `number_input`, a slider between ends that depend on the data.
@@ -118,12 +136,15 @@ class Field:
     def menu(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
         """As `number_input`, a menu of the options of `fit`."""
         assert isinstance(self.fit, Options)
-        return (place or st).selectbox(title, self.fit.options, **widget, **self.widget())
+        options = self.fit.options
+        widget |= self.widget("index")
+        widget["index"] = options.index(widget["index"]) if widget["index"] in options else 0
+        return (place or st).selectbox(title, options, **widget)
 
     def buttons(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
         """As `menu`, by buttons, of which one is always pressed."""
         assert isinstance(self.fit, Options)
-        widget |= {"required": True, **self.widget()}
+        widget |= {"required": True, **self.widget("default")}
         return (place or st).segmented_control(title, self.fit.options, **widget)
 
     @property
@@ -139,10 +160,27 @@ class Field:
             if self.key in st.session_state:
                 value = st.session_state[self.key]
                 if self.key not in given or given[self.key] != value:
+                    if value is None and self._is_echo(given):
+                        return  # the field shows the stored value again
                     given[self.key] = value
                     self.set(value)
 
         return keep
+
+    def _is_echo(self, given: Mapping[str, Any]) -> bool:
+        """Whether a number that is there no more was not removed, but did not reach the browser.
+
+        A user removes one at a time: others that are there show it. The only one goes the second
+        time, from a page that rests.
+        """
+        removable: set[str] = st.session_state[_REMOVABLE]
+        others = [key for key in removable - {self.key} if given[key] is not None]
+        if others:
+            return all(st.session_state.get(key) is None for key in others)
+        echoes, now = st.session_state.setdefault(_ECHOES, {}), time.monotonic()
+        before_s, echoes[self.key] = echoes.get(self.key, -math.inf), now
+        rests_s = now - max(before_s, st.session_state.get(_ENDED, now))
+        return not (rests_s > RESTS_S and now - before_s < AGAIN_S)
 
 
 def setting(
@@ -265,6 +303,7 @@ def end_page() -> None:
     """Note that the page is complete: Streamlit forgets widgets that were not drawn."""
     of_page, _ = st.session_state.get(_BEFORE, ("", set()))
     st.session_state[_BEFORE] = (of_page, set())
+    st.session_state[_ENDED] = time.monotonic()
 
 
 def page_shown() -> str:

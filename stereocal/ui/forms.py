@@ -130,7 +130,7 @@ def refine_form(project: Project, dataset: Dataset) -> None:
     noise, free = _refined_fields(project)
     title, none = "Estimate the distortion of", "no camera: as its file says"
     told = "k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders."
-    st.multiselect(title, CAMERAS, placeholder=none, help=told, **free.widget())
+    st.multiselect(title, CAMERAS, placeholder=none, help=told, **free.widget("default"))
     noise.number_input("Noise of an image point, px", help="0: found from the images.")
 
 

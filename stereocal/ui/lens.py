@@ -204,9 +204,9 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> N
     ready, current = search is not None and search.pattern == pattern, False
     if search is not None and ready:
         names = [view.name for view in search.views]
-        chosen = setting(store.project, f"leave_out_{store.which}", [], some_of(names)).widget()
+        chosen = setting(store.project, f"leave_out_{store.which}", [], some_of(names))
         title = "Photographs to leave out"
-        leave_out = st.multiselect(title, names, placeholder="none", **chosen)
+        leave_out = st.multiselect(title, names, placeholder="none", **chosen.widget("default"))
         left = [name for name in names if name not in leave_out]
         made_with = lens and (lens.settings, [view.name for view in lens.search.views])
         current = made_with == (settings, left)

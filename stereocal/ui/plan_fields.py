@@ -199,7 +199,7 @@ def _show_camera(project: Project | None, which: CameraName, stated: Stated) -> 
 
 def _camera(project: Project | None, which: CameraName, title: str) -> Stated:
     left, right = st.columns([3, 2], vertical_alignment="bottom")
-    chosen = left.selectbox(title, CHOICES, **plan_field(project, "camera", which).widget())
+    chosen = plan_field(project, "camera", which).menu(title, left)
     if chosen == FILE:
         with right:
             return _from_file(project, which)

@@ -110,7 +110,7 @@ def _of_page(ids: Sequence[T], key: str, search: str = "") -> Sequence[T]:
     if pages < 2:
         return ids
     page = setting(None, key, 1, Number(1, pages), name=f"{key} {search}")
-    chosen = st.pagination(pages, **page.widget())
+    chosen = st.pagination(pages, **page.widget("default"))
     return ids[(chosen - 1) * ON_A_PAGE : chosen * ON_A_PAGE]
 
 

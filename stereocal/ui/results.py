@@ -187,7 +187,7 @@ def _show_closer_looks(project: Project, run: Run, answer: Run | None) -> None:
     """A choice of views; only the chosen one is computed."""
     screening.rerun_if_changed()
     shown = _view(project)
-    view = st.segmented_control("Look at", list(LOOKS), required=True, **shown.widget())
+    view = st.segmented_control("Look at", list(LOOKS), required=True, **shown.widget("default"))
     LOOKS[view](project, run, answer)
 
 
