@@ -205,7 +205,7 @@ MISTAKES: Mapping[str, BoardMistake] = {
         lambda p, r: with_pixels(p, (_one(r),), from_below), ("from below",)
     ),
     "both cameras from below": BoardMistake(
-        lambda p, _: with_pixels(p, (0, 1), from_below), ("from below",)
+        lambda p, _: with_pixels(p, (0, 1), from_below), ("from below", "mirrored")
     ),
     "u and v exchanged in one camera": BoardMistake(
         lambda p, r: with_pixels(p, (_one(r),), lambda points, _: points[:, ::-1]), ("u and v",)
