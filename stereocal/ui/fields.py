@@ -9,7 +9,8 @@ on the next, where the widget starts at its minimum. So the value is written to 
 What a run has written does not reach the browser if another run begins at once. A widget that comes
 without a value then shows, and tells, its default, which was stored: lengths were lost so in 18 of
 40 pages that were drawn anew a few times within seconds. So the default is the stored value; but a
-number that the user may remove has none, and what is told of it is looked at (`_is_echo`).
+number that the user may remove has none: it is written until the page has rested, and what is told
+of it is looked at (`_is_echo`).
 """
 
 import math
@@ -29,9 +30,11 @@ from stereocal.ui.messages import callback
 Fit = Callable[[Any], Any]
 """Converts a stored value for display; ValueError or TypeError if the field cannot show it."""
 _SHOWN, _DRAWN, _BEFORE = "fields_shown", "fields_drawn", "fields_drawn_before"
-_REMOVABLE, _ECHOES, _ENDED = "fields_removable", "fields_echoes", "fields_ended"
-"""The keys of numbers that may be removed; when each was last told to be there no more; when the
-last run of a page ended."""
+_REMOVABLE, _ECHOES = "fields_removable", "fields_echoes"
+"""The keys of numbers that may be removed; when each was last told to be there no more."""
+_ENDED, _RESTED, UNTIL_THERE_S = "fields_ended", "fields_rested", 3.0
+"""When the last run of a page ended, and whether this one began so long after it that all of it had
+reached the browser."""
 RESTS_S, AGAIN_S = 1.0, 10.0
 """A user who has removed a number again does so in a page that rests, and not much later."""
 _GIVEN = "fields_given"
@@ -82,17 +85,17 @@ class Field:
         """
         value = self.value()
         shown: dict[str, Any] = st.session_state[_SHOWN]
+        removable = isinstance(self.fit, Number) and self.fit.or_none
+        new = not _is_drawn(self.key) or (removable and not st.session_state.get(_RESTED))
         # Only then: writing would discard what the user is typing.
-        if not _is_drawn(self.key) or st.session_state.get(self.key) != value:
+        if new or st.session_state.get(self.key) != value:
             st.session_state[self.key] = value
         shown[self.name] = value
         st.session_state.setdefault(_GIVEN, {})[self.key] = value
         st.session_state.setdefault(_DRAWN, set()).add(self.key)
-        usual = value
-        if isinstance(self.fit, Number) and self.fit.or_none:
-            usual = None
+        if removable:
             st.session_state.setdefault(_REMOVABLE, set()).add(self.key)
-        return {"key": self.key, "on_change": self.changed, default: usual}
+        return {"key": self.key, "on_change": self.changed, default: None if removable else value}
 
     def shown(self) -> Any:
         """The value that this tab showed last; None before."""
@@ -294,6 +297,8 @@ def begin_page(page: str) -> None:
     """Note the start of a page: on another page than before, no widget exists yet."""
     of_page, before = st.session_state.get(_BEFORE, ("", set()))
     drawn: set[str] = st.session_state.get(_DRAWN, set())
+    ended_s = st.session_state.get(_ENDED, math.inf)
+    st.session_state[_RESTED] = time.monotonic() - ended_s > UNTIL_THERE_S
     # If a click ended the last run, the widgets of the run before it are still there.
     st.session_state[_BEFORE] = (page, before | drawn if of_page == page else set())
     st.session_state[_DRAWN] = set()
