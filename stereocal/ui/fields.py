@@ -176,8 +176,10 @@ class Field:
         A user removes one at a time: others that are there show it. The only one goes the second
         time, from a page that rests.
         """
-        removable: set[str] = st.session_state[_REMOVABLE]
-        others = [key for key in removable - {self.key} if given[key] is not None]
+        removable: set[str] = st.session_state.get(_REMOVABLE, set())
+        if self.key not in removable:  # a choice of nothing
+            return False
+        others = [key for key in removable - {self.key} if given.get(key) is not None]
         if others:
             return all(st.session_state.get(key) is None for key in others)
         echoes, now = st.session_state.setdefault(_ECHOES, {}), time.monotonic()

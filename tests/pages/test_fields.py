@@ -81,3 +81,24 @@ def test_what_did_not_reach_the_browser_is_not_taken_for_removed() -> None:
     app.number_input[0].set_value(3.0).run()
     assert stored(app)["a"] == 3.0
     assert not app.exception
+
+
+def looks() -> None:
+    """A choice of a view, or of none."""
+    import streamlit as st
+
+    from stereocal.ui.fields import begin_page, end_page, one_of, setting
+
+    begin_page("looks")
+    shown = setting(None, "view", None, one_of([None, "Tables"]))
+    st.segmented_control("Look closer", ["Tables"], **shown.widget("default"))
+    end_page()
+
+
+def test_a_choice_of_nothing_is_taken_at_once() -> None:
+    app = AppTest.from_function(looks).run()
+    app.segmented_control(key="view").set_value("Tables").run()
+    app.segmented_control(key="view").set_value(None).run()
+    assert app.segmented_control(key="view").value is None
+    assert app.session_state["fields_shown"]["view"] is None
+    assert not app.exception
