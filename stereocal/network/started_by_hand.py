@@ -29,7 +29,7 @@ from stereocal.rig.geometry import sampson, triangulate_rays
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.tracks import MeasuredOffset, interpolate
 from stereocal.system.answers import TableAnswer
-from stereocal.system.latest import Latest
+from stereocal.system.latest import Latest, once_or_refused
 from stereocal.system.numbers import rounded
 from stereocal.system.sampling import evenly_spread
 
@@ -353,16 +353,7 @@ def offset_of_pair(
     for column in (two.frame, two.camera, two.target, two.points):
         digest.update(column.tobytes())
 
-    def search() -> OffsetOfPair | StereocalError:
-        try:
-            return _offset_of_pair(two, pair, about)
-        except StereocalError as error:
-            return error
-
-    found = KEPT.once(digest.hexdigest(), search)
-    if isinstance(found, StereocalError):
-        raise StereocalError(str(found))
-    return found
+    return once_or_refused(KEPT, digest.hexdigest(), lambda: _offset_of_pair(two, pair, about))
 
 
 def _offset_of_pair(recording: Recording, pair: CameraPair, near: float | None) -> OffsetOfPair:

@@ -117,14 +117,21 @@ def read_once(
     """
     about = (read.__module__, read.__qualname__, arguments, sorted(named.items()))
     key = f"{hashlib.sha256(content).hexdigest()} {about!r}"
+    return cast(Value, once_or_refused(_READ, key, lambda: read(content, *arguments, **named)))
 
-    def answer() -> tuple[Value | None, StereocalError | None]:
+
+def once_or_refused(
+    kept: Latest[Value | StereocalError], key: str, make: Callable[[], Value]
+) -> Value:
+    """As `Latest.once`; a refusal is kept as well, and raised each time."""
+
+    def answer() -> Value | StereocalError:
         try:
-            return read(content, *arguments, **named), None
+            return make()
         except StereocalError as error:
-            return None, error
+            return error
 
-    value, refused = _READ.once(key, answer)
-    if refused is not None:
-        raise refused.with_traceback(None)
-    return cast(Value, value)
+    found = kept.once(key, answer)
+    if isinstance(found, StereocalError):
+        raise found.with_traceback(None)
+    return found
