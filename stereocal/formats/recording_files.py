@@ -141,8 +141,11 @@ def find_description(files: Mapping[str, bytes], source: str) -> Description:
         if PurePosixPath(name).name == DESCRIPTION and not name.startswith("__MACOSX/")
     ]
     if not found:
-        held = ", ".join(sorted(files)[:5]) or "nothing"
-        raise StereocalError(f"{source}: there is no {DESCRIPTION} in it (it contains: {held}).")
+        raise StereocalError(
+            f"{source}: there is no {DESCRIPTION} in it, which names the cameras and their lengths. "
+            "Of a table of points and camera files `python -m stereocal import` makes one; the Data "
+            "page takes photographs and such files as they are."
+        )
     if len(found) > 1:
         raise StereocalError(
             f"{source}: it contains {len(found)} data sets ({', '.join(sorted(found)[:3])}); "
