@@ -18,8 +18,9 @@ from stereocal.system.sampling import evenly_spread
 
 Given = TypeVar("Given", Dataset, Recording)
 
-MOST_CORNERS = 4, 3
-"""Columns and rows of a board that are enough to judge what was given."""
+CORNERS = 4, 3
+"""Columns or rows of a board that are enough to judge what was given, of an even or odd number:
+turned or mirrored, they are the same ones."""
 FITTING = 0.003
 """Largest noise of image points, as a fraction of the image diagonal: 2.4 px of 640x480. The best
 wrong readings of frames in no order leave 0.005 and more."""
@@ -129,10 +130,9 @@ def fewer_corners(dataset: Dataset) -> Dataset:
 
 
 def some_corners(board: BoardPattern) -> IntArray:
-    """(k,): the numbers of `MOST_CORNERS`, the outermost ones among them."""
-    grid = np.arange(board.columns * board.rows).reshape(board.rows, board.columns)
-    columns, rows = map(evenly_spread, (board.columns, board.rows), MOST_CORNERS)
-    return np.asarray(grid[np.ix_(rows, columns)]).ravel()
+    """(k,): the numbers of `CORNERS` columns and rows, the outermost ones among them."""
+    columns, rows = (evenly_spread(own, CORNERS[own % 2]) for own in (board.columns, board.rows))
+    return np.asarray(rows[:, None] * board.columns + columns).ravel()
 
 
 def scaled(camera: Camera, factor: float, with_centre: bool = True) -> Camera:
@@ -140,16 +140,3 @@ def scaled(camera: Camera, factor: float, with_centre: bool = True) -> Camera:
     K = camera.K.copy()
     K[:2, : 3 if with_centre else 2] *= factor
     return replace(camera, K=K)
-
-
-def same_lens(one: Camera, other: Camera) -> bool:
-    """Whether two cameras have the same lens, as where one file was given twice."""
-    same = np.array_equal(one.K, other.K) and np.array_equal(one.distortion, other.distortion)
-    return same and one.model == other.model
-
-
-def of_lenses(data: Dataset | Recording, remedy: str) -> str:
-    """A remedy for camera files, which asks about that of two cameras if they have the same one."""
-    if isinstance(data, Dataset) and same_lens(data.primary, data.secondary):
-        return f"{remedy} Both cameras have the same lens: was one file used twice?"
-    return remedy

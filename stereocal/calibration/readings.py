@@ -16,9 +16,7 @@ from stereocal.calibration.board_numbering import run_counter_clockwise
 from stereocal.calibration.corrections import (
     Given,
     cameras_of,
-    of_lenses,
     of_which,
-    same_lens,
     scaled,
     whose,
     with_changed,
@@ -27,7 +25,14 @@ from stereocal.calibration.corrections import (
     with_pixels,
     with_targets,
 )
-from stereocal.rig.camera import CAMERAS, SIZE_FACTOR_TOLERANCE, Camera, CameraName, LensModel
+from stereocal.rig.camera import (
+    CAMERAS,
+    SIZE_FACTOR_TOLERANCE,
+    Camera,
+    CameraName,
+    LensModel,
+    same_lens,
+)
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
@@ -57,7 +62,7 @@ class Reading(Generic[Given]):
     cameras: tuple[str, ...]
     """Whose files or points it changes."""
     is_likely: bool = False
-    """Whether something else speaks for it, so that it is judged in any case."""
+    """Whether something else speaks for it, so that it is judged with what seems to fit better."""
     is_estimated: bool = False
     """Whether it puts a fitted value in the place of a stated one."""
     least_gain: float = 0.0
@@ -68,7 +73,7 @@ class Reading(Generic[Given]):
     @property
     def handicap(self) -> float:
         """How many times less noise it must leave than others to be the better one."""
-        return ESTIMATED_HANDICAP if self.is_estimated else 1.0
+        return ESTIMATED_HANDICAP if self.is_estimated and not self.is_likely else 1.0
 
 
 @dataclass(frozen=True)
@@ -100,7 +105,7 @@ def readings_of_cameras(data: Given, groups: Sequence[Group]) -> Iterator[Readin
     for names in (group.names for group in groups):
         yield Reading(
             f"The {whose(data, names)} distortion coefficients seem to have the wrong sign",
-            of_lenses(data, INVERSE),
+            INVERSE,
             partial(with_changed, data, names, _negated),
             names,
         )
@@ -109,7 +114,7 @@ def readings_of_cameras(data: Given, groups: Sequence[Group]) -> Iterator[Readin
             yield Reading(
                 f"The {whose(data, names)} four distortion coefficients seem to be of the other "
                 "lens model (k1 k2 k3 k4 of a fisheye, k1 k2 p1 p2 of the usual lens)",
-                of_lenses(data, "Give the camera file again, and state which they are."),
+                "Give the camera file again, and state which they are.",
                 partial(with_changed, data, names, _of_other_model),
                 names,
             )
@@ -120,7 +125,7 @@ def readings_of_cameras(data: Given, groups: Sequence[Group]) -> Iterator[Readin
             yield Reading(
                 f"The {whose(data, names)} matrix K seems to be that of an image "
                 f"{rounded(factor, 3)} times as large as {theirs}",
-                of_lenses(data, FOR_SIZE),
+                FOR_SIZE,
                 partial(with_changed, data, names, partial(scaled, factor=1.0 / factor)),
                 names,
             )

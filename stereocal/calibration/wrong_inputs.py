@@ -19,8 +19,6 @@ from stereocal.calibration.corrections import (
     Given,
     cameras_of,
     fitting_px,
-    of_lenses,
-    same_lens,
     scaled,
     whose,
     with_changed,
@@ -28,6 +26,7 @@ from stereocal.calibration.corrections import (
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.readings import Group, Reading
 from stereocal.errors import StereocalError
+from stereocal.rig.camera import one_file_in_words
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
@@ -178,14 +177,11 @@ def inconsistency_message(dataset: Dataset, nominal: PoseFit | None = None) -> s
     nominal = nominal or essential_fit(dataset)
     if nominal.only_scale_is_wrong:
         return _lengths_message(dataset, nominal.scale)
-    same = " Both cameras have the same lens: if they are of different models, one file is wrong."
-    if not same_lens(dataset.primary, dataset.secondary):
-        same = ""
     return (
-        "Baseline, bar and lenses cannot all be right, and these frames cannot tell which is "
-        "wrong. State the uncertainty of each, and check both camera files: focal lengths, image "
-        "size, signs of the distortion; and, if the bar moved, that both cameras exposed at the "
-        f"same moment.{same}"
+        f"{one_file_in_words((dataset.primary, dataset.secondary))}Baseline, bar and lenses "
+        "cannot all be right, and these frames cannot tell which is wrong. State the uncertainty "
+        "of each, and check both camera files: focal lengths, image size, signs of the distortion; "
+        "and, if the bar moved, that both cameras exposed at the same moment."
     )
 
 
@@ -216,7 +212,7 @@ def _focal_message(
     return (
         f"The {whose(data, names)} lens cannot have the stated focal length of {stated} px; "
         f"about {fitting} px would fit",
-        of_lenses(data, remedy),
+        remedy,
     )
 
 

@@ -15,22 +15,15 @@ from operator import methodcaller
 import numpy as np
 
 from stereocal.calibration.checks import LARGEST_SCALE_ERROR
-from stereocal.calibration.corrections import fitting_px, same_lens, some_corners, with_files
+from stereocal.calibration.corrections import fitting_px, some_corners, with_files
 from stereocal.calibration.readings import (
     SECONDARY,
     Group,
     Reading,
-    exchanged_files,
     readings_of_cameras,
     readings_of_frames,
-    readings_of_points,
 )
-from stereocal.calibration.wrong_inputs import (
-    essential_fit,
-    inconsistency_message,
-    scaled_readings,
-    suspects,
-)
+from stereocal.calibration.wrong_inputs import essential_fit, inconsistency_message, suspects
 from stereocal.errors import StereocalError
 from stereocal.network.fit import RigFit, RigSettings, camera_at
 from stereocal.network.fuse import PairFit, chained
@@ -43,18 +36,18 @@ from stereocal.network.pairs import (
     shared_bars,
 )
 from stereocal.network.rig_readings import best_pair, readings_of_movement
-from stereocal.refined.best_reading import (
+from stereocal.refined.best_reading import FAR
+from stereocal.refined.free_baseline import with_rough_baseline
+from stereocal.refined.judge import (
+    ANY_LENS,
     CERTAIN_GAIN,
-    FAR,
     HELD_LENGTHS,
     MOST_STEPS,
     Judge,
     JudgedReading,
     Noise,
-    centred_readings,
     typical_noise,
 )
-from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import CAMERAS, Camera
@@ -74,7 +67,6 @@ PARTS = 4
 CLEAN, CLEAN_PX = 3.0, 0.5
 """A reading that explains the rig leaves at most so many times the noise of its best pair, or this
 many pixels."""
-ANY_LENS = LensPrior(0.3, 50.0)
 QUICK_PAIRS = 2
 """Of a camera."""
 WORTH_A_FIT = 2.0
@@ -114,13 +106,14 @@ class JudgeOfRig(Judge[Recording]):
             fit: of all cameras of the rig.
         """
         self.whole, self.part, self.about = whole, _fewer_points(whole.of_cameras(names)), about
+        self.known_cameras = whole.cameras
         self.known = [pair for pair in known if {*pair.pair} <= {*names}]
         self.fit, self.bars = fit, shared_bars(self.part)
         shown = [(name, best_pair(self.part, name)) for name in about]
+        every = Group(tuple(names), self.part.pair(*next(iter(self.bars))), CAMERAS)
         self.groups = [
-            Group((name,), self.part.pair(*pair), SECONDARY)
-            for name, pair in shown
-            if pair is not None
+            every,
+            *(Group((name,), self.part.pair(*pair), SECONDARY) for name, pair in shown if pair),
         ]
 
     @cached_property
@@ -134,7 +127,7 @@ class JudgeOfRig(Judge[Recording]):
     def suspected(self) -> list[Reading[Recording]]:
         return [
             reading
-            for group in self.groups
+            for group in self.groups[1:]
             for reading in suspects(
                 group.shown,
                 readings_of_cameras(self.part, [group]),
@@ -142,20 +135,16 @@ class JudgeOfRig(Judge[Recording]):
             )
         ]
 
-    def every_reading(self) -> Iterator[Reading[Recording]]:
-        """Those of the order of frames are of all frames, others of the part."""
-        part, whole, names = self.part, self.whole, tuple(self.part.cameras)
-        every = [Group(names, part.pair(*next(iter(self.bars))), CAMERAS), *self.groups]
-        yield from _one_file(part)
-        yield from exchanged_files(part, self.about, whole.cameras)
-        yield from readings_of_cameras(part, every)
-        yield from readings_of_points(part, every)
-        yield from scaled_readings(part, every)
-        yield from centred_readings(part, self.groups)
-        yield from readings_of_movement(whole.of_cameras(names), self.about)
+    def readings_in_time(self) -> Iterator[Reading[Recording]]:
+        names = tuple(self.part.cameras)
+        yield from readings_of_movement(self.whole.of_cameras(names), self.about)
         for name in self.about:
-            for reading in readings_of_frames(whole, name, SHIFTS, SHIFT_GAIN):
+            for reading in readings_of_frames(self.whole, name, SHIFTS, SHIFT_GAIN):
                 yield replace(reading, corrected=partial(_of_cameras, reading.corrected, names))
+
+    def refitted(self, files: Mapping[str, Camera]) -> Mapping[str, Camera]:
+        fit = noise_of_rig(with_files(self.part, files), lenses=dict.fromkeys(files, ANY_LENS))
+        return {name: replace(fit.cameras[name], uncertainty=None) for name in files if fit.cameras}
 
     def fitted(self, readings: Iterable[Reading[Recording]]) -> Iterator[JudgedReading[Recording]]:
         found, px = list[tuple[Reading[Recording], Recording]](), list[float]()
@@ -263,31 +252,6 @@ def _fewer_points(recording: Recording) -> Recording:
 
 def _of_cameras(corrected: Callable[[], Recording], names: Sequence[str]) -> Recording:
     return corrected().of_cameras(names)
-
-
-def _one_file(recording: Recording) -> Iterator[Reading[Recording]]:
-    """One lens for several cameras, which have others."""
-    cameras = recording.cameras
-    groups = {
-        tuple(other for other in cameras if same_lens(cameras[name], cameras[other]))
-        for name in cameras
-    }
-    for group in sorted(groups):
-        if len(group) < 2:
-            continue
-        fit = noise_of_rig(recording, lenses=dict.fromkeys(group, ANY_LENS))
-        if fit.cameras is None:
-            continue
-        fitted = {name: replace(fit.cameras[name], uncertainty=None) for name in group}
-        focal = " and ".join(f"{fitted[name].K[0, 0]:.0f}" for name in group)
-        yield Reading(
-            f"The cameras {' and '.join(group)} have one lens, with a focal length of "
-            f"{cameras[group[0]].K[0, 0]:.0f} px, but lenses of {focal} px would fit",
-            "Was one file used for several cameras? Give each camera its own.",
-            partial(with_files, recording, fitted),
-            group,
-            is_estimated=True,
-        )
 
 
 def largest_noise(recording: Recording, best_pair_px: float) -> float:

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stereocal.calibration.corrections import fewer_corners
 from stereocal.calibration.readings import counted_apart
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
@@ -26,6 +27,7 @@ from stereocal.refined.time_offset import (
 )
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 from stereocal.rig.tracks import COUNTED, WHOLE, TimeOffset
 
 TRIED, SIGNIFICANT = 2.0, 5.0
@@ -74,11 +76,34 @@ def with_offset_if_out_of_step(
 
 
 def _certain_fit(dataset: Dataset, settings: RefineSettings) -> RefinedResult | None:
-    """The fit with the time offset; None if it is not certain."""
-    start = first_value(dataset, float(np.round(dataset.correspondences.time_frame.mean())))
-    found = drifting(dataset, fit_from(dataset, replace(settings, time_offset=True), *start))
+    """The fit with the time offset; None if it is not certain.
+
+    Of a board some corners come first: where most of their frames do not fit with an offset, or one
+    is not seen, no more corners would tell one, and each of their fits takes many times as long.
+    """
+    few, start = fewer_corners(dataset), None
+    if few is not dataset:
+        found = _fit_with_offset(few, settings)
+        offset = found.dataset.time_offset
+        if (
+            offset is None
+            or found.outlying.mean() > MOST_OUTLYING
+            or not found.time_offset.is_claimed(TRIED)
+        ):
+            return None
+        start = replace(offset, drift=0.0), found.pose
+    found = _fit_with_offset(dataset, settings, start)
     certain = _is_certain(found) and _fits_held_out_frames(dataset, found, settings)
     return found if certain else None
+
+
+def _fit_with_offset(
+    dataset: Dataset, settings: RefineSettings, start: tuple[TimeOffset, Pose | None] | None = None
+) -> RefinedResult:
+    """The fit with the time offset, from a first value that is searched for if None."""
+    reference = float(np.round(dataset.correspondences.time_frame.mean()))
+    start = start or first_value(dataset, reference)
+    return drifting(dataset, fit_from(dataset, replace(settings, time_offset=True), *start))
 
 
 def _is_certain(fit: RefinedResult) -> bool:

@@ -1,8 +1,9 @@
 """A camera with one of OpenCV's lens models: distortion, undistortion, projection."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from itertools import combinations
 from typing import Any, Literal
 
 import cv2
@@ -424,3 +425,16 @@ def pixel_scales(cameras: Sequence[Camera]) -> FloatArray:
         if camera.is_fisheye:
             row[0, 3], row[1] = camera.largest_angle, camera.distortion
     return found
+
+
+def same_lens(one: Camera, other: Camera) -> bool:
+    """Whether two cameras have the same lens, as where one file was given twice."""
+    same = np.array_equal(one.K, other.K) and np.array_equal(one.distortion, other.distortion)
+    return same and one.model == other.model
+
+
+def one_file_in_words(cameras: Iterable[Camera]) -> str:
+    """A question where two cameras have the same lens, before what a wrong file does; or empty."""
+    if not any(same_lens(one, other) for one, other in combinations(cameras, 2)):
+        return ""
+    return "Two cameras have the same lens: was one file given for both? "

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from stereocal.errors import StereocalError, refuse
-from stereocal.rig.camera import CAMERAS, Camera, CameraName, pixel_scales
+from stereocal.rig.camera import CAMERAS, Camera, CameraName, one_file_in_words, pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import Correspondences, refuse_points_outside
 from stereocal.rig.field_of_view import beyond_either
@@ -77,7 +77,8 @@ class Dataset(TableAnswer):
         lost = np.flatnonzero(~known.all(axis=0))
         if len(lost):
             which = CAMERAS[int(known[:2, lost[0]].all())]
-            raise StereocalError(self._not_inverted(int(lost[0]), which))
+            twice = one_file_in_words((self.primary, self.secondary))
+            raise StereocalError(twice + self._not_inverted(int(lost[0]), which))
 
     def _not_inverted(self, row: int, which: CameraName) -> str:
         """The message for a point where the lens model cannot be inverted."""

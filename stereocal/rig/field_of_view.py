@@ -1,11 +1,11 @@
 """Points that a fisheye images farther from its axis than it is used: left out, and counted."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, one_file_in_words
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.system.numbers import count
@@ -16,8 +16,13 @@ MOST_BEYOND = 0.5
 sees a third of a half-sphere's area beyond 75 degrees, and bars are carried in the middle."""
 
 
-def beyond_view(camera: Camera, pixels: FloatArray, name: str) -> BoolArray:
+def beyond_view(
+    camera: Camera, pixels: FloatArray, name: str, cameras: Iterable[Camera] = ()
+) -> BoolArray:
     """(n,): whether pixels (n, 2) are farther from the axis of a fisheye than can be used.
+
+    Args:
+        cameras: all, of which two may have one file.
 
     Raises:
         StereocalError: more than half of them are.
@@ -27,9 +32,9 @@ def beyond_view(camera: Camera, pixels: FloatArray, name: str) -> BoolArray:
     beyond = ~camera.uses(camera.undistort(pixels))
     if beyond.mean() > MOST_BEYOND:
         raise StereocalError(
-            f"The fisheye of the camera {name} images {beyond.sum()} of {len(beyond)} points more "
-            f"than {DEGREES} degrees from its axis, the most that can be used (a field of view of "
-            f"{2 * DEGREES}): check its camera file."
+            f"{one_file_in_words(cameras)}The fisheye of the camera {name} images {beyond.sum()} "
+            f"of {len(beyond)} points more than {DEGREES} degrees from its axis, the most that can "
+            f"be used (a field of view of {2 * DEGREES}): check its camera file."
         )
     return beyond
 
@@ -53,7 +58,8 @@ def beyond_either(
     Raises:
         StereocalError: as `beyond_view`.
     """
-    beyond = {name: beyond_view(camera, pixels, name) for name, (camera, pixels) in seen.items()}
+    cameras = [camera for camera, _ in seen.values()]
+    beyond = {name: beyond_view(*own, name, cameras) for name, own in seen.items()}
     lost: BoolArray = np.any([*beyond.values()], axis=0)
     return lost, {name: int(own.sum()) for name, own in beyond.items()}
 

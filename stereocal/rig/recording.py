@@ -243,7 +243,7 @@ class Recording(TableAnswer):
         beyond, counts = np.zeros(len(self.frame), dtype=np.bool_), dict[str, int]()
         for number, (name, camera) in enumerate(self.cameras.items()):
             own = np.flatnonzero(self.camera == number)
-            beyond[own] = beyond_view(camera, self.points[own], name)
+            beyond[own] = beyond_view(camera, self.points[own], name, self.cameras.values())
             counts[name] = int(beyond[own].sum())
         return replace(self.where(~beyond), beyond_view=counts) if beyond.any() else self
 

@@ -83,7 +83,7 @@ def test_a_sound_chain_is_not_accused_because_a_camera_shares_too_few_bars() -> 
         ("3 cameras", "files exchanged", "camera files of c1 and c2, or their points"),
         ("3 cameras, waved wand", "a crop", "camera c3's image centre"),
         ("3 cameras", "points twice", "c1 and c2 have exactly the same points"),
-        ("3 cameras", "one file for all", "cameras c1 and c2 and c3 have one lens"),
+        ("3 cameras", "one file for all", "cameras c1 and c2 and c3 have the same lens"),
         *further(
             ("3 cameras", "one mirrored", "images of camera c1 seem to be mirrored"),
             ("3 cameras", "K of half size", "camera c1's"),
