@@ -142,9 +142,9 @@ def find_description(files: Mapping[str, bytes], source: str) -> Description:
     ]
     if not found:
         raise StereocalError(
-            f"{source}: there is no {DESCRIPTION} in it, which names the cameras and their lengths. "
-            "Of a table of points and camera files `python -m stereocal import` makes one; the Data "
-            "page takes photographs and such files as they are."
+            f"{source}: there is no {DESCRIPTION} in it, which names the cameras and their "
+            "lengths. Of a table of points and camera files `python -m stereocal import` makes "
+            "one; the Data page takes photographs and such files as they are."
         )
     if len(found) > 1:
         raise StereocalError(
