@@ -171,7 +171,7 @@ class ClickMeasure:
             noise = noise_of_tracks(rig, found.views, found.fits.chi_square, stated.sigma_px)
             return Settled(noise.sigma_px) if noise.source == "estimated" else usual
         first, second = clicks.tables(CAMERAS, to_match=True).values()
-        second, _ = points_in_step(second, POINT, rig)
+        second, _ = points_in_step(replace(rig, start_frame=0), first, second)
         sample, distinct = sample_frames(first, second), [first[[TRACK]], second[[TRACK]]]
         if stated.sigma_px is None:
             with suppress(StereocalError):  # without a threshold
@@ -192,8 +192,9 @@ class ClickMeasure:
         of a rig were not."""
         tables, timing = clicks.tables(self.matching.placed, to_match=True), ""
         if isinstance(self.matching, RigParameters):
-            second, timing = points_in_step(tables[CAMERAS[1]], POINT, self.matching)
-            tables[CAMERAS[1]] = second
+            as_shown = replace(self.matching, start_frame=0)
+            tables[CAMERAS[1]], told = points_in_step(as_shown, *(tables[name] for name in CAMERAS))
+            timing = " ".join(told)
         else:
             timing = " ".join(late_cameras(self.matching))
         seen: dict[Place, dict[str, tuple[float, float]]] = {}

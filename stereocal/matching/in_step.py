@@ -1,123 +1,341 @@
 """Bring the points of the secondary camera into step with those of the primary.
 
-A parameter file that was fitted to shifted points says by how much the secondary camera is late.
-The points that it matches or measures must be shifted too, which their tracks allow: points of the
-same name, or the only point of each frame, in successive frames.
+Its frames may have other numbers and another rate, and its shutter opens a part of a frame later. A
+parameter file has how it was in the recording that was calibrated; with the known pose, the points
+themselves tell whether it is so with them. They can be brought to the instants of the primary's
+frames where they have tracks: points of the same name, or the only point of each frame.
 """
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
 
 import numpy as np
 import pandas as pd
 
-from stereocal.matching.counts import offset_of_pairs
-from stereocal.matching.point_table import PointTable
-from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.calibration.corrections import FITTING
+from stereocal.errors import StereocalError
+from stereocal.matching.own_count import RATE, SHIFT, Seen
+from stereocal.matching.point_table import POINT, PointTable
+from stereocal.network.rig_file import RigFile
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import PIXELS
+from stereocal.rig.geometry import sampson
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.tracks import MeasuredOffset, TimeOffset, interpolate
+from stereocal.rig.tracks import MeasuredOffset
+from stereocal.system.sampling import evenly_spread
 
-SHIFT = "time_shift_frames"
-"""Column of points that were shifted: by how many frames, 0 where they have no neighbours."""
-TIME = "time_frame"
-ROWS_PER_TRACK = 3
-"""Fewest rows per name, on average; a column with fewer is a measurement, not a name."""
-SMOOTH = 0.5
-"""Frames follow each other if a step is shorter than this part of the distance from the middle of
-all points. Measured: 0.19 on a real recording at 10 frames a second; 1.4 at random positions."""
+STANDS_OUT = 1.5
+"""How many times farther from the epipolar lines points must lie at any other offset."""
+FRAMES, FEWEST, APART = 40, 8, 2
+"""Frames that an offset is judged by, at least so many; and frames between offsets that compete."""
+MOST_OFFSETS = 20_000
+NTSC = 1.001
+"""60 frames a second over 59.94."""
+RATES = (1.0,), (2.0, 0.5), tuple(np.outer((1.0, 2.0, 0.5), (NTSC, 1 / NTSC)).ravel().tolist())
+"""Of the primary over the secondary: those that are tried together, where none before fits."""
+FITTED, TELLING, LONG = 1000, 40, 300
+"""Frames that an offset is fitted to, fewest points, and frames from which on a drift is."""
+ROUNDS, STEP, FAR, BLOCKS = 6, 0.02, 2.5, 10
+"""Of the fit; frames of its derivative; medians from which an error loses its weight; and parts of
+the time, within which errors are alike, that tell the standard error."""
+CLAIMED, LEAST = 5.0, 0.02
+"""Standard errors and frames from which on it differs from the calibrated recording's."""
+NEIGHBOURS = np.arange(-3, 4)
+"""Frames about one that its points are interpolated from."""
+CALLED = "the primary", "the secondary"
+Pixels = tuple[FloatArray, FloatArray]
 
 
-def table_in_step(
-    table: PointTable, columns: tuple[str, str], rig: RigParameters
-) -> tuple[PointTable, str]:
-    """As `points_in_step`, of a table that is read whole only if it has to be shifted."""
-    if (rig.time_offset is None and not rig.start_frame) or SHIFT in table.further:
-        return table, ""
-    whole, note = points_in_step(pd.concat(list(table.blocks())), columns, rig)
-    return PointTable(whole, table.numbers, table.label), note and f"{table.label}: {note}"
+def tables_in_step(
+    rig: RigParameters | RigFile, tables: Mapping[str, PointTable]
+) -> tuple[dict[str, PointTable], list[str]]:
+    """The tables with the frames of all cameras numbered as the first's and their points at its
+    instants, and what was done."""
+    first, *others = tables
+    found, notes = dict(tables), list[str]()
+    for name in others:
+        pair = rig.pair(first, name) if isinstance(rig, RigFile) else rig
+        if _is_in_step(pair) or SHIFT in tables[name].further:
+            continue
+        one, other = (pd.concat(list(tables[each].blocks())) for each in (first, name))
+        called = (first, name) if isinstance(rig, RigFile) else CALLED
+        points, told = points_in_step(pair, one, other, called=called)
+        found[name] = PointTable(points, tables[name].numbers, tables[name].label)
+        notes += [f"{tables[name].label}: {note}" for note in told]
+    return found, notes
 
 
 def points_in_step(
-    points: pd.DataFrame, columns: tuple[str, str], rig: RigParameters
-) -> tuple[pd.DataFrame, str]:
-    """Points with those of the secondary shifted by the time offset of a parameter file, and what
-    was done as a sentence; unchanged, and empty, if there is none or they are shifted already.
+    rig: RigParameters,
+    primary: pd.DataFrame,
+    secondary: pd.DataFrame,
+    *,
+    called: tuple[str, str] = CALLED,
+) -> tuple[pd.DataFrame, list[str]]:
+    """The points of the secondary with their frames numbered as the primary's, at the instants of
+    these; and what was done.
 
     Args:
-        columns: of the secondary points.
+        called: the names of both cameras in the sentences.
+
+    Raises:
+        StereocalError: the points do not tell by how much the cameras were counted apart.
     """
-    offset = rig.time_offset
-    if rig.start_frame and columns == PIXELS[2:] and SHIFT not in points:
-
-        def points_at(tried: MeasuredOffset) -> tuple[FloatArray, FloatArray]:
-            moved = shift(points, columns, tried, rig.secondary)[0]
-            return points[list(PIXELS[:2])].to_numpy(), moved[list(columns)].to_numpy()
-
-        offset = offset_of_pairs(rig, rig.start_frame, points_at)
-    if offset is None or SHIFT in points:
-        return points, ""
-    shifted, note = shift(points, columns, offset, rig.secondary)
-    return points.assign(**{str(name): shifted[name] for name in shifted}), note
+    if _is_in_step(rig) or SHIFT in secondary:
+        return secondary, []
+    both = _Both(rig, Seen.of(primary, POINT), Seen.of(secondary, POINT))
+    offset, notes = both.counted(called)
+    frame, moment, kept = both.second.numbered(offset)
+    pairs = both.nearest(*both.placed(offset), 0, FITTED)[:2]
+    moved, told = both.moved(secondary.assign(frame=frame), POINT, offset, pairs, moment, kept)
+    return moved, notes + told
 
 
-def shift(
-    points: pd.DataFrame, columns: tuple[str, str], offset: TimeOffset, camera: Camera
-) -> tuple[pd.DataFrame, str]:
-    """The coordinates of points shifted in time, with the column `SHIFT`, and a sentence.
+def pairs_in_step(table: PointTable, rig: RigParameters) -> tuple[PointTable, str]:
+    """Pairs with their secondary points shifted by a time offset, and what was done as a sentence;
+    unchanged, and empty, if there is none or they are shifted already."""
+    if _is_in_step(rig) or SHIFT in table.further:
+        return table, ""
+    pairs = pd.concat(list(table.blocks()))
+    both = _Both(rig, Seen.of(pairs, PIXELS[:2]), Seen.of(pairs, PIXELS[2:]))
+    times = both.second.times
 
-    Points without neighbours, and those that would leave the image, stay where they are.
+    def points_at(tried: MeasuredOffset) -> Pixels:
+        return both.first.pixels, both.second.at(tried, times, rig.secondary.image_size)[0]
+
+    offset = offset_of_pairs(rig, rig.start_frame, points_at)
+    if offset is None:
+        return table, ""
+    some = evenly_spread(len(pairs), FITTED)
+    all_of_them = np.ones(len(pairs), np.bool_)
+    moved, told = both.moved(pairs, PIXELS[2:], offset, (some, some), times, all_of_them)
+    return PointTable(moved, table.numbers, table.label), " ".join([f"{table.label}:", *told])
+
+
+def offset_of_pairs(
+    rig: RigParameters, whole: int, points_at: Callable[[MeasuredOffset], Pixels]
+) -> MeasuredOffset | None:
+    """The time offset of a parameter set for points in pairs, with the whole frames by which the
+    calibrated recording was counted apart if they then fit far better.
 
     Args:
-        points: with the column `frame`, perhaps `TIME`, and columns that name tracks.
-        columns: of the coordinates.
+        points_at: the pixels of both cameras, those of the secondary shifted by an offset.
     """
-    pixels = points[list(columns)].to_numpy(dtype=np.float64)
-    times = points["frame"].to_numpy(dtype=np.int64)
-    if TIME in points:  # the frames as recorded
-        recorded = pd.to_numeric(points[TIME], errors="coerce").to_numpy(dtype=np.float64)
-        times = np.where(np.isfinite(recorded), recorded, times).astype(np.int64)
-    offsets = offset.at(times)
-    kept = points[list(columns)].astype(np.float64).assign(**{SHIFT: 0.0})
-    track = _tracks(points, times, pixels, columns)
-    if track is None:
-        return kept, (
-            f"the time offset of {offset.frames:.3f} frames could not be applied, because no "
-            "column names the tracks of points from frame to frame: the secondary points are used "
-            "as recorded."
-        )
-    found = interpolate(track, times, pixels, offsets)
-    known = found.inside(camera.image_size)
-    kept[list(columns)] = np.where(known[:, None], found.positions, pixels)
-    kept[SHIFT] = np.where(known, offsets, 0.0)
-    lost = int((~known).sum())
-    return kept, (
-        f"the secondary points were shifted in time by {offset.frames:.3f} frames"
-        + (f"; {lost} of {len(points)} have no neighbours in their track and were not" * (lost > 0))
-        + "."
-    )
+    if not whole:
+        return rig.time_offset
+    own = rig.time_offset or MeasuredOffset()
+    tried = own, replace(own, frames=own.frames + whole)
+    errors = [np.abs(rig.epipolar_errors(*points_at(offset))) for offset in tried]
+    plain, apart = (float(np.median(each)) if len(each) else np.inf for each in errors)
+    return tried[1] if apart * STANDS_OUT < plain else rig.time_offset
 
 
-def _tracks(
-    points: pd.DataFrame, times: IntArray, pixels: FloatArray, columns: tuple[str, str]
-) -> IntArray | None:
-    """(n,): the track of each point; None if no column names tracks whose frames follow."""
-    if not pd.Series(times).duplicated().any():
-        one = np.zeros(len(points), dtype=np.int64)
-        return one if _follow(one, times, pixels) else None
-    for name in points.columns.difference(["frame", TIME, *columns], sort=False):
-        codes = pd.factorize(points[name])[0].astype(np.int64)
-        twice = pd.DataFrame({"time": times, "name": codes}).duplicated().any()
-        few = 0 < codes.max() + 1 <= len(points) / ROWS_PER_TRACK
-        if few and not twice and (codes >= 0).all() and _follow(codes, times, pixels):
-            return codes
-    return None
+def _is_in_step(rig: RigParameters) -> bool:
+    return rig.time_offset is None and not rig.start_frame
 
 
-def _follow(track: IntArray, times: IntArray, pixels: FloatArray) -> bool:
-    """Whether the frames of tracks follow each other so closely that points can be interpolated."""
-    order = np.lexsort([times, track])
-    same = (np.diff(track[order]) == 0) & (np.diff(times[order]) == 1)
-    if not same.any():
-        return False
-    steps = np.linalg.norm(np.diff(pixels[order], axis=0), axis=1)[same]
-    far = np.linalg.norm(pixels - np.median(pixels, axis=0), axis=1)
-    return bool(np.median(steps) < SMOOTH * np.median(far))
+Rows = Mapping[int, IntArray]
+"""Which points are of a frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Both:
+    """What two cameras saw, whose pose is known."""
+
+    rig: RigParameters
+    first: Seen
+    second: Seen
+
+    @cached_property
+    def _of_first(self) -> tuple[Rows, FloatArray]:
+        """Its points by frame, and their rays."""
+        every = np.arange(len(self.first.frame))
+        return _by_frame(self.first.frame, every), self.rig.primary.undistort(self.first.pixels)
+
+    def placed(self, offset: MeasuredOffset) -> tuple[Rows, FloatArray]:
+        """The points of the second by frames of the first, and their rays at these."""
+        frame, moment, kept = self.second.numbered(offset)
+        pixels, _ = self.second.at(offset, moment, self.rig.secondary.image_size)
+        return _by_frame(frame, np.flatnonzero(kept)), self.rig.secondary.undistort(pixels)
+
+    def nearest(
+        self, rows: Rows, rays: FloatArray, later: int, most: int
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """For the points of the first in some frames the second's that is nearest to the epipolar
+        line: indices of both, (k,), and the distance in px; none of too few frames.
+
+        Args:
+            rows, rays: as `placed`, `later` frames before their time.
+        """
+        of_first, own_rays = self._of_first
+        common = np.array([k for k in of_first if k - later in rows], dtype=np.int64)
+        if len(common) < FEWEST:
+            return np.empty(0, np.int64), np.empty(0, np.int64), np.array([np.inf])
+        some = np.sort(common)[evenly_spread(len(common), most)].tolist()
+        each = [(of_first[frame], rows[frame - later]) for frame in some]
+        i = np.concatenate([np.repeat(one, len(two)) for one, two in each])
+        j = np.concatenate([np.tile(two, len(one)) for one, two in each])
+        widths = np.concatenate([np.full(len(one), len(two)) for one, two in each])
+        px = np.abs(self._errors(own_rays[i], rays[j]))
+        order = np.lexsort((px, np.repeat(np.arange(len(widths)), widths)))
+        best = order[np.cumsum(widths) - widths]
+        return i[best], j[best], px[best]
+
+    def _errors(self, first: FloatArray, second: FloatArray) -> FloatArray:
+        """Signed distances of rays from their epipolar lines, in px."""
+        focal = np.sqrt(self.rig.primary.K[0, 0] * self.rig.secondary.K[0, 0])
+        both = np.column_stack([first, second])
+        return np.asarray(focal * sampson(self.rig.pose.essential, both))
+
+    def _misfit(self, rows: Rows, rays: FloatArray, later: int = 0) -> float:
+        return float(np.median(self.nearest(rows, rays, later, FRAMES)[2]))
+
+    def counted(self, called: tuple[str, str]) -> tuple[MeasuredOffset, list[str]]:
+        """How the second's points were counted, and a sentence."""
+        whole, known = self.rig.start_frame, self.rig.time_offset or MeasuredOffset()
+        if not whole:
+            return known, []
+        apart = replace(known, frames=known.frames + whole, reference=known.reference - whole)
+        errors = {each: self._misfit(*self.placed(each)) for each in (known, apart)}
+        best, other = sorted(errors, key=errors.__getitem__)
+        if not (errors[best] <= self._limit and errors[other] > STANDS_OUT * errors[best]):
+            if min(len(np.unique(each.frame)) for each in (self.first, self.second)) < FEWEST:
+                return known, [
+                    f"the calibrated recording was counted {abs(whole)} frames apart; these frames "
+                    "are too few to tell whether they are, and were used as numbered."
+                ]
+            found = next(filter(None, map(self._scanned, RATES)), None)
+            if found is None:
+                raise StereocalError(
+                    f"The calibrated recording was counted {abs(whole)} frames apart. By how much "
+                    "these points are, they do not tell: at no offset do they fit the parameters "
+                    "far better than at all others. Number the frames of both cameras alike, or "
+                    "give more frames with few points that move."
+                )
+            best = found
+        first, second = called
+        start, rate = best.split()[0], 1.0 + best.drift
+        if abs(best.drift) >= RATE:
+            where = f"frame k of {second} is frame {rate:.6g} k {start:+d} of {first}"
+        elif start:
+            where = f"frame 0 of {second} is frame {start} of {first}"
+        else:
+            return best, ["by these points, both cameras counted their frames alike."]
+        return best, [f"by these points, {where}: they are paired like this, with its numbers."]
+
+    @property
+    def _limit(self) -> float:
+        """The largest misfit of points that fit, in px."""
+        sizes = (self.rig.primary.image_size, self.rig.secondary.image_size)
+        return FITTING * min(float(np.hypot(*size)) for size in sizes)
+
+    def _scanned(self, rates: Sequence[float]) -> MeasuredOffset | None:
+        """The offset at which the points fit far better than at all others; None if none does."""
+        tries = list[tuple[float, float, float]]()
+        for rate, phase in product(rates, (0.0, 0.5)):
+            if phase and rate >= 1.0 and self.second.track is None:
+                continue
+            rows, rays = self.placed(MeasuredOffset(phase, rate - 1.0))
+            low, high = min(self._of_first[0]) - max(rows), max(self._of_first[0]) - min(rows)
+            if high - low > MOST_OFFSETS:
+                return None
+            whole = range(low, high + 1)
+            tries += [(self._misfit(rows, rays, each), each + phase, rate - 1.0) for each in whole]
+        errors, frames, drifts = np.array(tries).T
+        best, at = int(errors.argmin()), frames + drifts * np.median(self.second.times)
+        other = errors[np.abs(at - at[best]) > APART].min(initial=np.inf)
+        if errors[best] <= self._limit and STANDS_OUT * errors[best] < other < np.inf:
+            return MeasuredOffset(float(frames[best]), float(drifts[best]))
+        return None
+
+    def own(
+        self, tried: MeasuredOffset, i: IntArray, j: IntArray, moment: IntArray
+    ) -> MeasuredOffset | None:
+        """The offset by points in pairs, if they tell it and it is not the one near it that was
+        tried.
+
+        Args:
+            i, j: (k,): of the first and of the second.
+            moment: the frame of the primary of all points of the second.
+        """
+        around = np.unique(self.second.times[j])[:, None] + NEIGHBOURS
+        used = np.isin(self.second.times, around)
+        some, moment, j = self.second.where(used), moment[used], np.cumsum(used)[j] - 1
+        times, rays, size = some.times[j], self._of_first[1][i], self.rig.secondary.image_size
+        if some.track is None or len(j) < TELLING:
+            return None
+        middle = float(np.round(times.mean()))
+        since = np.column_stack([np.ones(len(j)), times - middle])[:, : 1 + (np.ptp(times) > LONG)]
+        found = MeasuredOffset(float(tried.at(middle)), tried.drift, middle)
+
+        def errors(offset: MeasuredOffset) -> FloatArray:
+            pixels, known = some.at(offset, moment, size)
+            of_second = self.rig.secondary.undistort(pixels[j])
+            return np.where(known[j], self._errors(rays, of_second), np.nan)
+
+        for _ in range(ROUNDS):
+            ahead, here = errors(replace(found, frames=found.frames + STEP)), errors(found)
+            use = np.isfinite(ahead + here)
+            if use.sum() < TELLING:
+                return None
+            e, J = here[use], (since * ((ahead - here) / STEP)[:, None])[use]
+            weights = 1.0 / (1.0 + np.square(e / (FAR * np.median(np.abs(e)) + 1e-9)))
+            inverse = np.linalg.pinv(J.T @ (J * weights[:, None]))
+            step = inverse @ J.T @ (weights * e)
+            found = replace(
+                found, frames=found.frames - step[0], drift=found.drift - step[1:].sum()
+            )
+        block = np.argsort(np.argsort(times[use], kind="stable")) * BLOCKS // len(e)
+        sums = [(J * (weights * e)[:, None])[block == k].sum(axis=0) for k in range(BLOCKS)]
+        spread = np.sqrt(np.square(inverse @ np.transpose(sums)).sum(axis=1))
+        found = replace(found, sigma=float(spread[0]), drift_sigma=float(spread[1:].sum()))
+        ends = np.array([times.min(), times.max()])
+        sigma = np.hypot(found.sigma, found.drift_sigma * np.abs(ends - middle))
+        apart = np.abs(found.at(ends) - tried.at(ends))
+        told = apart > np.maximum(LEAST, CLAIMED * np.hypot(sigma, tried.sigma))
+        return found if told.any() and abs(found.frames - tried.at(middle)) < APART / 2 else None
+
+    def moved(
+        self,
+        points: pd.DataFrame,
+        columns: tuple[str, ...],
+        tried: MeasuredOffset,
+        pairs: tuple[IntArray, IntArray],
+        moment: IntArray,
+        kept: BoolArray,
+    ) -> tuple[pd.DataFrame, list[str]]:
+        """The points of the second at frames of the first, with the column `SHIFT`, and how.
+
+        Args:
+            pairs, moment: as of `own`.
+            kept: which points.
+        """
+        own = self.own(tried, *pairs, moment)
+        offset = own or tried
+        pixels, known = self.second.at(offset, moment, self.rig.secondary.image_size)
+        late = self.second.late(offset, moment)
+        moved = points.assign(**dict(zip(columns, pixels.T, strict=True)))
+        moved[SHIFT] = np.where(known, late, 0.0)
+        moved, late, known = moved[kept], late[kept], known[kept]
+        if not late.any():
+            return moved, []
+        shift = f"{np.median(late):.3f} frames"
+        if self.second.track is None:
+            return moved, [
+                f"the time offset of {shift} could not be applied, because no column names the "
+                "tracks of points from frame to frame: the secondary points are used as recorded."
+            ]
+        told = f"the secondary points were shifted in time by {shift}"
+        if own is not None:
+            change = own.at(own.reference) - tried.at(own.reference)
+            told += f", {change:+.3f} of it by these points themselves"
+        if lost := int((~known).sum()):
+            told += f"; {lost} of {len(known)} have no neighbours in their track and were not"
+        return moved, [f"{told}."]
+
+
+def _by_frame(frame: IntArray, rows: IntArray) -> Rows:
+    found = pd.Series(rows).groupby(frame[rows])
+    return {int(str(k)): own.to_numpy() for k, own in found}

@@ -10,10 +10,9 @@ from typing import Any
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.matching.counts import tables_alike
-from stereocal.matching.in_step import table_in_step
+from stereocal.matching.in_step import tables_in_step
 from stereocal.matching.pairs import PairMatching, Stated
-from stereocal.matching.point_table import POINT, PointTable, open_table, together
+from stereocal.matching.point_table import PointTable, open_table, together
 from stereocal.matching.tables_by_camera import Frame, Report, TablesByCamera
 from stereocal.matching.tracks import TrackMatching
 from stereocal.network.rig_file import RigFile
@@ -55,19 +54,17 @@ def match_tables(
             f"Give the points of two cameras at least, each as NAME=FILE; the rig has the cameras "
             f"{', '.join(rig.placed)}" + (f", not {unknown[0]!r}." if unknown else ".")
         )
-    stated, timing = stated or Stated(), ""
+    stated = stated or Stated()
     given = TablesByCamera.checked(tables, rig, stated.names)
-    alike, counts = tables_alike(rig, tables)
-    if counts:
-        given = TablesByCamera.checked(alike, rig, stated.names)
+    in_step, timing = tables_in_step(rig, tables)
+    if timing:
+        given = TablesByCamera.checked(in_step, rig, stated.names)
     matching: Matching
     columns: list[str] | None = None  # those of the first pairs
     if isinstance(rig, RigFile):
         matching = TrackMatching.of_tables(rig, given, stated)
         columns = matching.columns
     else:
-        secondary, timing = table_in_step(given.tables["secondary"], POINT, rig)
-        given = replace(given, tables={**given.tables, "secondary": secondary})
         matching = PairMatching.of_tables(rig, given, stated)
     tasks = (
         Task(_match_block, (matching, block), len(block)) for block in _blocks(given.side_by_side())
@@ -86,7 +83,7 @@ def match_tables(
                 lost.add(lonely)
             tallies.append(matching.tally(found))
     report = matching.report(tallies, given)
-    first = filter(None, [*counts, timing, beyond_in_words(given.beyond)])
+    first = filter(None, [*timing, beyond_in_words(given.beyond)])
     return replace(report, notes=[*first, *report.notes])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import RowProblem
-from stereocal.matching.in_step import table_in_step
+from stereocal.matching.in_step import pairs_in_step
 from stereocal.matching.matching import purpose_warning
 from stereocal.matching.pairs import ERROR_DECIMALS
 from stereocal.matching.point_noise import (
@@ -116,7 +116,7 @@ def measure_tables(
     check_sigma(sigma_px)
     timing, sample, beyond = "", list[pd.DataFrame](), dict.fromkeys(rig.placed, 0)
     if isinstance(rig, RigParameters):
-        table, timing = table_in_step(table, PIXELS[2:], rig)
+        table, timing = pairs_in_step(table, rig)
 
     def look(block: pd.DataFrame) -> list[RowProblem]:
         sample.append(block.iloc[:: max(len(block) // SAMPLE_PAIRS, 1)])

@@ -10,13 +10,11 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.errors import StereocalError
 from stereocal.figures.matches import describe_pair_errors, plot_pair_errors
 from stereocal.matching.application import Points
-from stereocal.matching.counts import counted_alike
 from stereocal.matching.in_step import points_in_step
 from stereocal.matching.matching import ANY_DEPTH, check_depths, nearest_errors
 from stereocal.matching.names import AUTO, NO_NAMES, OFF, Sample, name_columns, stated_columns
 from stereocal.matching.pairs import PairMatching, Stated, further_of, sample_frames
 from stereocal.matching.point_noise import FEWEST_PAIRS, PointNoise
-from stereocal.matching.point_table import POINT
 from stereocal.matching.threshold import ThresholdChoice
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
@@ -152,8 +150,7 @@ def _chosen(
 def _sampled(form: ThresholdForm) -> Sample:
     """A sample of the points of both cameras."""
     first, second = _tables(form)
-    second, _ = counted_alike(form.rig, first, second)
-    return sample_frames(first, points_in_step(second, POINT, form.rig)[0])
+    return sample_frames(first, points_in_step(form.rig, first, second)[0])
 
 
 def _tables(form: ThresholdForm) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -13,8 +13,7 @@ from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.point_answers import layout_of
 from stereocal.formats.point_layouts import OURS
-from stereocal.matching.counts import counted_alike
-from stereocal.matching.in_step import points_in_step
+from stereocal.matching.in_step import pairs_in_step, points_in_step
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
@@ -85,7 +84,7 @@ def _tables(later: int, first: int = 300, last: int = 420) -> list[pd.DataFrame]
 @pytest.mark.parametrize("later", [0, 1, -37])
 def test_unlabelled_points_tell_how_they_were_counted(later: int) -> None:
     primary, secondary = _tables(later)
-    found, note = counted_alike(_parameters(), primary, secondary)
+    found, note = points_in_step(_parameters(), primary, secondary)
     np.testing.assert_array_equal(found["frame"], primary["frame"])
     assert note
 
@@ -94,16 +93,20 @@ def test_points_that_do_not_tell_are_refused() -> None:
     primary, _ = _tables(0, 0, 60)
     _, secondary = _tables(0, 400, 460)
     with pytest.raises(StereocalError, match="they do not tell"):
-        counted_alike(_parameters(), primary, secondary)
+        points_in_step(_parameters(), primary, secondary)
 
 
-def test_twice_the_frame_rate_is_named() -> None:
+@pytest.mark.parametrize("fast", [0, 1])
+def test_points_of_twice_the_frame_rate_are_paired(fast: int) -> None:
     """Frames in between have points too, of a later motion."""
-    primary, secondary = _tables(-37, 300, 400)
-    twice = secondary.assign(frame=2 * secondary["frame"])
-    between = secondary.shift(-1, fill_value=100.0).assign(frame=twice["frame"] + 1)
-    with pytest.raises(StereocalError, match="With two frames of the secondary for each"):
-        counted_alike(_parameters(), primary, pd.concat([twice, between]))
+    tables = _tables(-37, 300, 400)
+    expected = tables[0]["frame"] * (1 + (fast == 0))
+    twice = tables[fast].assign(frame=2 * tables[fast]["frame"])
+    between = tables[fast].shift(-1, fill_value=100.0).assign(frame=twice["frame"] + 1)
+    tables[fast] = pd.concat([twice, between])
+    found, notes = points_in_step(_parameters(), *tables)
+    assert f"is frame {(2.0, 0.5)[fast]:g} k" in notes[0]
+    np.testing.assert_array_equal(found["frame"], expected)
 
 
 @pytest.mark.parametrize("later", [0, 1])
@@ -111,7 +114,7 @@ def test_pairs_are_measured_as_they_were_counted(later: int) -> None:
     rows = _bars(300, 420, later).correspondences
     pairs = pd.DataFrame(np.hstack([rows.primary, rows.secondary]), columns=list(PIXELS))
     pairs = pairs.assign(frame=rows.frame, target=np.array(rows.names)[rows.target])
-    found, _ = points_in_step(pairs, PIXELS[2:], _parameters())
+    found = pd.concat(list(pairs_in_step(PointTable(pairs, PIXELS), _parameters())[0].blocks()))
     kept = found[found["time_shift_frames"] != 0.0]
     pixels = kept[list(PIXELS)].to_numpy()
     errors = np.abs(_parameters().epipolar_errors(pixels[:, :2], pixels[:, 2:]))

@@ -9,9 +9,10 @@ import pytest
 
 from stereocal.library.tables import match
 from stereocal.matching.application import unlabelled
-from stereocal.matching.in_step import SHIFT
+from stereocal.matching.in_step import points_in_step
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
+from stereocal.matching.own_count import SHIFT
 from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
 from stereocal.rig.correspondences import PIXELS
@@ -67,3 +68,20 @@ def test_pairs_from_elsewhere_are_shifted_when_they_are_measured(
     )
     assert "were shifted in time" in report.notes[0]
     assert pd.read_csv(tmp_path / "points.csv")["error_px"].median() < 0.3
+
+
+def test_the_offset_of_the_points_themselves_is_used(late: RigParameters) -> None:
+    """That of the calibrated recording leaves an error of 0.3 frames."""
+    points = moving(LATE).correspondences
+    one, other = (
+        pd.DataFrame({"frame": points.frame, "u": own[:, 0], "v": own[:, 1], "end": points.target})
+        for own in (points.primary, points.secondary)
+    )
+    assert late.time_offset is not None
+    kept, (note,) = points_in_step(late, one, other)
+    assert "themselves" not in note
+    another = replace(late, time_offset=replace(late.time_offset, frames=LATE - 0.3))
+    found, (note,) = points_in_step(another, one, other)
+    assert "themselves" in note
+    np.testing.assert_allclose(found["u"], kept["u"], atol=0.2)
+    np.testing.assert_allclose(found[SHIFT].median(), LATE, atol=0.02)

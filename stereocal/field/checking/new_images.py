@@ -6,7 +6,7 @@ import numpy as np
 
 from stereocal.calibration.methods import errors_of
 from stereocal.errors import StereocalError
-from stereocal.matching.counts import offset_of_pairs
+from stereocal.matching.in_step import offset_of_pairs
 from stereocal.matching.measure_tables import points_outside_images
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.refined.time_offset import usable_after
