@@ -18,7 +18,7 @@ def run_studies(
         studies: by name, what runs a number of trials, and the usual number.
         about: what the studies are.
     """
-    parser = _parser(about)
+    parser = parser_of(about)
     parser.add_argument("studies", nargs="*", choices=[*studies, []], default=[], metavar="STUDY")
     parser.add_argument("--trials", "--rigs", type=int, help="rigs, or other trials, of each")
     parsed = parser.parse_args()
@@ -32,14 +32,15 @@ def run_studies(
 
 def numbers_asked(about: str | None, **usual: Any) -> argparse.Namespace:
     """What `--NAME` says on the command line, one value or several as the usual ones are."""
-    parser = _parser(about)
+    parser = parser_of(about)
     for name, value in usual.items():
         several, kind = isinstance(value, list), type(np.ravel(value)[0].item())
         parser.add_argument(f"--{name}", type=kind, nargs="+" if several else None, default=value)
     return parser.parse_args()
 
 
-def _parser(about: str | None) -> argparse.ArgumentParser:
+def parser_of(about: str | None) -> argparse.ArgumentParser:
+    """A parser that shows what the studies are as it is written."""
     formatter = argparse.RawDescriptionHelpFormatter
     return argparse.ArgumentParser(description=about, formatter_class=formatter)
 

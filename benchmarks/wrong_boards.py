@@ -1,6 +1,7 @@
 """Boards before two cameras with one thing wrong, and sound ones: what is named, what is silent.
 
     python -m benchmarks.wrong_boards [wrong|sound|wide|wide-sound|late|real] [--trials 4]
+        [--first 0] [--mistake NAME ...] [--said]
 
 Pairs of unlike cameras and boards of several sizes (`tests.rigs.board_pairs`), 20 frames, bent by
 0.4 % of their width or not, noise of 0.1 to 0.5 px; `wide`: before fisheyes. `real` puts each kind
@@ -9,10 +10,11 @@ whose 95 % length error on 40 further boards is more than 3 times what it states
 is more than 5 % off.
 """
 
+import argparse
 import os
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
@@ -21,12 +23,13 @@ import numpy as np
 from benchmarks.boards import boards_in, camera_of, uncertainties
 from benchmarks.said import MOST, Said, error_of_files, in_words, judged
 from benchmarks.said import said_of as said_of_dataset
-from benchmarks.studies import run_studies
+from benchmarks.studies import parser_of
 from stereocal.intrinsics.stereo_boards import recording_of
 from stereocal.refined.free_baseline import with_baseline_found
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import Camera
+from stereocal.rig.dataset import Dataset
 from stereocal.workflow import Run
-from tests.rigs.board_mistakes import MISTAKES, BoardMistake
+from tests.rigs.board_mistakes import MISTAKES
 from tests.rigs.board_pairs import (
     BoardPair,
     draw_placings,
@@ -42,10 +45,10 @@ SUBSET, FURTHER = 20, 40
 Draw = Callable[[np.random.Generator], Camera]
 
 
-def said_of(pair: BoardPair) -> Said:
-    """All that `calibrate` says of a pair."""
+def said_of(pair: BoardPair, make: Callable[[], Dataset] | None = None) -> Said:
+    """All that `calibrate` says of a pair, as it is or as it is made."""
     error = None if pair.truth is None else partial(_error, pair)
-    return said_of_dataset(lambda: pair.recording.pair("primary", "secondary"), error)
+    return said_of_dataset(make or (lambda: pair.dataset), error)
 
 
 def _error(pair: BoardPair, run: Run) -> float:
@@ -60,42 +63,48 @@ def _error(pair: BoardPair, run: Run) -> float:
     return error_of_files(run, pair.truth, ends, length)
 
 
-def spoiled(mistake: BoardMistake, pair: BoardPair, rng: np.random.Generator) -> str:
-    """What became of a pair with a mistake."""
-    return judged(said_of(mistake.spoil(pair, rng)), mistake.words)
+def spoiled(name: str, pairs: Iterable[tuple[int, BoardPair]], say: bool) -> None:
+    """Print what became of pairs with a mistake."""
+    mistake, found, lines, begun = MISTAKES[name], Counter[str](), list[str](), time.process_time()
+    for number, pair in pairs:
+        what = said_of(pair, partial(mistake.data, pair, np.random.default_rng([number, 5])))
+        word = judged(what, mistake.words)
+        found[word] += 1
+        lines.append(f"      {number}: {word}: {what.error or 0:.1f} times; {what.words[:300]}")
+    spent = time.process_time() - begun
+    print(f"  {name}: {in_words(found)} ({spent:.0f} s of CPU time)", flush=True)
+    if say:
+        print("\n".join(lines), flush=True)
 
 
-def wrong(trials: int, draw: Draw = lens) -> None:
+def wrong(asked: argparse.Namespace, draw: Draw = lens) -> None:
     """Each kind of mistake."""
-    for name, mistake in MISTAKES.items():
-        begun = time.monotonic()
-        found = Counter(
-            spoiled(mistake, sound(n, 20, "square" in name, draw), np.random.default_rng([n, 5]))
-            for n in range(trials)
-        )
-        _print(name, found, begun)
+    numbers = range(asked.first, asked.first + asked.trials)
+    for name in asked.mistake or MISTAKES:
+        spoiled(name, ((n, sound(n, 20, "square" in name, draw)) for n in numbers), asked.said)
 
 
-def sound_pairs(trials: int, draw: Draw = lens) -> None:
+def sound_pairs(asked: argparse.Namespace, draw: Draw = lens) -> None:
     """Nothing wrong: a third of them with a measured baseline."""
     accused, far_off = {}, []
-    for number in range(trials):
-        said = said_of(sound(1000 + number, 20, number % 3 == 0, draw))
+    for number in range(1000 + asked.first, 1000 + asked.first + asked.trials):
+        said = said_of(sound(number, 20, number % 3 == 1, draw))
         if said.accusations:
-            accused[1000 + number] = said.accusations
+            accused[number] = said.accusations
         if said.error is None or said.error > MOST:
-            far_off.append(1000 + number)
-    print(f"  accused {len(accused)} of {trials}; files far off {far_off}")
+            far_off.append(number)
+    print(f"  accused {len(accused)} of {asked.trials}; files far off {far_off}")
     for number, notes in accused.items():
         print(f"    {number}: {notes}")
 
 
-def late(trials: int) -> None:
+def late(asked: argparse.Namespace) -> None:
     """Waved boards, the secondary late by a part of a frame, or not."""
+    trials = asked.trials
     for frames in (0.0, 0.3, 0.7):
         found = [
-            Run(with_baseline_found(waved(n, frames).recording.pair(*CAMERAS))).screening.shift
-            for n in range(trials)
+            Run(with_baseline_found(waved(n, frames).dataset)).screening.shift
+            for n in range(asked.first, asked.first + trials)
         ]
         right = [it for it in found if it and abs(it.frames - frames) < 4.0 * it.sigma]
         print(
@@ -105,7 +114,7 @@ def late(trials: int) -> None:
         )
 
 
-def real(_: int) -> None:
+def real(asked: argparse.Namespace) -> None:
     """OpenCV's sample, with each kind put into it."""
     boards = boards_in(Path(os.environ["STEREOCAL_REAL_DATA"]) / "opencv_boards")
     one, two = map(camera_of, boards.searches, uncertainties(boards, SUBSET))
@@ -114,19 +123,13 @@ def real(_: int) -> None:
     assert recording.object.board is not None
     pair = BoardPair((one, two), recording.object.board, images)
     print(f"  sound: {said_of(pair).accusations or 'nothing accused'}")
-    for name, mistake in MISTAKES.items():
-        if mistake.needs_truth:
-            continue
-        begun = time.monotonic()
-        measured = BoardPair((one, two), pair.board, images, 0.0997) if "square" in name else pair
-        _print(name, Counter([spoiled(mistake, measured, np.random.default_rng(5))]), begun)
+    for name in asked.mistake or MISTAKES:
+        if not MISTAKES[name].needs_truth:
+            own = BoardPair((one, two), pair.board, images, 0.0997) if "square" in name else pair
+            spoiled(name, [(0, own)], asked.said)
 
 
-def _print(name: str, found: Counter[str], begun: float) -> None:
-    print(f"  {name}: {in_words(found)} ({time.monotonic() - begun:.0f} s)", flush=True)
-
-
-STUDIES: dict[str, tuple[Callable[[int], None], int]] = {
+STUDIES: dict[str, tuple[Callable[[argparse.Namespace], None], int]] = {
     "wrong": (wrong, 4),
     "sound": (sound_pairs, 60),
     "wide": (partial(wrong, draw=wide_lens), 2),
@@ -136,5 +139,21 @@ STUDIES: dict[str, tuple[Callable[[int], None], int]] = {
 }
 
 
+def main() -> None:
+    """The studies that the command line names."""
+    parser = parser_of(__doc__)
+    parser.add_argument("studies", nargs="*", choices=[*STUDIES, []], default=[], metavar="STUDY")
+    parser.add_argument("--trials", type=int)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--mistake", action="append", choices=[*MISTAKES])
+    parser.add_argument("--said", action="store_true", help="print what is said")
+    asked = parser.parse_args()
+    for name in asked.studies or STUDIES:
+        study, usual = STUDIES[name]
+        own = argparse.Namespace(**{**vars(asked), "trials": asked.trials or usual})
+        print(f"{name}, {own.trials} trials:", flush=True)
+        study(own)
+
+
 if __name__ == "__main__":
-    run_studies(STUDIES, __doc__)
+    main()

@@ -125,15 +125,11 @@ class JudgeOfRig(Judge[Recording]):
 
     @cached_property
     def suspected(self) -> list[Reading[Recording]]:
-        return [
-            reading
-            for group in self.groups[1:]
-            for reading in suspects(
-                group.shown,
-                readings_of_cameras(self.part, [group]),
-                methodcaller("pair", *(group.shown.camera_names or CAMERAS)),
-            )
-        ]
+        found = [*self.of_one_file()]
+        for group in self.groups[1:]:
+            of_group = methodcaller("pair", *(group.shown.camera_names or CAMERAS))
+            found += suspects(group.shown, readings_of_cameras(self.part, [group]), of_group)
+        return found
 
     def readings_in_time(self) -> Iterator[Reading[Recording]]:
         names = tuple(self.part.cameras)

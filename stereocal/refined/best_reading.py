@@ -66,7 +66,8 @@ class JudgeOfPair(Judge[Dataset]):
         whole = self.dataset
         exchanged = exchanged_files(whole, CAMERAS, self.known_cameras)
         others = readings_of_cameras(whole, groups_of_pair(whole))
-        return suspects(whole, chain(exchanged, others), lambda dataset: dataset)
+        every = chain(self.of_one_file(), exchanged, others)
+        return suspects(whole, every, lambda dataset: dataset)
 
     def readings_in_time(self) -> Iterator[Reading[Dataset]]:
         return readings_of_frames(self.dataset, CAMERAS[1], (1, -1, 2, -2))

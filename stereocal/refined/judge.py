@@ -131,17 +131,17 @@ class Judge(ABC, Generic[Given]):
     def every_reading(self) -> Iterator[Reading[Given]]:
         """All of them, which are of `part` but for those in time."""
         part = self.part
+        yield from self.of_one_file()
         yield from exchanged_files(part, self.about, self.known_cameras)
         yield from readings_of_cameras(part, self.groups)
         yield from readings_of_points(part, self.groups)
         yield from self.readings_in_time()
         if not self.out_of_step:
-            yield from self._one_file()
             alone = [group for group in self.groups if len(group.names) == len(group.roles)]
             yield from centred_readings(part, alone)
             yield from scaled_readings(part, self.groups)
 
-    def _one_file(self) -> Iterator[Reading[Given]]:
+    def of_one_file(self) -> Iterator[Reading[Given]]:
         """One lens for several cameras, which have others; that it is one, their files say."""
         cameras = cameras_of(self.part)
         alike = {
@@ -149,8 +149,10 @@ class Judge(ABC, Generic[Given]):
             for name in cameras
         }
         for names in sorted(alike):
+            if len(names) < 2 or self.out_of_step:
+                continue
             files = {name: _of_its_image(cameras[name]) for name in names}
-            if len(names) < 2 or not (fitted := self.refitted(files)):
+            if not (fitted := self.refitted(files)):
                 continue
             focal = " and ".join(f"{fitted[name].K[0, 0]:.0f}" for name in names)
             yield Reading(

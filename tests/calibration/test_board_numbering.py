@@ -9,10 +9,12 @@ from stereocal.calibration.board_numbering import check_numbering, note_on_ways_
 from stereocal.calibration.corrections import fewer_corners
 from stereocal.errors import StereocalError
 from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.rig.recording import Recording
 from stereocal.workflow import Run
 from tests.further import further
-from tests.rigs.board_mistakes import MISTAKES, images_mirrored
+from tests.rigs.board_mistakes import MISTAKES
 from tests.rigs.board_pairs import BoardPair, sound
+from tests.rigs.pair_mistakes import from_the_right, of_points
 
 PAIR, EVEN_ROWS, OTHER_SIZE = (sound(number, frames=12) for number in (0, 2, 6))
 
@@ -33,21 +35,20 @@ PAIR, EVEN_ROWS, OTHER_SIZE = (sound(number, frames=12) for number in (0, 2, 6))
 def test_mistake_is_named_first(mistake: str, pair: BoardPair) -> None:
     it = MISTAKES[mistake]
     with pytest.raises(StereocalError) as refused:
-        spoiled = it.spoil(pair, np.random.default_rng(1)).recording
-        _ = Run(with_baseline_found(spoiled.pair("primary", "secondary"))).inputs
+        _ = Run(with_baseline_found(it.data(pair, np.random.default_rng(1)))).inputs
     first, *_ = str(refused.value).lower().split(". ")
     assert any(word in first for word in it.words)
 
 
 def test_sound_numbers_pass_and_other_ways_round_are_told() -> None:
     check_numbering(PAIR.recording)
-    assert not note_on_ways_round(PAIR.recording.pair("primary", "secondary"))
-    both = images_mirrored(PAIR, (0, 1)).recording
-    check_numbering(both)
-    assert "mirrored" in note_on_ways_round(both.pair("primary", "secondary"))
+    assert not note_on_ways_round(PAIR.dataset)
+    one, both = (of_points(from_the_right, each) for each in (False, True))
+    mirrored = both(PAIR.dataset, np.random.default_rng(1))
+    check_numbering(Recording.of_pair(mirrored))
+    assert "mirrored" in note_on_ways_round(mirrored)
     # One camera alone is no such case.
-    one = images_mirrored(PAIR, (0,)).recording
-    assert not note_on_ways_round(one.pair("primary", "secondary"))
+    assert not note_on_ways_round(one(PAIR.dataset, np.random.default_rng(1)))
 
 
 def test_misnumbered_camera_is_named() -> None:
@@ -59,7 +60,7 @@ def test_misnumbered_camera_is_named() -> None:
 
 
 def test_fewer_corners_keep_the_outermost() -> None:
-    data = PAIR.recording.pair("primary", "secondary")
+    data = PAIR.dataset
     few = fewer_corners(data)
     assert len(few.correspondences) < len(data.correspondences)
     assert np.array_equal(few.bar_distances_m, data.bar_distances_m)

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
@@ -56,6 +57,11 @@ class BoardPair:
             {} if self.baseline_m is None else {CAMERAS: self.baseline_m},
             None if self.baseline_m is None else 0.002,
         )
+
+    @property
+    def dataset(self) -> Dataset:
+        """The recording as of two cameras."""
+        return self.recording.pair(*CAMERAS)
 
 
 def lens(rng: np.random.Generator) -> Camera:

@@ -55,7 +55,7 @@ def reordered(order: Callable[[int], list[int]]) -> Change:
     def change(data: Dataset, rng: np.random.Generator) -> Dataset:
         rows, which = data.correspondences, _which(rng)
         places = np.array(order(len(rows.frames)))
-        points = getattr(rows, which).reshape(-1, 2, 2)
+        points = getattr(rows, which).reshape(len(places), -1, 2)
         changed = _points(data, **{which: points[places % len(points)].reshape(-1, 2)})
         return changed.of_frames(rows.frames[(places >= 0) & (places < len(points))])
 
@@ -75,7 +75,7 @@ def slipped(count: int) -> list[int]:
 def copied(data: Dataset, rng: np.random.Generator, share: float = 0.2) -> Dataset:
     """A share of the frames of one camera are others of its frames, saved once more."""
     which, rows = _which(rng), data.correspondences
-    points = getattr(rows, which).reshape(-1, 2, 2).copy()
+    points = getattr(rows, which).reshape(len(rows.frames), -1, 2).copy()
     count = round(share * len(points))
     order = rng.permutation(len(points))
     points[order[:count]] = points[rng.choice(order[count:], count)]

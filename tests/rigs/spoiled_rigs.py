@@ -183,8 +183,14 @@ def of_one(change: Callable[[FloatArray, Camera], FloatArray]) -> Change:
 
 
 def of_all(change: Callable[[FloatArray, Camera], FloatArray]) -> Change:
-    camera = Camera(np.eye(3), np.zeros(0), SIZE)
-    return lambda recording, _: replace(recording, points=change(recording.points, camera))
+    """The points of all cameras changed."""
+
+    def changed(recording: Recording, _: np.random.Generator) -> Recording:
+        for number in range(len(recording.cameras)):
+            recording = with_points(recording, number, change)
+        return recording
+
+    return changed
 
 
 def of_file(change: Callable[[Camera], Camera]) -> Change:
@@ -248,7 +254,7 @@ def points_twice(recording: Recording, rng: np.random.Generator) -> Recording:
 def cropped(recording: Recording, rng: np.random.Generator) -> Recording:
     """An eighth of the columns and rows of one camera was cut off on the left and above."""
     number = _one(recording, rng)
-    cut = np.array(SIZE) / 8
+    cut = np.array([*recording.cameras.values()][number].image_size) / 8
     own = recording.camera == number
     kept = recording.where(np.asarray(~own | (recording.points > cut).all(axis=1)))
     return with_points(kept, number, lambda points, _: points - cut)
