@@ -1,6 +1,6 @@
 """Refined parameter files of pairs, recorded at different times or by different people, fused."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,7 @@ from stereocal.network.fit import RigSettings
 from stereocal.network.fuse import LOCAL, Fused, PairFit, difference, fuse
 from stereocal.network.pairs import pair_name, reached
 from stereocal.network.rig_file import RigFile, counts_and_shutters, fused_file
-from stereocal.network.started_by_hand import closed
+from stereocal.network.started_by_hand import closed, fused_values
 from stereocal.refined.two_views import BAR, SHARED, shared_unknowns, with_lens
 from stereocal.refined.unknowns import LensPrior
 from stereocal.refined.views import EACH, TIME
@@ -29,13 +29,15 @@ CONTRADICTS = 60.0
 pairs exceed it in 1 of 10,000."""
 EXPLAINED = 0.2
 """What is left of the growth of all files when one length explains it."""
+AGREE = 5.0
+"""Standard errors by which the drifts of pairs may be off."""
 COUNTED_ANEW = (
     "They were recorded at different times, with cameras that were started anew, or one is wrong: "
     "the rig has no time offsets. Number the frames of all its cameras alike."
 )
 DRIFTING = (
-    "By the file of a pair, the clocks of its cameras drift; the rig does not: its time offsets "
-    "are those in the middle of that recording."
+    "The files of the pairs contradict each other about how the clocks of the cameras drift: the "
+    "rig has no drift. Record all cameras together."
 )
 
 
@@ -72,6 +74,7 @@ def _in_time(rig: RigFile, sets: Sequence[RigParameters]) -> tuple[RigFile, list
     if not any(offset.is_shift for offset in offsets.values()):
         return rig, []
     try:
+        offsets = _at_one_frame(offsets)
         starts, errors = closed(rig.names, offsets)
     except StereocalError as error:
         return rig, [f"{error} {COUNTED_ANEW}"]
@@ -79,8 +82,32 @@ def _in_time(rig: RigFile, sets: Sequence[RigParameters]) -> tuple[RigFile, list
     covariance[np.ix_(times, times)] = errors
     both = dict(zip(rig.names, starts.round(9).tolist(), strict=True))
     wholes, shutters = counts_and_shutters(both, covariance)
-    drifting = [DRIFTING] * any(offset.drift for offset in offsets.values())
-    return replace(rig, time_offsets=shutters, start_frames=wholes, covariance=covariance), drifting
+    in_time = replace(rig, time_offsets=shutters, start_frames=wholes, covariance=covariance)
+    if not any(offset.drift for offset in offsets.values()):
+        return in_time, []
+    sigmas = np.array([offset.drift_sigma for offset in offsets.values()])
+    sigmas[sigmas == 0.0] = sigmas.max()  # not significant there
+    values = np.array([offset.drift for offset in offsets.values()])
+    drifts, errors, off = fused_values(rig.names, [*offsets], values, sigmas)
+    if (off > AGREE * sigmas).any():
+        return in_time, [DRIFTING]
+    reference = next(iter(offsets.values())).reference
+    each = zip(rig.names, drifts.round(12).tolist(), np.sqrt(np.diag(errors)).tolist(), strict=True)
+    clocks = {
+        name: MeasuredOffset(shutters[name], drift, reference, drift_sigma=sigma)
+        for name, drift, sigma in each
+    }
+    return replace(in_time, drifts={name: own for name, own in clocks.items() if own.drift}), []
+
+
+def _at_one_frame(offsets: Mapping[CameraPair, MeasuredOffset]) -> dict[CameraPair, MeasuredOffset]:
+    """Offsets that drift, all as they are at one frame of the recording of the rig."""
+    drifting = [own.reference for own in offsets.values() if own.drift]
+    middle = float(np.median(drifting or [0.0]))
+    return {
+        pair: replace(own, frames=float(own.at(middle)), reference=middle)
+        for pair, own in offsets.items()
+    }
 
 
 def _pair(file: RigParameters, source: str) -> PairFit:

@@ -191,12 +191,9 @@ def closed(
     Raises:
         StereocalError: the pairs contradict each other.
     """
-    rows = np.array([[(name == b) - (name == a) for name in names[1:]] for a, b in pairs], float)
     values = np.array([each.frames for each in pairs.values()])
     sigmas = np.array([max(each.sigma, LEAST_SIGMA) for each in pairs.values()])
-    covariance = np.linalg.inv(rows.T @ (rows / sigmas[:, None] ** 2))
-    starts = covariance @ rows.T @ (values / sigmas**2)
-    off = np.abs(rows @ starts - values)
+    starts, covariance, off = fused_values(names, [*pairs], values, sigmas)
     if (off > CLOSED + 5 * sigmas).any():
         each = ", ".join(
             f"{a}-{b} {value:.2f}" for (a, b), value in zip(pairs, values, strict=True)
@@ -204,7 +201,19 @@ def closed(
         raise StereocalError(
             f"The offsets of the pairs contradict each other by {off.max():.2f} frames: {each}."
         )
-    return np.array([0.0, *starts]), np.pad(covariance, ((1, 0), (1, 0)))
+    return starts, covariance
+
+
+def fused_values(
+    names: Sequence[str], pairs: Sequence[CameraPair], values: FloatArray, sigmas: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What each of n cameras has more than the first, (n,), of differences (p,) of pairs; their
+    covariance (n, n); and by how much each pair is off, (p,)."""
+    rows = np.array([[(name == b) - (name == a) for name in names[1:]] for a, b in pairs], float)
+    covariance = np.linalg.inv(rows.T @ (rows / sigmas[:, None] ** 2))
+    found = covariance @ rows.T @ (values / sigmas**2)
+    off = np.abs(rows @ found - values)
+    return np.array([0.0, *found]), np.pad(covariance, ((1, 0), (1, 0))), off
 
 
 def _rates_that_fit(recording: Recording, pair: CameraPair) -> str:

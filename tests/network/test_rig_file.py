@@ -119,7 +119,9 @@ def test_fused_pairs_keep_the_counts_of_their_cameras(
 ) -> None:
     def fused_from(starts: dict[CameraPair, int]) -> RigFile:
         for (one, other), start in starts.items():
-            late = MeasuredOffset(0.3 * ((other == "c3") - (one == "c3")), sigma=0.01)
+            of_third = (other == "c3") - (one == "c3")
+            drift = of_third * 2e-5
+            late = MeasuredOffset(0.3 * of_third, drift, 4000.0, 0.01, 1e-6 * bool(drift))
             read = RigParameters.load(files[one, other])
             own = replace(read, start_frame=start, time_offset=late)
             own.save(tmp_path / f"{one}-{other}.json")
@@ -132,6 +134,10 @@ def test_fused_pairs_keep_the_counts_of_their_cameras(
     assert pair.start_frame == 17 and pair.time_offset is not None
     assert pair.time_offset.frames == pytest.approx(0.3)
     assert 0.005 < pair.time_offset.sigma <= 0.01
+    assert pair.time_offset.drift == pytest.approx(2e-5)
+    assert 0.5e-6 < pair.time_offset.drift_sigma < 1.5e-6
+    assert fused.pair("c1", "c2").time_offset is None
+    assert not fused.about.warnings
     anew = fused_from({("c1", "c3"): 900})
     assert not any(anew.start_frames.values()) and anew.about.warnings
 
