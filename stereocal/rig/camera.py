@@ -336,17 +336,19 @@ class Camera(Answer):
         points = np.asarray(guess, dtype=np.float64)
         with np.errstate(all="ignore"):
             for _ in range(20):
-                error = self._distort(points) - distorted
-                (du, dv), (ux, vx, uy, vy) = error.T, self._jacobian(points)
+                there, (ux, vx, uy, vy) = self._distorted(points)
+                error = there - distorted
+                du, dv = error.T
                 step = np.column_stack([du * vy - dv * uy, dv * ux - du * vx])
                 points = points - step / (ux * vy - vx * uy)[:, None]
                 if np.nanmax(np.abs(error), initial=0.0) < 1e-13:
                     break
-            found = np.abs(self._distort(points) - distorted).max(axis=1) < 1e-10
+            there, here = self._distorted(points)
+            found = np.abs(there - distorted).max(axis=1) < 1e-10
             # Far from the centre the polynomial folds back and has spurious solutions. A solution
             # counts if both eigenvalues of the Jacobian are positive all the way from the centre.
-            for part in (0.25, 0.5, 0.75, 1.0):
-                ux, vx, uy, vy = self._jacobian(part * points)
+            on_the_way = (self._distorted(part * points)[1] for part in (0.25, 0.5, 0.75))
+            for ux, vx, uy, vy in (*on_the_way, here):
                 found &= (ux * vy > vx * uy) & (ux + vy > 0)
         return np.where(found[:, None], points, np.nan)
 
@@ -394,15 +396,19 @@ class Camera(Answer):
             return distorted
         if not len(normalised) or not self.distortion.any():
             return normalised
-        points, none = homogeneous(normalised)[:, None], np.zeros(3)
-        found, _ = cv2.projectPoints(points, none, none, np.eye(3), self.distortion)
-        return np.asarray(found, dtype=np.float64).reshape(-1, 2)
+        return self._distorted(normalised)[0]
 
-    def _jacobian(self, normalised: FloatArray) -> FloatArray:
-        """(4, n): derivatives of the distorted u and v by x, and of both by y, by differences."""
-        step, here = 1e-6, self._distort(normalised)
-        sides = [self._distort(normalised + step * along) - here for along in np.eye(2)]
-        return np.concatenate([side.T for side in sides]) / step
+    def _distorted(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As `_distort`, of a lens that is no fisheye, and (4, n): the derivatives of the distorted
+        u and v by x, and of both by y.
+
+        They are OpenCV's by the translation, for points at a depth of 1.
+        """
+        points, none = homogeneous(normalised)[:, None], np.zeros(3)
+        found, J = cv2.projectPoints(points, none, none, np.eye(3), self.distortion)
+        by_x_and_y = np.asarray(J[:, 3:5], dtype=np.float64).reshape(-1, 2, 2)
+        distorted = np.asarray(found, dtype=np.float64).reshape(-1, 2)
+        return distorted, by_x_and_y.transpose(2, 1, 0).reshape(4, -1)
 
     def _to_pixels(self, normalised: FloatArray) -> FloatArray:
         pixels: FloatArray = normalised @ self.K[:2, :2].T + self.K[:2, 2]
