@@ -53,6 +53,7 @@ def test_videos_of_cameras_started_by_hand(home: Path, tmp_path: Path) -> None:
     assert sum(frame.use for frame in frames) > 60
 
 
+@pytest.mark.soak  # likewise
 def test_videos_of_three_cameras_started_by_hand(home: Path, tmp_path: Path) -> None:
     pytest.importorskip("av")
     videos = write_sample(tmp_path, cameras=3, seconds=7)
