@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks.studies import run_studies
-from stereocal.calibration.corrections import with_changed
+from stereocal.calibration.corrections import scaled, with_changed
 from stereocal.errors import StereocalError
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.disagreement import compare_inputs
@@ -25,7 +25,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import lens_off_by
 from stereocal.verdict.in_words import why_not_trusted
 from tests.rigs.accuracy import turned
-from tests.rigs.mistakes import flipped, rig, scaled, with_frames_exchanged, with_points_off
+from tests.rigs.mistakes import flipped, rig, with_frames_exchanged, with_points_off
 from tests.rigs.refined_rigs import Misjudged
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.checks import scale_is_plausible
+from stereocal.calibration.corrections import scaled
 from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.wrong_inputs import NO_FIT, pose_fit
@@ -24,7 +25,7 @@ from stereocal.simulation.nineteen import simulate_nineteen
 from tests.fisheye_rig import recording
 from tests.further import further
 from tests.rigs.culprits import KINDS, accusations_of, sound
-from tests.rigs.mistakes import flipped, scaled
+from tests.rigs.mistakes import flipped
 from tests.rigs.mistakes import rig as random_rig
 from tests.rigs.pair_mistakes import MISTAKES
 

@@ -6,10 +6,11 @@ from functools import partial
 
 import numpy as np
 
+from stereocal.calibration.corrections import scaled
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from tests.rigs.board_pairs import BoardPair
-from tests.rigs.mistakes import flipped, scaled
+from tests.rigs.mistakes import flipped
 from tests.rigs.pair_mistakes import (
     OF_FISHEYES,
     Change,

@@ -63,10 +63,3 @@ def with_points_off(data: Dataset, rng: np.random.Generator) -> tuple[Dataset, t
 def flipped(camera: Camera) -> Camera:
     """The lens with all distortion of the other sign."""
     return replace(camera, distortion=-camera.distortion)
-
-
-def scaled(camera: Camera, factor: float) -> Camera:
-    """The lens as it would be for an image so many times as large."""
-    K = camera.K.copy()
-    K[:2] *= factor
-    return replace(camera, K=K)

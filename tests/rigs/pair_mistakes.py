@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from stereocal.calibration.corrections import scaled
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensUncertainty
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import lens_off_by
 from tests.rigs.culprits import OFF, accusations_of, sound, waved
-from tests.rigs.mistakes import flipped, scaled
+from tests.rigs.mistakes import flipped
 
 Change = Callable[[Dataset, np.random.Generator], Dataset]
 

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from stereocal.calibration.corrections import scaled, with_changed, with_files, with_pixels
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -14,7 +15,7 @@ from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.simulation.rigs import NOISE_PX, SimulatedRig
 from stereocal.simulation.simulate import lens_off_by
-from tests.rigs.mistakes import flipped, scaled
+from tests.rigs.mistakes import flipped
 from tests.rigs.pair_mistakes import from_below, from_the_right, upside_down
 
 SIZE = (1280, 1024)
@@ -162,66 +163,39 @@ def _one(recording: Recording, rng: np.random.Generator) -> int:
     return int(rng.integers(len(recording.cameras)))
 
 
+def _name(recording: Recording, rng: np.random.Generator) -> str:
+    return [*recording.cameras][_one(recording, rng)]
+
+
 def _two(recording: Recording, rng: np.random.Generator) -> tuple[str, str]:
     """Two cameras that share frames."""
     names, first = list(recording.cameras), int(rng.integers(len(recording.cameras) - 1))
     return names[first], names[first + 1]
 
 
-def with_points(
-    recording: Recording, number: int, change: Callable[[FloatArray, Camera], FloatArray]
-) -> Recording:
-    """The recording with the points of one camera changed."""
-    points, own = recording.points.copy(), recording.camera == number
-    points[own] = change(points[own], [*recording.cameras.values()][number])
-    return replace(recording, points=points)
-
-
 def of_one(change: Callable[[FloatArray, Camera], FloatArray]) -> Change:
     """The points of one camera changed."""
-    return lambda recording, rng: with_points(recording, _one(recording, rng), change)
+    return lambda recording, rng: with_pixels(recording, [_name(recording, rng)], change)
 
 
 def of_all(change: Callable[[FloatArray, Camera], FloatArray]) -> Change:
     """The points of all cameras changed."""
-
-    def changed(recording: Recording, _: np.random.Generator) -> Recording:
-        for number in range(len(recording.cameras)):
-            recording = with_points(recording, number, change)
-        return recording
-
-    return changed
+    return lambda recording, _: with_pixels(recording, recording.cameras, change)
 
 
 def of_file(change: Callable[[Camera], Camera]) -> Change:
     """The file of one camera changed."""
-
-    def changed(recording: Recording, rng: np.random.Generator) -> Recording:
-        name = list(recording.cameras)[_one(recording, rng)]
-        return with_lens(recording, **{name: change(recording.cameras[name])})
-
-    return changed
+    return lambda recording, rng: with_changed(recording, [_name(recording, rng)], change)
 
 
 def of_files(change: Callable[[Camera], Camera]) -> Change:
     """The files of all cameras changed."""
-    return lambda recording, _: with_lens(
-        recording, **{name: change(camera) for name, camera in recording.cameras.items()}
-    )
-
-
-def with_lens(recording: Recording, **lenses: Camera) -> Recording:
-    return replace(recording, cameras={**recording.cameras, **lenses})
-
-
-def smaller(factor: float) -> Callable[[FloatArray, Camera], FloatArray]:
-    """Points of images of another size."""
-    return lambda points, _: factor * points
+    return lambda recording, _: with_changed(recording, recording.cameras, change)
 
 
 def files_exchanged(recording: Recording, rng: np.random.Generator) -> Recording:
     a, b = _two(recording, rng)
-    return with_lens(recording, **{a: recording.cameras[b], b: recording.cameras[a]})
+    return with_files(recording, {a: recording.cameras[b], b: recording.cameras[a]})
 
 
 def points_exchanged(recording: Recording, rng: np.random.Generator) -> Recording:
@@ -257,7 +231,7 @@ def cropped(recording: Recording, rng: np.random.Generator) -> Recording:
     cut = np.array([*recording.cameras.values()][number].image_size) / 8
     own = recording.camera == number
     kept = recording.where(np.asarray(~own | (recording.points > cut).all(axis=1)))
-    return with_points(kept, number, lambda points, _: points - cut)
+    return with_pixels(kept, [[*recording.cameras][number]], lambda points, _: points - cut)
 
 
 def reordered(order: Callable[[list[int], np.random.Generator], list[int]]) -> Change:
@@ -339,8 +313,8 @@ MISTAKES: Mapping[str, Callable[[str, int], Recording]] = {
     "one mirrored": partial(changed, of_one(from_the_right)),
     "one from below": partial(changed, of_one(from_below)),
     "one upside down": partial(changed, of_one(upside_down)),
-    "one half size": partial(changed, of_one(smaller(0.5))),
-    "all at 75 %": partial(changed, of_all(smaller(0.75))),
+    "one half size": partial(changed, of_one(lambda points, _: 0.5 * points)),
+    "all at 75 %": partial(changed, of_all(lambda points, _: 0.75 * points)),
     "all mirrored": partial(changed, of_all(from_the_right)),
     "all from below": partial(changed, of_all(from_below)),
     "K of half size": partial(changed, of_file(partial(scaled, factor=0.5))),
