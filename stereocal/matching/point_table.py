@@ -25,7 +25,14 @@ import pandas as pd
 from stereocal.errors import DAMAGED, RefusedRowsError, RowProblem, StereocalError
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.atomic_files import write_in_parts
-from stereocal.system.dialect import HEAD_CHARACTERS, Dialect, dialect_of, encoding_of, head_of
+from stereocal.system.dialect import (
+    HEAD_CHARACTERS,
+    Dialect,
+    dialect_of,
+    encoding_of,
+    head_of,
+    refuse_binary,
+)
 from stereocal.system.limits import Limits
 from stereocal.system.tables import (
     MISSING,
@@ -230,7 +237,9 @@ class PointTable:
 
     def _csv_names(self, path: Path) -> list[str]:
         with path.open("rb") as binary:
-            encoding = encoding_of(binary.read(HEAD_CHARACTERS))
+            head = binary.read(HEAD_CHARACTERS)
+        refuse_binary(head, self.label)
+        encoding = encoding_of(head)
         with path.open(encoding=encoding, newline="") as file:
             lines = head_of(file.read(HEAD_CHARACTERS))
         if not "".join(lines).strip():

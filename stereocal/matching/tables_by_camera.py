@@ -117,7 +117,7 @@ def _check_points(
 
     def refuse(block: pd.DataFrame) -> list[RowProblem]:
         pixels = pixels_of(block)
-        off = np.flatnonzero(((pixels < -0.5) | (pixels > size - 0.5)).any(axis=1))
+        off = camera.outside(pixels)
         if len(off) > OTHER_IMAGES * len(block):
             u, v = pixels.max(axis=0)
             raise StereocalError(
@@ -128,11 +128,13 @@ def _check_points(
         beyond[which] += count_beyond(camera, pixels)
         again = np.flatnonzero(block.duplicated(["frame", *POINT]).to_numpy())
         lines, frames = block.index.to_numpy(), block["frame"].to_numpy()
-        outside = f"is outside the {image} image of the {which} camera"
+        twice = [
+            (row, f"point ({u:g}, {v:g}) is there twice")
+            for row, (u, v) in zip(again.tolist(), pixels[again], strict=True)
+        ]
         problems = [
-            RowProblem(int(lines[row]), f"frame {frames[row]}{colon} the point {point} {what}")
-            for rows, colon, what in ((off, ":", outside), (again, " has", "twice"))
-            for row, point in ((row, f"({pixels[row, 0]:g}, {pixels[row, 1]:g})") for row in rows)
+            RowProblem(int(lines[row]), f"frame {frames[row]}: the {which} {what}")
+            for row, what in off + twice
         ]
         return sorted(problems, key=lambda problem: problem.line)
 

@@ -282,13 +282,28 @@ class Camera(Answer):
 
     def outside(self, pixels: FloatArray) -> list[tuple[int, str]]:
         """The rows of raw pixels (n, 2) outside the image, which ends 0.5 px beyond the outermost
-        pixel centres, and in words: `point (-3, 20) is outside the 1280x1024 px image`."""
+        pixel centres, and in words: `point (-3, 20) is outside the 1280x1024 px image`.
+
+        Raises:
+            StereocalError: all points are fractions of the image, not pixels.
+        """
         width, height = self.image_size
+        seen = pixels[np.isfinite(pixels).all(axis=1)]
+        if len(seen) > 3 and (seen >= 0).all() and (seen <= 1).all():
+            raise StereocalError(
+                f"All {len(seen)} points of a camera of {width}x{height} px lie between 0 and 1, "
+                f"as fractions of the image: give pixels, u times {width} and v times {height}."
+            )
+        missing = "; leave the point out if this marks a missing one"
         rows = np.flatnonzero(
             ((pixels < -0.5) | (pixels > (width - 0.5, height - 0.5))).any(axis=1)
         )
         return [
-            (row, f"point ({u:g}, {v:g}) is outside the {width}x{height} px image")
+            (
+                row,
+                f"point ({u:g}, {v:g}) is outside the {width}x{height} px image"
+                f"{missing if u == v == -1 else ''}",
+            )
             for row, (u, v) in zip(rows.tolist(), pixels[rows], strict=True)
         ]
 

@@ -104,6 +104,12 @@ def encoding_of(head: bytes) -> str:
     return "utf-8-sig"
 
 
+def refuse_binary(head: bytes, source: str) -> None:
+    """Reject what is no text, such as a spreadsheet or NumPy's arrays, in place of a table."""
+    if encoding_of(head) != "utf-16" and _CONTROL.search(head):
+        raise StereocalError(f"{source}: this is not a text file: save the table as CSV (UTF-8).")
+
+
 def one_line_end(text: str) -> str:
     """The text with `\\n` at the ends of lines, where they are those of old Macintoshes."""
     return text if "\n" in text else text.replace("\r", "\n")

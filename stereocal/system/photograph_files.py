@@ -62,7 +62,8 @@ def photographs_in(source: Path, store: Path, progress: Progress | None = None) 
         raise StereocalError(f"{source}: there is no such folder or file.")
     if not found:
         raise StereocalError(
-            f"{source}: there is no photograph in it (PNG, JPEG, TIFF, BMP or PGM)."
+            f"{source}: there is no photograph in it (PNG, JPEG, TIFF, BMP or PGM); "
+            "`detect` takes videos with --videos."
         )
     return found
 

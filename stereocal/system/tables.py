@@ -25,7 +25,8 @@ MAXIMUM_CELLS = 100_000_000
 """In a table that is read into memory as a whole."""
 LARGEST_WHOLE = 2**53
 EMPTY = frozenset(("",))
-MISSING = frozenset(("", "nan", "na", "none", "null"))
+MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "none", "null"))
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}([.,' ]\d{3})+([.,]\d*)?")
 Values = dict[str, npt.NDArray[np.float64]]
 Reasons = dict[int, str]
 """Why rows are invalid, by row index from 0."""
@@ -284,7 +285,10 @@ def _reason(column: Column, cell: str, value: float, empty: frozenset[str]) -> s
     if np.isinf(value) or cell.lower().lstrip("+-") == "nan":
         return f"{column.name} is {text}, which is not a finite number"
     if np.isnan(value):
-        return f'{column.name} is "{text}", which is not a number'
+        thousands = (
+            ": write it without a sign between thousands" if _THOUSANDS.fullmatch(cell) else ""
+        )
+        return f'{column.name} is "{text}", which is not a number{thousands}'
     if column.is_whole and abs(value) > LARGEST_WHOLE:
         return f"{column.name} is {text}; whole numbers are read up to 2^53"
     if column.is_whole:

@@ -8,7 +8,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Archive
-from stereocal.formats.archives.gather import bars_of, gather
+from stereocal.formats.archives.gather import bars_of, gather, layout_of_bars
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.exchange.exchange import export_files, import_files
 from stereocal.formats.exchange.options import ExchangeOptions
@@ -208,3 +208,9 @@ def test_three_cameras_of_kalibr_in_either_order() -> None:
 def test_what_does_not_fit_is_refused(files: dict[str, bytes], message: str) -> None:
     with pytest.raises(StereocalError, match=message):
         gather(files, USUAL)
+
+
+def test_the_middle_of_a_wand_is_not_taken_for_an_end() -> None:
+    names = [f"cam{c}_{p}_{a}" for c in (1, 2) for p in ("tip", "middle", "base") for a in "xy"]
+    table = "frame," + ",".join(names) + "\n" + "0,1,2,3,4,5,6,7,8,9,10,11,12\n" * 2
+    assert layout_of_bars(table.encode(), "w.csv", ExchangeOptions())[1] == ("tip", "base")

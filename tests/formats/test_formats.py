@@ -83,7 +83,11 @@ class TestTable:
 
     def test_thousands_are_not_taken_for_decimals(self) -> None:
         assert problems_of(table('1,A,"1,215",200,300,400')) == [
-            (2, 'u_primary is "1,215", which is not a number')
+            (
+                2,
+                'u_primary is "1,215", which is not a number: write it without a sign between '
+                "thousands",
+            )
         ]
         mixed = table("1;A;100.5;200;300;400", "1;B;1,215;2;3;4", header=HEADER.replace(",", ";"))
         assert [line for line, _ in problems_of(mixed)] == [3]

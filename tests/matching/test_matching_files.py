@@ -8,13 +8,15 @@ import pandas as pd
 import pytest
 
 from stereocal.cli import main
+from stereocal.errors import StereocalError
 from stereocal.matching import point_table
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.pairs import PAIR_COLUMNS
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
+from stereocal.matching.tables_by_camera import _check_points
 from stereocal.matching.trajectories import OUTSIDE_VOLUME
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.volume import Volume
 from stereocal.system.tasks import StoppedError
@@ -163,3 +165,31 @@ class TestReconstruct:
         points = pd.read_csv(folder / "points.csv")
         assert points[OUTSIDE_VOLUME].tolist() == [True, False, True]
         assert points["x"].isna().tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"PK\x03\x04\x14\x00\x00\x00", "not a text file: save the table as CSV"),
+        (b"frame;u;v\n0;1.012,5;3,5\n", "sign between thousands"),
+        (b"frame,u,v\n" + b"".join(b"%d,0.5,0.25\n" % k for k in range(5)), "give pixels"),
+        (
+            b"frame,u,v\n0,-1,-1\n" + b"".join(b"%d,9,8\n" % k for k in range(1, 30)),
+            "marks a missing",
+        ),
+    ],
+)
+def test_tables_as_other_programs_write_them_are_told_what_to_do(
+    content: bytes, said: str, tmp_path: Path
+) -> None:
+    table = tmp_path / "points.csv"
+    table.write_bytes(content)
+    with pytest.raises(StereocalError, match=said):
+        camera = Camera(np.diag((1000.0, 1000.0, 1.0)), np.zeros(5), (640, 480))
+        _check_points(PointTable(table), camera, "primary", (), {"primary": 0})
+
+
+def test_cells_of_excel_without_a_value_are_missing(tmp_path: Path) -> None:
+    table = tmp_path / "points.csv"
+    table.write_text("frame,u,v\n0,#N/A,#N/A\n1,4,5\n", encoding="utf-8")
+    assert len(next(iter(PointTable(table, may_be_empty=True)._blocks()))) == 1

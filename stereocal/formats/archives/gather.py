@@ -36,6 +36,8 @@ WANTED = (
     "expected are one easyWandData.mat, or a table of the bar's ends (Argus, easyWand or DLTdv "
     "CSV) with camera files (Kalibr, ROS, OpenCV, MATLAB, aniposelib, Caliscope or stereocal)"
 )
+MIDDLES = ("middle", "mid", "centre", "center")
+"""Names of points that are no end of a bar."""
 
 
 def gather(
@@ -302,7 +304,9 @@ def layout_of_bars(
             f"the points {', '.join(layout.points)[:60]}.",
             source,
         )
-    ends = options.ends or (layout.points[0], layout.points[1])
+    outer = [point for point in layout.points if point.lower() not in MIDDLES]
+    first, second, *_ = outer if len(outer) > 1 else layout.points
+    ends = options.ends or (first, second)
     if ends[0] == ends[1]:
         raise StereocalError(
             f"the ends A and B are the same point ({ends[0]}): choose two.", source
