@@ -67,8 +67,6 @@ class Reading(Generic[Given]):
     """Whether it puts a fitted value in the place of a stated one."""
     least_gain: float = 0.0
     """How many times less noise it must leave than what was given."""
-    is_movement: bool = False
-    """Whether no input is wrong, but a camera moved."""
 
     @property
     def handicap(self) -> float:

@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -9,10 +10,11 @@ from stereocal.calibration.board_numbering import check_numbering
 from stereocal.calibration.checks import refuse_same_points
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.network.diagnosis import camera_warnings, refuse_poor_fit
+from stereocal.network.diagnosis import camera_warnings, moved_in_words, refuse_poor_fit
 from stereocal.network.fit import RigFit, RigSettings
 from stereocal.network.free_distortion import better_held_out, lenses_with_distortion
 from stereocal.network.fuse import Fused, PairFit, fuse
+from stereocal.network.held_out import fitted_to
 from stereocal.network.joint_fit import NO_RIG, Start, joint_fit
 from stereocal.network.pairs import (
     FEWEST_BARS,
@@ -27,6 +29,7 @@ from stereocal.network.result import RigCalibration
 from stereocal.network.screening import rows_of, wrong_images
 from stereocal.network.wrong_inputs import check_inputs, contradicting_lengths, find_wrong_input
 from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.refined.movement import MovedError, movement
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened
 from stereocal.refined.time_offset import DRIFTING
@@ -57,6 +60,8 @@ def calibrate_rig(
     try:
         rig = _calibrated(recording, settings or RigSettings(), progress)
         refuse_poor_fit(rig)
+    except MovedError:
+        raise
     except (StereocalError, np.linalg.LinAlgError) as error:  # LinAlgError: no rig is near
         known = isinstance(error, StereocalError)
         raise StereocalError(
@@ -66,7 +71,7 @@ def calibrate_rig(
     if disagree and (wrong := find_wrong_input(recording)):
         raise StereocalError(wrong)
     possible = check_inputs(rig.fit, [*rig.pairs.fits.values()])
-    told = [*possible, *rig.warnings, _question(rig)]
+    told = [*possible, *rig.warnings, rig.moved, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, told)))
 
 
@@ -114,6 +119,10 @@ def _of_pairs(
     unreached = {
         name: _why_unreached(name, pairs) for name in recording.cameras if name not in names
     }
+    for name in unreached:
+        own = [it for pair, it in pairs.moved.items() if name in pair]
+        if own:
+            raise MovedError(moved_in_words(own[0], [name], settings))
     kept = recording.of_cameras(names)
     pairs, fused = _consistent(kept, pairs, settings)
     noise = float(np.median([fit.noise_px for fit in pairs.fits.values()]))
@@ -123,6 +132,11 @@ def _of_pairs(
     report(steps - 2, steps)
     start = Start(fused.poses, fused.unknowns.named(fused.p), noise)
     screening, _ = joint_fit(kept, start, wide)
+    moved = ""
+    if (found := movement(screening, partial(fitted_to, screening))) is not None:
+        moved = moved_in_words(found, [names[number] for number in found.cameras], settings)
+        if found.is_far:
+            raise MovedError(moved)
     wrong = wrong_images(screening)
     out = screening.frames[screening.outlying]
     out = out[~np.isin(out, [image.frame for image in wrong])]
@@ -133,7 +147,9 @@ def _of_pairs(
         fit, offsets = joint_fit(kept.where(good), start, settings)
         left_out = tuple(sorted({*out.tolist(), *fit.frames[fit.outlying].tolist()}))
         warnings = tuple(camera_warnings(fit))
-        return RigCalibration(fit, pairs, tuple(wrong), left_out, unreached, offsets, warnings)
+        return RigCalibration(
+            fit, pairs, tuple(wrong), left_out, unreached, offsets, warnings, moved
+        )
 
     rig = fitted(replace(start, noise_px=screening.sigma_px), settings)
     if settings.time_offsets:

@@ -1,16 +1,17 @@
 """What is wrong with a whole camera: its file, or that it moved during the recording."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from stereocal.calibration.methods import POOR_LENGTH
 from stereocal.errors import StereocalError
-from stereocal.network.fit import RigFit, lens_places
-from stereocal.network.held_out import predicted_apart
+from stereocal.network.fit import RigFit, RigSettings, lens_places
 from stereocal.network.pairs import MOST_NOISE
 from stereocal.network.result import RigCalibration
+from stereocal.refined.movement import Movement
 from stereocal.refined.stated_inputs import moved_length
 from stereocal.refined.unknowns import LensPrior, lens_prior
-from stereocal.refined.views import EACH
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.field_of_view import beyond_in_words
@@ -20,17 +21,6 @@ CONTRADICTED = 30.0
 """Chi-square of a camera's focal length and centre about the stated ones, of 3 values."""
 UPRIGHT = 0.7
 """Cosine of the angle within which cameras stand alike."""
-BLOCKS = 16
-"""Into which a recording is divided to find when a camera moved."""
-MOVED, OF_COST = 60.0, 0.1
-"""Least chi-square, of 6 values, that a step of a camera explains, and least share of the fit's."""
-APART = 1.3
-"""How many times more the moved camera must explain than any other."""
-CHANGED = 1.3
-"""How many times worse what is before the step and after it must predict each other than the halves
-of each do: lenses whose errors no model contains make steps too, wherever the object goes. Parts of
-a real recording that stood still: 0.3 to 1.8, one of seven above; simulated turns of 0.05 degrees:
-0.9 to 1.5, of 0.2: 2.5 to 6.5."""
 OUT_OF_STEP = (
     " If the object moved fast, the cameras may be out of step instead: ask for their time offsets."
 )
@@ -51,12 +41,11 @@ def refuse_poor_fit(rig: RigCalibration) -> None:
         seen = f"95 % of the lengths are within {within} % only"
     else:
         return
-    causes = _moved_warnings(fit) if fit.is_determined else []
-    causes = causes or [
+    cause = rig.moved or (
         "The points or the file of a camera are wrong, as of mirrored images or of another "
         "recording, and it cannot be told which: calibrate without one camera after the other."
-    ]
-    raise StereocalError(f"The cameras do not fit together: {seen}. {' '.join(causes)}")
+    )
+    raise StereocalError(f"The cameras do not fit together: {seen}. {cause}")
 
 
 def camera_warnings(fit: RigFit) -> list[str]:
@@ -64,13 +53,7 @@ def camera_warnings(fit: RigFit) -> list[str]:
     beyond = filter(None, [beyond_in_words(fit.recording.beyond_view)])
     if not fit.is_determined:
         return [*beyond]
-    return [
-        *beyond,
-        *_on_their_heads(fit),
-        *_lens_warnings(fit),
-        *_moved_warnings(fit),
-        *_baseline_warnings(fit),
-    ]
+    return [*beyond, *_on_their_heads(fit), *_lens_warnings(fit), *_baseline_warnings(fit)]
 
 
 def _baseline_warnings(fit: RigFit) -> list[str]:
@@ -145,43 +128,17 @@ def _lens_chi_square(fitted: FloatArray, stated: FloatArray, prior: LensPrior) -
     return float(focal**2 + np.square((fitted[2:4] - stated[2:4]) / prior.centre_px).sum())
 
 
-def _moved_warnings(fit: RigFit) -> list[str]:
-    """The camera that moved during the recording, if one did."""
-    if len(fit.used) < 2 * BLOCKS:
-        return []
-    blocks = np.array_split(fit.used, BLOCKS)
-    H, g, _ = fit.equations(fit.q, blocks)
-    M = fit.unknowns.M
-    C = fit.unknowns.covariance(fit.information)
-    after_H, after_g = H[::-1].cumsum(axis=0)[::-1], g[::-1].cumsum(axis=0)[::-1]
-    names = list(fit.recording.cameras)
-    best = {name: (0.0, 0, np.zeros(6)) for name in names}
-    for number, name in enumerate(names):
-        pose = slice(EACH * number, EACH * number + 6)
-        for start in range(2, BLOCKS - 1):
-            by_all = after_H[start, pose] @ M
-            information = after_H[start, pose, pose] - by_all @ C @ by_all.T
-            step = -np.linalg.pinv(information, hermitian=True) @ after_g[start, pose]
-            explained = float(-step @ after_g[start, pose])
-            if explained > best[name][0]:
-                best[name] = explained, start, step
-    ranked = sorted(names, key=lambda name: -best[name][0])
-    explained, start, step = best[ranked[0]]
-    if explained < max(MOVED, OF_COST * fit.cost):
-        return []
-    when = int(fit.frames[blocks[start][0]])
-    if predicted_apart(fit, when) < CHANGED:
-        return []
-    step_or_not = "" if fit.rig_settings.time_offsets else OUT_OF_STEP
-    if explained < APART * best[ranked[1]][0]:
-        return [
-            f"A camera seems to have moved at about frame {when}, and it cannot be told which: "
-            f"{ranked[0]} or {ranked[1]}. Calibrate with the frames before it, or after it, alone."
-            f"{step_or_not}"
-        ]
-    return [
-        f"The camera {ranked[0]} seems to have moved at about frame {when}, by "
-        f"{rounded(float(np.degrees(np.linalg.norm(step[:3]))))}° and "
-        f"{rounded(1000 * float(np.linalg.norm(step[3:])))} mm. Calibrate with the frames before "
-        f"it, or after it, alone.{step_or_not}"
-    ]
+def moved_in_words(found: Movement, names: Sequence[str], settings: RigSettings) -> str:
+    """What to do about a camera that moved.
+
+    Args:
+        names: of the camera, or of all that it may be.
+    """
+    seems = f"seems to have moved at about frame {found.first}"
+    which = (
+        f"The camera {names[0]} {seems}, by {found.in_words}"
+        if len(names) == 1
+        else f"A camera {seems}, and it cannot be told which: {' or '.join(names)}"
+    )
+    step = "" if settings.time_offsets else OUT_OF_STEP
+    return f"{which}. Calibrate with the frames before it, or after it, alone.{step}"

@@ -10,14 +10,12 @@ as long as errors show to be alike 1.09, of single frames 1.12.)
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from stereocal.network.fit import RigFit, camera_at
 from stereocal.refined.observations import Observations
-from stereocal.refined.two_recordings import predict_each_other
 from stereocal.refined.views import Cameras, fit_points
 from stereocal.rig.clusters import evenly_divided
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -117,21 +115,7 @@ def held_out(fit: RigFit, follow: bool) -> dict[Groups, HeldOut]:
     return {name: errors for name, errors in found if errors is not None}
 
 
-def predicted_apart(fit: RigFit, frame: int) -> float:
-    """How much worse the frames before and from one on predict each other than the halves of each
-    do, as a factor; above 1 something changed there, and not only where the object was."""
-    used = fit.frames[fit.used]
-
-    def error(of: RigFit, frames: IntArray) -> float:
-        units = np.flatnonzero(np.isin(fit.frames[fit.frame_of], frames))
-        _, residuals = point_fits(of.cameras, fit.seen, units)
-        return float(np.nanmedian(frame_errors(residuals, fit.frame_of[units], len(fit.frames))))
-
-    parts = used[used < frame], used[used >= frame]
-    return predict_each_other(parts, partial(_fitted_to, fit), error)
-
-
-def _fitted_to(fit: RigFit, frames: IntArray) -> RigFit | None:
+def fitted_to(fit: RigFit, frames: IntArray) -> RigFit | None:
     """A fit of some frames from the end of one; None if it fails."""
     settings = replace(fit.rig_settings, time_offsets=False)  # the points are in step already
     again = RigFit(fit.recording.where(np.isin(fit.recording.frame, frames)), fit.poses, settings)
@@ -145,7 +129,7 @@ def _errors(fit: RigFit, parts: IntArray) -> HeldOut | None:
     pixels, lengths, apart = list[FloatArray](), list[FloatArray](), list[FloatArray]()
     for part in range(PARTS):
         out = used[parts == part]
-        again = _fitted_to(fit, seen.frames[used[parts != part]])
+        again = fitted_to(fit, seen.frames[used[parts != part]])
         if again is None:
             return None
         units = np.flatnonzero(np.isin(seen.frame_of, out))

@@ -9,10 +9,12 @@ from stereocal.errors import StereocalError
 from stereocal.network.fit import RigSettings
 from stereocal.network.fuse import PairFit
 from stereocal.refined.free_baseline import with_rough_baseline
+from stereocal.refined.movement import Movement
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import fit_time_offset
+from stereocal.refined.two_recordings import movement_of_pair
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import BoolArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -45,6 +47,8 @@ class Pairs:
     """Of the sound pairs, best first."""
     failed: Mapping[CameraPair, str] = field(default_factory=dict)
     """Pairs with enough bars and no sound fit, and why."""
+    moved: Mapping[CameraPair, Movement] = field(default_factory=dict)
+    """Those of them before which a camera moved."""
     out_of_step: bool = False
     """Whether a pair was found out of step though that was not asked; then there are no fits."""
 
@@ -107,6 +111,7 @@ def calibrate_pairs(
     worth = pairs_worth_a_fit(recording)
     fits: dict[CameraPair, RefinedResult] = {}
     failed: dict[CameraPair, str] = {}
+    moved: dict[CameraPair, Movement] = {}
     for number, pair in enumerate(worth):
         if progress is not None:
             progress(number, len(worth) + FURTHER_STEPS)
@@ -116,7 +121,7 @@ def calibrate_pairs(
             failed[pair] = str(error)
             continue
         if settings.time_offsets is None and fits[pair].dataset.time_offset is not None:
-            return Pairs(bars, {}, {}, out_of_step=True)
+            return Pairs(bars, {}, out_of_step=True)
     noises = [fit.sigma_px.value for fit in fits.values()]
     limit = max(MOST_NOISE * float(np.median(noises)) if noises else 0.0, LEAST_NOISE_PX)
     for pair, fit in list(fits.items()):
@@ -127,10 +132,12 @@ def calibrate_pairs(
             f"its fit leaves {fit.sigma_px.value:.1f} px and contradicts {out} of "
             f"{len(fit.frames)} frames"
         )
+        if (movement := movement_of_pair(fit)) is not None:
+            moved[pair] = movement
         del fits[pair]
     found = {pair: PairFit.of(pair, fit) for pair, fit in fits.items()}
     best = sorted(found.items(), key=lambda item: -item[1].frames / item[1].noise_px ** 2)
-    return Pairs(bars, dict(best), failed)
+    return Pairs(bars, dict(best), failed, moved)
 
 
 def pair_problem(

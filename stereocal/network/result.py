@@ -47,6 +47,8 @@ class RigCalibration:
     shifts: tuple[TimeOffset, ...]
     """By how much each camera is late; 0 if they are in step."""
     warnings: tuple[str, ...] = ()
+    moved: str = ""
+    """Which camera moved among the frames, and when; empty if none did."""
 
     @property
     def recording(self) -> Recording:

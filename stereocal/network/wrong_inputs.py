@@ -35,7 +35,6 @@ from stereocal.network.pairs import (
     reached,
     shared_bars,
 )
-from stereocal.network.rig_readings import best_pair, readings_of_movement
 from stereocal.refined.best_reading import FAR
 from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.judge import (
@@ -109,7 +108,7 @@ class JudgeOfRig(Judge[Recording]):
         self.known_cameras = whole.cameras
         self.known = [pair for pair in known if {*pair.pair} <= {*names}]
         self.fit, self.bars = fit, shared_bars(self.part)
-        shown = [(name, best_pair(self.part, name)) for name in about]
+        shown = [(name, _best_pair(self.part, name)) for name in about]
         every = Group(tuple(names), self.part.pair(*next(iter(self.bars))), CAMERAS)
         self.groups = [
             every,
@@ -133,7 +132,6 @@ class JudgeOfRig(Judge[Recording]):
 
     def readings_in_time(self) -> Iterator[Reading[Recording]]:
         names = tuple(self.part.cameras)
-        yield from readings_of_movement(self.whole.of_cameras(names), self.about)
         for name in self.about:
             for reading in readings_of_frames(self.whole, name, SHIFTS, SHIFT_GAIN):
                 yield replace(reading, corrected=partial(_of_cameras, reading.corrected, names))
@@ -172,8 +170,6 @@ def check_inputs(fit: RigFit, pairs: Collection[PairFit]) -> list[str]:
             continue
         judged = judge.explanations()
         named = judge.named(judged, CERTAIN_GAIN)
-        if named and named[0].reading.is_movement:
-            continue  # which the rig says itself: by how much, too
         if named:
             raise StereocalError(judge.message(judged))
         possible += judge.warnings(judged)
@@ -221,6 +217,12 @@ def _judges(
             group += next({*pair} - {*group} for pair in worth if len({*pair} & {*group}) == 1)
         ordered = [each for each in names if each in group]
         yield JudgeOfRig(recording, ordered, [name], known, fit)
+
+
+def _best_pair(recording: Recording, name: str) -> CameraPair | None:
+    """The pair of a camera, as the second one, with which it shares most bars; None without any."""
+    pair = next((pair for pair in shared_bars(recording) if name in pair), None)
+    return None if pair is None else (pair[pair[0] == name], name)
 
 
 def _fewer_points(recording: Recording) -> Recording:

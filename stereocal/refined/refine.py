@@ -130,7 +130,9 @@ class RefinedResult:
     @property
     def fit(self) -> RobustFit:
         """The fit at its end, for normal equations of parts of the data."""
-        return self.fit_of(self.dataset, self.rows)
+        found = self.fit_of(self.dataset, self.rows)
+        found.outlying, found.chi_squares = self.outlying, self.chi_squares
+        return found
 
     def fit_of(self, dataset: Dataset, rows: BoolArray | None = None) -> RobustFit:
         """The fit of some points with the parameters and the noise of this one."""

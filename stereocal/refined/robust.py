@@ -230,18 +230,30 @@ class RobustFit:
         chi_squares: FloatArray,
         units: IntArray | slice = slice(None),
         free: BoolArray | None = None,
+        in_views: bool = False,
     ) -> tuple[float, FloatArray, FloatArray]:
         """Cost, H (Q, Q) and g (Q,) at q, as of `adjustment.sum_normal_equations`.
 
         Args:
             limits, points, chi_squares: of the units.
             free: (V,): None for those that are not held fixed.
+            in_views: H (V, V) and g (V,) by the unknowns of `views` instead.
         """
         cameras, B = self.views(q)
         measured = self._units(length_weight, units)
         into = equations_for(self.free if free is None else free)
         cost = sum_normal_equations(cameras, measured, limits, points, chi_squares, into)
-        return (cost, into.H, into.g) if B is None else (cost, B @ into.H @ B.T, B @ into.g)
+        if B is None or in_views:
+            return cost, into.H, into.g
+        return cost, B @ into.H @ B.T, B @ into.g
+
+    def chi_squares_with(self, other: "RobustFit") -> FloatArray:
+        """(f,): of these frames with the cameras of another fit, and the noise of this one."""
+        cameras, of_units = other.views(other.q)[0], np.empty(len(self.points))
+        measured, points = self._units(1 / self.scatter), np.full(self.points.shape, np.nan)
+        into = equations_for(np.zeros_like(self.free))
+        sum_normal_equations(cameras, measured, np.zeros(len(points)), points, of_units, into)
+        return self.by_frame(of_units)
 
     def innovations(self, q: FloatArray, points: FloatArray) -> FloatArray:
         """(n, 2): as of `adjustment.length_innovations`."""
@@ -250,7 +262,7 @@ class RobustFit:
         return innovations
 
     def equations(
-        self, q: FloatArray, groups: Sequence[IntArray]
+        self, q: FloatArray, groups: Sequence[IntArray], in_views: bool = False
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Normal equations at q of groups of frames, given by their indices.
 
@@ -259,13 +271,15 @@ class RobustFit:
         Returns:
             H (g, Q, Q), J r (g, Q), and the costs (g,).
         """
-        n, count, every = len(groups), len(q), np.ones(len(self.free), dtype=np.bool_)
+        every = np.ones(len(self.free), dtype=np.bool_)
+        n, count = len(groups), len(every) if in_views else len(q)
         H, g, c = np.zeros((n, count, count)), np.zeros((n, count)), np.zeros(n)
         for i, group in enumerate(groups):
             units = np.flatnonzero(np.isin(self.frame_of, group)) if self.seen.has_parts else group
             points, size = np.full((len(units), OWN), np.nan), len(units)
+            limits, chi_squares = np.full(size, np.inf), np.empty(size)
             c[i], H[i], g[i] = self.sum_at(
-                q, 1 / self.scatter, np.full(size, np.inf), points, np.empty(size), units, every
+                q, 1 / self.scatter, limits, points, chi_squares, units, every, in_views
             )
         lost = ~np.isfinite(c)
         H[lost], g[lost], c[lost] = 0.0, 0.0, 0.0

@@ -17,6 +17,7 @@ from stereocal.calibration.board_numbering import check_numbering
 from stereocal.calibration.checks import refuse_same_points
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
+from stereocal.refined.movement import MovedError
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.time_offset import (
@@ -25,7 +26,7 @@ from stereocal.refined.time_offset import (
     frames_without_neighbours,
     usable_after,
 )
-from stereocal.refined.two_recordings import other_size, two_recordings
+from stereocal.refined.two_recordings import camera_moved, other_size
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -256,8 +257,10 @@ def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
     put_back = frames.tolist() if settings.all_frames else settings.frames_put_back
     found = screen(dataset, put_back, by_user, settings.time_offset, settings.time_drift)
     fit = found.fit
-    if fit and (message := other_size(fit, MAXIMUM_LEFT_OUT) or two_recordings(fit)):
+    if fit and (message := other_size(fit, MAXIMUM_LEFT_OUT)):
         raise StereocalError(message)
+    if fit and (message := camera_moved(fit)):
+        raise MovedError(message)
     return found
 
 

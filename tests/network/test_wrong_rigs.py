@@ -199,6 +199,19 @@ def test_of_two_cameras_it_cannot_be_told_which_was_bumped() -> None:
         calibrate_rig(recording.of_cameras(["c1", "c2"]))
 
 
+@pytest.mark.parametrize(
+    ("kind", "name", "degrees"),
+    [("3 cameras", "c1", 0.5), *further(("5 cameras, waved bar", "c2", 2.0))],
+)
+def test_a_camera_whose_frames_contradict_the_others_since_one_is_refused(
+    kind: str, name: str, degrees: float
+) -> None:
+    """Its images since then were left out one by one, and files were written."""
+    bumped = bumped_from(sound(kind, 7501 if degrees < 1.0 else 7500)[0], name, degrees, 61)
+    with pytest.raises(StereocalError, match=f"camera {name} seems to have moved at about"):
+        calibrate_rig(bumped)
+
+
 @pytest.mark.soak  # a turn that the images follow is named above
 def test_a_camera_that_was_turned_away_is_named() -> None:
     """It agrees with none of the others, but its frames before and after do."""

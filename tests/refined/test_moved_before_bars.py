@@ -1,17 +1,19 @@
 """Cameras that moved while bars were recorded, and bars of two lengths, are told."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.screening import screened
 from stereocal.rig.dataset import Dataset
 from tests.further import further
 from tests.rigs.culprits import sound
-from tests.rigs.pair_mistakes import MISTAKES, moved
+from tests.rigs.pair_mistakes import MISTAKES, moved, turned_after
 from tests.rigs.refined_rigs import (
     Misjudged,
     random_rig,
@@ -20,6 +22,8 @@ from tests.rigs.refined_rigs import (
     waved_scene,
     with_waves,
 )
+
+SAMPLE = Path(__file__).parents[2] / "sample_data" / "recording"
 
 
 def said_of(data: Dataset) -> str:
@@ -62,3 +66,12 @@ def test_bars_of_two_lengths_are_told(number: int) -> None:
 def test_the_same_points_in_both_cameras_are_told() -> None:
     mistake = MISTAKES["the same points in both cameras"]
     assert "have exactly the same points" in said_of(mistake.data(0))
+
+
+def test_a_turn_by_a_tenth_of_a_degree_in_a_real_recording_is_told() -> None:
+    """It was silent; the recording as it is stays one."""
+    data = read_dataset(SAMPLE)
+    late = turned_after(data, "secondary", np.radians([0.1, 0.0, 0.0]), 300)
+    found = re.search(r"moved between frames (\d+) and", said_of(late))
+    assert found and abs(int(found[1]) - 300) < 25
+    assert not said_of(data)

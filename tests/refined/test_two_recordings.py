@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
@@ -20,7 +19,7 @@ from stereocal.rig.rigid_object import BoardPattern
 from tests import known_rig as rig
 from tests.rigs.board_mistakes import board_of
 from tests.rigs.board_pairs import draw_placings, drawn_rig, seen_by, sound, waved
-from tests.rigs.pair_mistakes import moved
+from tests.rigs.pair_mistakes import moved, turned_after
 
 PAIR = sound(0, frames=16, baseline=True)
 
@@ -34,16 +33,10 @@ def test_moved_camera_is_told_with_its_frame() -> None:
 def test_few_bars_after_a_movement_are_not_left_out_unsaid() -> None:
     """Nearly all of those bars were left out as contradicting the others, without a cause."""
     data = rig.dataset(120, 0.2)
-    rows = data.correspondences
-    turned, first = rows.secondary.copy(), int(rows.frames[-20])
-    after = rows.frame >= first
-    turn = Rotation.from_euler("y", 0.5, degrees=True).as_matrix()
-    rays = np.column_stack([data.secondary.undistort(turned[after]), np.ones(after.sum())])
-    turned[after] = data.secondary.project(rays @ turn.T)
-    with pytest.raises(StereocalError, match=f"A camera moved between frames .* and {first}:"):
-        screened(
-            replace(data, correspondences=replace(rows, secondary=turned)), CalibrationSettings()
-        )
+    last = int(data.correspondences.frames[-21])
+    turned = turned_after(data, "secondary", np.radians([0.0, 0.5, 0.0]), last)
+    with pytest.raises(StereocalError, match=f"A camera moved between frames {last} and "):
+        screened(turned, CalibrationSettings())
 
 
 def test_another_board_is_told() -> None:

@@ -193,14 +193,18 @@ def targets_exchanged(data: Dataset, _: np.random.Generator) -> Dataset:
 
 def moved(data: Dataset, rng: np.random.Generator, degrees: float = 2.0) -> Dataset:
     """One camera turned from the middle on."""
-    rows, which = data.correspondences, _which(rng)
-    axis = rng.standard_normal(3)
-    turn = Rotation.from_rotvec(np.radians(degrees) * axis / np.linalg.norm(axis))
-    later = rows.frame > np.median(rows.frames)
+    which, axis = _which(rng), rng.standard_normal(3)
+    turn = np.radians(degrees) * axis / np.linalg.norm(axis)
+    return turned_after(data, which, turn, float(np.median(data.correspondences.frames)))
+
+
+def turned_after(data: Dataset, which: CameraName, turn: FloatArray, frame: float) -> Dataset:
+    """One camera turned about its centre after a frame."""
 
     def turned(points: FloatArray, camera: Camera) -> FloatArray:
         rays = np.column_stack([camera.undistort(points), np.ones(len(points))])
-        return np.where(later[:, None], camera.project(turn.apply(rays)), points)
+        seen = camera.project(Rotation.from_rotvec(turn).apply(rays))
+        return np.where(data.correspondences.frame[:, None] > frame, seen, points)
 
     only = of_points(turned)
     return only(data, np.random.default_rng(0 if which == "primary" else 3))
