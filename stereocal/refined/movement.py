@@ -33,7 +33,7 @@ FEWEST, FEWEST_UNITS = 4, 10
 SEEMS, LEAST_RATIO, BY_CHANCE = 8.0, 25.0, 1e-6
 """Least F ratios of a step with which both parts are fitted, and of a movement in these fits; and
 the largest probability of one as large by chance. None of 144 parts of a real recording that stood
-still has such a one; with a camera turned by 0.1 degrees up or aside, half and more of them."""
+still has such a one; with a camera turned by 0.1 degrees 13 of 54 do, by 0.2 degrees 41."""
 LEFT_OUT = 3.0
 """Standard errors by which more frames are left out after a step than before it, or the other way
 round."""
