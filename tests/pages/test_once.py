@@ -9,7 +9,6 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from stereocal.evaluation import evaluate as evaluation
 from stereocal.formats import correspondences_csv
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.frames.frame import correspondences_of
@@ -20,8 +19,6 @@ from stereocal.projects.home import recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.recording import ProjectRecording
 from stereocal.refined.refine import refine
-from stereocal.rig.camera import Camera
-from stereocal.rig.correspondences import Correspondences
 from stereocal.ui import jobs
 from stereocal.ui.start import RIG
 from tests.files import zipped
@@ -65,20 +62,13 @@ def tables(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
 
 
 @pytest.fixture
-def cameras(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+def cameras(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     """The cameras that were parsed."""
-    read, calls = Camera.from_json, []
-
-    def count(data: Any, source: str) -> Camera:
-        calls.append(data)
-        return read(data, source)
-
-    monkeypatch.setattr(Camera, "from_json", count)
-    return calls
+    return counted(monkeypatch, "stereocal.rig.camera.Camera.from_json")
 
 
 def test_a_data_set_is_parsed_once(
-    app: AppTest, home: Path, tables: list[object], cameras: list[object]
+    app: AppTest, home: Path, tables: list[Any], cameras: list[Any]
 ) -> None:
     files = pack_dataset(read_dataset(FIELD))
     tables.clear()
@@ -102,7 +92,7 @@ def test_a_recording_of_more_cameras_is_parsed_once(
 
 
 def test_single_files_are_parsed_once(
-    app: AppTest, home: Path, tables: list[object], cameras: list[object]
+    app: AppTest, home: Path, tables: list[Any], cameras: list[Any]
 ) -> None:
     app.switch_page("pages/data.py").run()
     for name in ("primary.json", "correspondences.csv"):
@@ -111,7 +101,7 @@ def test_single_files_are_parsed_once(
     assert (len(tables), len(cameras)) == (1, 1)
 
 
-def test_detected_points_are_no_table_to_be_parsed(home: Path, tables: list[object]) -> None:
+def test_detected_points_are_no_table_to_be_parsed(home: Path, tables: list[Any]) -> None:
     project = placed(FULL, home)
     store = ProjectPhotographs(project)
     frames = store.frames
@@ -127,12 +117,8 @@ def test_detected_points_are_no_table_to_be_parsed(home: Path, tables: list[obje
         correspondences_csv.write_table(correspondences_of(moved)), "as stored"
     ).correspondences
     for name in ("frame", "target", "primary", "secondary", "sigma_primary_px", "source"):
-        assert same(rows, again, name)
-
-
-def same(first: Correspondences, second: Correspondences, name: str) -> bool:
-    a, b = (np.asarray(getattr(each, name)) for each in (first, second))
-    return bool(a.tobytes() == b.tobytes())
+        first, second = (np.asarray(getattr(each, name)) for each in (rows, again))
+        assert first.tobytes() == second.tobytes()
 
 
 def test_a_calibration_in_hand_is_not_read_back_and_a_stored_one_not_fitted_again(
@@ -161,20 +147,12 @@ def test_a_move_of_a_slider_computes_the_methods_of_the_paper_once(
     app = go(pressed, "validate")
     app.slider(key="validate_runs").set_value(10).run()
     ended(project_of(app, home), "evaluation")
-    searched: list[int] = []
-    original = evaluation.paper_angles
-
-    def count(dataset: Any, rows: Any, settings: Any, *seeds: Any) -> Any:
-        if settings.search.maximum_moves > 1:
-            searched.append(1)
-        return original(dataset, rows, settings, *seeds)
-
-    monkeypatch.setattr(evaluation, "paper_angles", count)
+    searched = counted(monkeypatch, "stereocal.evaluation.evaluate.paper_angles")
     for key, value in (("acceptance", 0.3), ("validate_frames", 15)):
         (slider,) = [one for one in app.slider if one.key and one.key.startswith(key)]
         slider.set_value(value).run()
         ended(project_of(app, home), "evaluation")
-        assert len(searched) == 10
+        assert sum(given[2].search.maximum_moves > 1 for given in searched) == 10
         searched.clear()
 
 
