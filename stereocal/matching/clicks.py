@@ -18,7 +18,7 @@ from stereocal.matching.in_step import points_in_step
 from stereocal.matching.pairs import PairMatching, Stated, sample_frames
 from stereocal.matching.point_table import POINT
 from stereocal.matching.reconstruction import noise_of_file
-from stereocal.matching.tracks import late_cameras, noise_of_tracks
+from stereocal.matching.tracks import noise_of_tracks
 from stereocal.matching.trajectories import TRACK
 from stereocal.matching.view_groups import LOST, ViewFitter
 from stereocal.network.rig_file import RigFile
@@ -170,8 +170,7 @@ class ClickMeasure:
             found = self.measured(clicks, usual)
             noise = noise_of_tracks(rig, found.views, found.fits.chi_square, stated.sigma_px)
             return Settled(noise.sigma_px) if noise.source == "estimated" else usual
-        first, second = clicks.tables(CAMERAS, to_match=True).values()
-        second, _ = points_in_step(replace(rig, start_frame=0), first, second)
+        first, second = self._in_step(clicks)[0].values()
         sample, distinct = sample_frames(first, second), [first[[TRACK]], second[[TRACK]]]
         if stated.sigma_px is None:
             with suppress(StereocalError):  # without a threshold
@@ -188,15 +187,8 @@ class ClickMeasure:
 
     def _views(self, clicks: Clicks) -> tuple[list[Place], FloatArray, str]:
         """The points that two cameras or more have, by frame; their pixels (n, c, 2), NaN where a
-        camera does not; and how those of a secondary camera were brought into step, or that those
-        of a rig were not."""
-        tables, timing = clicks.tables(self.matching.placed, to_match=True), ""
-        if isinstance(self.matching, RigParameters):
-            as_shown = replace(self.matching, start_frame=0)
-            tables[CAMERAS[1]], told = points_in_step(as_shown, *(tables[name] for name in CAMERAS))
-            timing = " ".join(told)
-        else:
-            timing = " ".join(late_cameras(self.matching))
+        camera does not; and how those of cameras after the first were brought into step."""
+        tables, timing = self._in_step(clicks)
         seen: dict[Place, dict[str, tuple[float, float]]] = {}
         for camera, table in tables.items():
             for frame, track, u, v in table[["frame", TRACK, *POINT]].itertuples(index=False):
@@ -207,17 +199,27 @@ class ClickMeasure:
         pixels = [[seen[place].get(camera, none) for camera in cameras] for place in places]
         return places, np.array(pixels).reshape(-1, len(cameras), 2), timing
 
+    def _in_step(self, clicks: Clicks) -> tuple[dict[str, pd.DataFrame], str]:
+        """The points of each camera at the instants of the first's frames, and how."""
+        tables, notes = clicks.tables(self.matching.placed, to_match=True), list[str]()
+        first, *others = self.matching.placed
+        reference = tables.get(first, next(iter(tables.values())).iloc[:0])
+        for name in (each for each in others if each in tables):
+            # Pictures are shown by common numbers.
+            pair = replace(self.matching.pair(first, name), start_frame=0)
+            tables[name], told = points_in_step(pair, reference, tables[name])
+            notes += told
+        return tables, " ".join(notes)
+
     def curve(self, click: Click, camera: str, velocity: FloatArray | None = None) -> FloatArray:
         """(n, 2): the epipolar line of a click in another image, by the set that matches.
 
         Args:
-            velocity: (2,) of the point in its own image, px per frame: the other camera of a
-                pair sees it later or earlier, by the time offset of the parameters. Points of a
-                rig are used as recorded, as they are measured.
+            velocity: (2,) of the point in its own image, px per frame: the other camera sees it
+                later or earlier, by the time offset of the parameters.
         """
-        rig, which = self.matching, click.camera
-        if isinstance(rig, RigFile):
-            rig, which, velocity = rig.pair(which, camera), CAMERAS[0], None
+        rig, which = self.matching.pair(click.camera, camera), click.camera
+        which = which if rig is self.matching else CAMERAS[0]
         pixel, offset = np.array([click.u, click.v]), rig.time_offset
         if offset is not None and velocity is not None:
             later = float(offset.at([click.frame])[0])

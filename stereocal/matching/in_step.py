@@ -56,7 +56,7 @@ def tables_in_step(
     first, *others = tables
     found, notes = dict(tables), list[str]()
     for name in others:
-        pair = rig.pair(first, name) if isinstance(rig, RigFile) else rig
+        pair = rig.pair(first, name)
         if _is_in_step(pair) or SHIFT in tables[name].further:
             continue
         one, other = (pd.concat(list(tables[each].blocks())) for each in (first, name))

@@ -141,23 +141,8 @@ class TrackMatching:
             else "What share of them is wrong cannot be told from so few frames.",
         ]
         far = on_far(noise.sigma_px, self.rig.noise_px) if noise.source == "estimated" else ""
-        notes = [
-            *filter(None, [self.contradiction, far]),
-            *late_cameras(self.rig),
-            *given.left_out.values(),
-        ]
+        notes = [*filter(None, [self.contradiction, far]), *given.left_out.values()]
         return Report(len(tracks), sentences, notes, names=self.names)
-
-
-def late_cameras(rig: RigFile) -> list[str]:
-    """What is said of the time offsets of a rig, to which points are not brought into step."""
-    return [
-        f"The camera {name} is {offset:+.3f} frames late"
-        f"{rig.drifts[name].drift_in_words if name in rig.drifts else ''}: points that move are "
-        "used as recorded."
-        for name, offset in rig.time_offsets.items()
-        if offset or name in rig.drifts
-    ]
 
 
 def noise_of_tracks(

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypedDict
+from typing import Any, ClassVar, Self, TypedDict
 
 import numpy as np
 
@@ -143,6 +143,10 @@ class RigParameters(Answer, Rig, ResultFile):
             + (f" Pairs match below {limit:.3g} px." if limit is not None else ""),
             f"Left out: {count(len(self.frames_left_out), 'frame')}.",
         ]
+
+    def pair(self, _first: str, _second: str) -> Self:
+        """Itself, as a rig of more cameras has a set of each pair."""
+        return self
 
     @property
     def set_name(self) -> str:

@@ -92,7 +92,7 @@ class Pictures:
         first, *others = self.cameras
         self.later = {}
         for each in others:
-            pair = rig.pair(first, each) if isinstance(rig, RigFile) else rig
+            pair = rig.pair(first, each)
             key, usual = f"clicks_later_{each}", pair.start_frame
             self.later[each] = setting(project, key, usual, Number(-10_000_000))
 

@@ -160,20 +160,26 @@ def test_the_line_is_where_the_other_camera_sees_the_point_then() -> None:
     assert off(how.curve(back, "primary", second[1] - second[0]), first[0]) < 0.5
 
 
-def test_line_and_position_of_a_rig_are_both_of_the_points_as_recorded() -> None:
+def test_line_and_position_of_a_rig_are_both_of_the_points_in_step() -> None:
     rig = replace(RigFile.loads(rig_text()), time_offsets={"1": 0.0, "2": 0.5, "3": 0.0})
     assert rig.volume is not None
-    point = np.array([[sum(ends) / 2 for ends in vars(rig.volume).values()]])
+    middle = np.array([sum(ends) / 2 for ends in vars(rig.volume).values()])
+    late = {"2": 0.5}
     clicks = Clicks.of(
-        Click(1, name, "head", *own.camera.project(own.pose.apply(point))[0].tolist())
+        Click(frame, name, "head", *own.camera.project(own.pose.apply(at[None]))[0].tolist())
         for name, own in rig.placed.items()
+        for frame in range(12)
+        for at in [middle + (frame + late.get(name, 0.0)) * np.array([0.02, 0.01, -0.01])]
     )
-    how, (first, second, _) = ClickMeasure(rig, rig), clicks.every.values()
+    how = ClickMeasure(rig, rig)
     found = how.measured(clicks, Settled(CLICK_PX))
-    assert found.errors_px[0][0] < 0.01
-    line = how.curve(first, "2", np.array([30.0, 20.0]))
+    # Measured: below 1e-6 px; as recorded 0.7 px. The first has no neighbour before it.
+    assert found.errors_px[0][2:].max() < 1e-3
+    first, second = (clicks.every[2, name, "head"] for name in "12")
+    before = clicks.every[1, "1", "head"]
+    line = how.curve(first, "2", np.array([first.u - before.u, first.v - before.v]))
     assert off(line, np.array([second.u, second.v])) < 0.1
-    assert "The camera 2 is +0.500 frames late" in found.timing
+    assert "shifted in time" in found.timing
 
 
 def picture(shift: tuple[float, float], seed: int = 0, camera: CameraName = "primary") -> Image:
