@@ -10,6 +10,7 @@ real`.
 """
 
 import argparse
+import re
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -84,14 +85,20 @@ def of_rig(data: Recording, asked: argparse.Namespace) -> None:
     """Each kind of mistake in each part of a recording of three cameras and more."""
     for part in np.array_split(np.unique(data.frame), asked.parts):
         own, found = data.where(np.isin(data.frame, part)), Counter[str]()
+        usual = dict[str, str]()
         for name in ("sound", *(asked.mistake or OF_RIGS)):
             change: Change = OF_RIGS.get(name, lambda recording, _: recording)
             begun = time.process_time()
             word, text = told(change(own, np.random.default_rng(5)), None)
+            notes = {re.sub(r"[\d.]+", "#", note): note for note in text.split("Note: ")}
+            usual = notes if name == "sound" else usual
+            further = [note for kind, note in notes.items() if kind not in usual]
+            if word == "noted" and name != "sound":
+                word, text = word if further else "as when sound", " ".join(further)
             found[word] += 1
             print(f"  {name}: {word} ({time.process_time() - begun:.0f} s)", flush=True)
             if asked.said or word.isupper():
-                print(f"      {text[:400]}", flush=True)
+                print(f"      {text}", flush=True)
         print(f"  frames {part[0]} to {part[-1]}: {in_words(found)}")
 
 

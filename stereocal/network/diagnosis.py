@@ -1,6 +1,7 @@
 """What is wrong with a whole camera: its file, or that it moved during the recording."""
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -24,6 +25,8 @@ UPRIGHT = 0.7
 OUT_OF_STEP = (
     " If the object moved fast, the cameras may be out of step instead: ask for their time offsets."
 )
+BASELINES_AGREE, FAR_OFF = 3.0, 5.0
+"""Standard errors within which all measured baselines fit; and how many times farther they are."""
 SOUND_PX = 1.0
 """A rig with less noise is not refused for its noise."""
 
@@ -70,7 +73,32 @@ def _baseline_warnings(fit: RigFit) -> list[str]:
         )
         for first, second, measured, sigma in fit.baselines.tolist()
     )
-    return list(filter(None, warnings))
+    return list(filter(None, [*warnings, _exchanged(fit)]))
+
+
+def _exchanged(fit: RigFit) -> str:
+    """Which two cameras, exchanged, have the measured baselines, if those of the rig are far off:
+    lenses that are alike do not tell whose points are whose."""
+    names, measured, sigma = list(fit.recording.cameras), fit.baselines[:, 2], fit.baselines[:, 3]
+    if len(measured) < 2:
+        return ""
+    of = fit.baselines[:, :2].astype(np.int64)
+    centres = np.array([pose.inverse().T for pose in fit.poses])
+
+    def off(order: list[int]) -> float:
+        first, second = centres[np.array(order)[of.T]]
+        return float(np.abs((np.linalg.norm(first - second, axis=1) - measured) / sigma).max())
+
+    as_given, found = list(range(len(names))), {}
+    for a, b in combinations(as_given, 2):
+        found[a, b] = off([{a: b, b: a}.get(k, k) for k in as_given])
+    (a, b), best = min(found.items(), key=lambda each: each[1])
+    if best > BASELINES_AGREE or off(as_given) < FAR_OFF * max(best, 1.0):
+        return ""
+    return (
+        f"The measured baselines fit if {names[a]} and {names[b]} are exchanged: check whether "
+        "their points are, or their names in the baselines."
+    )
 
 
 def _lens_warnings(fit: RigFit) -> list[str]:

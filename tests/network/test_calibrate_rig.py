@@ -130,6 +130,21 @@ def test_measured_baselines_give_the_scale() -> None:
     assert 0.09 * free.covariance[at, at] > rig.covariance[at, at]
 
 
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_cameras_exchanged_in_the_measured_baselines_are_asked_about(exchanged: bool) -> None:
+    truth = simulated(4)
+    of = {"c2": "c3", "c3": "c2"} if exchanged else {}
+
+    def apart(*pair: str) -> float:
+        first, second = (truth.poses[of.get(name, name)] for name in pair)
+        return (second @ first.inverse()).baseline
+
+    measured = {pair: apart(*pair) for pair in [("c1", "c2"), ("c1", "c3"), ("c2", "c3")]}
+    rig = calibrate_rig(replace(truth.recording, baselines_m=measured), settings_of(truth))
+    asked = [note for note in rig.warnings if "c2 and c3 are exchanged" in note]
+    assert len(asked) == exchanged
+
+
 def test_a_wrong_image_is_named_with_its_camera() -> None:
     truth = simulated(5)
     rows = truth.recording
