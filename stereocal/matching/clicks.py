@@ -208,7 +208,7 @@ class ClickMeasure:
             # Pictures are shown by common numbers.
             pair = replace(self.matching.pair(first, name), start_frame=0)
             tables[name], told = points_in_step(pair, reference, tables[name])
-            notes += told
+            notes += [f"{name}: {note}" for note in told] if len(others) > 1 else told
         return tables, " ".join(notes)
 
     def curve(self, click: Click, camera: str, velocity: FloatArray | None = None) -> FloatArray:

@@ -89,10 +89,12 @@ def _exchanged(fit: RigFit) -> str:
         first, second = centres[np.array(order)[of.T]]
         return float(np.abs((np.linalg.norm(first - second, axis=1) - measured) / sigma).max())
 
-    as_given, found = list(range(len(names))), {}
-    for a, b in combinations(as_given, 2):
-        found[a, b] = off([{a: b, b: a}.get(k, k) for k in as_given])
-    (a, b), best = min(found.items(), key=lambda each: each[1])
+    def with_two_exchanged(pair: tuple[int, int]) -> float:
+        return off([sum(pair) - k if k in pair else k for k in as_given])
+
+    as_given = list(range(len(names)))
+    a, b = min(combinations(as_given, 2), key=with_two_exchanged)
+    best = with_two_exchanged((a, b))
     if best > BASELINES_AGREE or off(as_given) < FAR_OFF * max(best, 1.0):
         return ""
     return (
