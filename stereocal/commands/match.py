@@ -30,7 +30,7 @@ from stereocal.formats.exchange.options import ORIGIN, QUESTIONS
 from stereocal.formats.point_answers import what_is_missing
 from stereocal.formats.point_files import PointLayout, read_points
 from stereocal.formats.point_layouts import LAYOUTS, OURS, first_rows, layout_name, propose_layout
-from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.point_text import point_text
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.matching import ANY_DEPTH, match_points
 from stereocal.matching.names import AUTO

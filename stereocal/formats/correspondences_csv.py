@@ -21,7 +21,6 @@ from stereocal.rig.correspondences import (
     Correspondences,
 )
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.system.limits import Limits
 from stereocal.system.tables import EMPTY, Column, Reasons, Values, read_rows
 
 REQUIRED = ("frame", "target", *PIXELS)
@@ -56,8 +55,6 @@ class Table:
 
 def read_table(content: bytes, source: str) -> Table:
     """Read a table separated by comma, semicolon or tab; further columns are ignored."""
-    lines = max(content.count(b"\n"), content.count(b"\r"))
-    Limits.from_environment().check_pairs(lines - 1, source)
     rows = read_rows(content, source, REQUIRED, NUMBERS, (SOURCE,), EMPTY)
     raw, values, reasons = rows.raw, rows.values, rows.reasons
     if SOURCE not in raw:

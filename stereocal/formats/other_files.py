@@ -65,12 +65,6 @@ def no_table(content: bytes) -> str | None:
     return "this is XML or HTML, and no table of points" if text.lstrip().startswith("<") else None
 
 
-def refuse_no_table(content: bytes, source: str) -> None:
-    """Reject a text that is no table of points."""
-    if (problem := no_table(content)) is not None:
-        raise StereocalError(f"{source}: {problem}")
-
-
 def refuse_other_points(content: bytes, source: str) -> None:
     """Reject a MATLAB or DeepLabCut HDF5 file in place of points."""
     if is_matlab(content):

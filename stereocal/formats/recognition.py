@@ -1,13 +1,12 @@
 """What is this file? By its content first, by the ending of its name second."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Literal
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.exchange import READ, format_of
+from stereocal.formats.exchange.exchange import READ, format_of, our_word
 from stereocal.formats.file_storage import LARGEST_BYTES
 from stereocal.formats.other_files import is_hdf5, is_matlab, no_table
 from stereocal.formats.point_layouts import first_rows
@@ -84,7 +83,7 @@ def recognise(name: str, content: bytes) -> Recognised:
         )
     if (problem := _unusable(content)) is not None:
         return Recognised(None, f"{problem}.")
-    if (ours := _our_word(content)) in OTHERS_OF_OURS:
+    if (ours := our_word(content)) in OTHERS_OF_OURS:
         return Recognised(None, f"{OTHERS_OF_OURS[ours]}.")
     kind = (
         _by_beginning(content)
@@ -131,20 +130,6 @@ def _by_text(name: str, content: bytes) -> Kind | None:
     if is_hdf5(content):  # as MATLAB saves too
         return "cameras" if name.lower().endswith(".mat") else "table"
     return _cameras(name, content) or ("table" if _is_table(name, content) else None)
-
-
-def _our_word(content: bytes) -> str:
-    """`camera` of `stereocal-camera/1`; empty for other files."""
-    if len(content) > LARGEST_BYTES:
-        return ""
-    if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{") or b"stereocal-" not in content:
-        return ""
-    try:
-        stated = json.loads(content.decode("utf-8-sig")).get("format", "")
-    except (ValueError, RecursionError):
-        return ""
-    found = isinstance(stated, str) and stated.startswith("stereocal-")
-    return stated.removeprefix("stereocal-").split("/")[0] if found else ""
 
 
 def _cameras(name: str, content: bytes) -> Kind | None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from stereocal.errors import RefusedRowsError, StereocalError, naming
+from stereocal.errors import StereocalError, naming
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import codes_of
 from stereocal.matching.point_table import OWN_FRAME
@@ -24,7 +24,6 @@ from stereocal.rig.dataset import check_length, check_uncertainty
 from stereocal.rig.recording import CameraPair, Recording, check_camera_names
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.json_text import read_json
-from stereocal.system.limits import Limits
 from stereocal.system.records import of_plain, plain, settings_of
 from stereocal.system.tables import EMPTY, Column, Rows, names_of, read_rows, text_of
 
@@ -319,8 +318,6 @@ def read_points_csv(
         of_camera: the camera of all rows, if the table has no such column.
         own_frames: take the column `camera_frame`, if there is one, instead of `frame`.
     """
-    lines = max(content.count(b"\n"), content.count(b"\r"))
-    Limits.from_environment().check_pairs(lines - 1, source)
     names, _ = names_of(text_of(content, source), source)
     number = OWN_FRAME if own_frames and OWN_FRAME in names else "frame"
     needed = [name for name in REQUIRED if of_camera is None or name != "camera"]
@@ -342,8 +339,7 @@ def read_points_csv(
         for at, what in camera.outside(points[its_rows]):
             row = int(its_rows[at])
             rows.reasons.setdefault(row, f"{_at(rows, row)}: the {what}")
-    if rows.problems:
-        raise RefusedRowsError(f"{source}: ", rows.problems, "cannot be used")
+    rows.check(source)
     recording = Recording(
         name="",
         cameras=dict(cameras),

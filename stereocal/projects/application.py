@@ -16,7 +16,7 @@ from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.point_answers import Answers, answered, answers_alike, layout_of
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_layouts import OURS
-from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.point_text import point_text
 from stereocal.formats.world_file import check_world
 from stereocal.matching.application import POINTS, Application, Outcome, Points, apply_sets
 from stereocal.matching.point_table import POINT, PointTable, is_parquet

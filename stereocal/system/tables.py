@@ -84,6 +84,8 @@ def read_rows(
         texts: further names that must not occur twice.
         empty: words, in lower case, that mark an empty cell.
     """
+    lines = max(content.count(b"\n"), content.count(b"\r"))
+    Limits.from_environment().check_pairs(lines - 1, source)
     text = text_of(content, source)
     names, dialect = names_of(text, source)
     check_names(names, required, (*required, *(column.name for column in columns), *texts), source)

@@ -13,7 +13,7 @@ import streamlit as st
 
 from stereocal.detection.target import Bar2x2
 from stereocal.errors import StereocalError, can_be_shown
-from stereocal.formats.click_tables import dltdv_table, sleap_table
+from stereocal.formats.point_text import dltdv_table, sleap_table
 from stereocal.frames.review import centre_at
 from stereocal.frames.video.footage import Footage
 from stereocal.matching.clicks import (

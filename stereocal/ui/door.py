@@ -14,7 +14,7 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.formats.dropped import Dropped
 from stereocal.formats.point_answers import layout_of
-from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.point_text import point_text
 from stereocal.frames.which_camera import Series, which_camera, which_of
 from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import ProjectApplication

@@ -17,9 +17,9 @@ from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import TABLE, parse_dataset, parse_survey
 from stereocal.formats.dropped import Dropped, sort_files
 from stereocal.formats.exchange.options import ImageSize
+from stereocal.formats.point_text import point_text
 from stereocal.formats.recognition import CAMERA_SUFFIXES
 from stereocal.formats.recording_files import Description, find_description, parse_recording
-from stereocal.formats.sleap_h5 import point_text
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.photographs import ProjectPhotographs

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.formats import sleap_h5
+from stereocal.formats import point_text as point_text_module
 from stereocal.formats.exchange.exchange import camera_names
 from stereocal.formats.exchange.text_formats import MOST_DOTS, read_toml
 from stereocal.formats.file_storage import read_storage, read_yaml
-from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.point_text import point_text
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.guarded import Reader
 from stereocal.system.json_text import DEEPEST, MOST_VALUES, read_json
@@ -84,7 +84,7 @@ def test_a_board_of_ten_thousand_corners_costs_what_was_seen() -> None:
 def test_an_hdf5_file_that_kills_its_decoder(
     read: Reader, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sleap_h5, "analysis_table", read)
+    monkeypatch.setattr(point_text_module, "analysis_table", read)
     with pytest.raises(StereocalError, match=f"^a.h5: the file .*{message}"):
         point_text(b"\x89HDF\r\n\x1a\n", "a.h5")
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
+from stereocal.formats.exchange.camera_format import fewer_coefficients
 from stereocal.formats.exchange.exchange import (
     FORMATS,
     export,
@@ -20,7 +21,6 @@ from stereocal.formats.exchange.exchange import (
     import_files,
 )
 from stereocal.formats.exchange.options import ExchangeOptions, Flip
-from stereocal.formats.exchange.writing import fewer_coefficients
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose

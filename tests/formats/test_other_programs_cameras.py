@@ -12,9 +12,9 @@ from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.gather import gather
 from stereocal.formats.camera_file import ImageSizeError, read_camera
+from stereocal.formats.exchange.camera_format import numbers
 from stereocal.formats.exchange.exchange import export_files, import_files
 from stereocal.formats.exchange.options import CORNERS, ExchangeOptions, OriginError
-from stereocal.formats.exchange.writing import numbers
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters

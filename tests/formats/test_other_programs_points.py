@@ -16,7 +16,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.point_answers import UNKNOWN, answered, first_answers, layout_of
 from stereocal.formats.point_files import read_bars, read_points
 from stereocal.formats.point_layouts import LAYOUTS, layout_name, propose_layout
-from stereocal.formats.sleap_h5 import point_text
+from stereocal.formats.point_text import point_text
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.compiled import FloatArray

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from stereocal.formats.click_tables import dltdv_table, sleap_table
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_layouts import propose_layout
+from stereocal.formats.point_text import dltdv_table, sleap_table
 from stereocal.matching.clicks import Click
 from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.projects.database import DamagedError

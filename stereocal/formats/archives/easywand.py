@@ -19,6 +19,7 @@ from stereocal.formats.archives.archive import (
     points_taken,
     with_background,
 )
+from stereocal.formats.exchange.camera_format import camera_from, camera_matrix
 from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import (
     LOWER_LEFT,
@@ -28,7 +29,6 @@ from stereocal.formats.exchange.options import (
     PixelOrigin,
     Unit,
 )
-from stereocal.formats.exchange.reading import camera_from, camera_matrix
 from stereocal.formats.matlab_file import Fields, numbers_in_field, read_structs, required
 from stereocal.formats.point_files import BarPoints
 from stereocal.rig.camera import CAMERAS, Camera

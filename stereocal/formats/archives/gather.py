@@ -16,7 +16,7 @@ from stereocal.formats.exchange.chosen_cameras import chosen_pair, has_cameras, 
 from stereocal.formats.exchange.exchange import camera_names, format_of, read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.matlab_file import SAVE_AGAIN
-from stereocal.formats.other_files import is_hdf5, is_matlab, refuse_no_table
+from stereocal.formats.other_files import is_hdf5, is_matlab
 from stereocal.formats.point_answers import (
     layout_as_stated,
     layout_by_hand,
@@ -25,8 +25,8 @@ from stereocal.formats.point_answers import (
 )
 from stereocal.formats.point_files import PointLayout, read_bars
 from stereocal.formats.point_layouts import first_rows, propose_layout
+from stereocal.formats.point_text import point_text
 from stereocal.formats.recognition import recognise
-from stereocal.formats.sleap_h5 import point_text
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import Correspondences
 
@@ -142,8 +142,6 @@ def sorted_files(files: Mapping[str, bytes]) -> tuple[str, dict[str, bytes], Eas
     """The name of the table, or empty, the camera files, and the file that has everything."""
     tables = [name for name, content in files.items() if is_table(name, content)]
     others = {name: each for name, each in files.items() if name not in tables}
-    for name in tables:
-        refuse_no_table(files[name], name)
     for name, content in others.items():
         if is_hdf5(content):
             raise StereocalError(

@@ -15,17 +15,19 @@ from contextlib import suppress
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.chosen_cameras import chosen_pair
-from stereocal.formats.exchange.options import CORNERS, ExchangeOptions, OriginError
-from stereocal.formats.exchange.reading import (
+from stereocal.formats.exchange.camera_format import (
     CameraPair,
+    ExchangeFormat,
     Files,
+    Posed,
     camera_from,
     decomposed,
+    number,
     only_file,
     size_of,
 )
-from stereocal.formats.exchange.writing import ExchangeFormat, Posed, number
+from stereocal.formats.exchange.chosen_cameras import chosen_pair
+from stereocal.formats.exchange.options import CORNERS, ExchangeOptions, OriginError
 from stereocal.formats.file_storage import ForeignFile
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray

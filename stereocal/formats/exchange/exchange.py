@@ -1,6 +1,7 @@
 """Cameras and parameters in the formats of other programs, by format name or recognised."""
 
 import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePath
@@ -9,14 +10,22 @@ import numpy as np
 
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.camera_file import K_NAMES
-from stereocal.formats.exchange.argus_profile import ARGUS
+from stereocal.formats.exchange.camera_format import (
+    OUR_UNIT,
+    STORAGES,
+    CameraFormat,
+    CameraPair,
+    ExchangeFormat,
+    Files,
+    Posed,
+    fewer_coefficients,
+    lenses_of,
+)
 from stereocal.formats.exchange.dlt import DLT
 from stereocal.formats.exchange.matlab import MATLAB
 from stereocal.formats.exchange.options import ExchangeOptions, Unit
-from stereocal.formats.exchange.reading import STORAGES, CameraFormat, CameraPair, Files, lenses_of
 from stereocal.formats.exchange.ros import ROS, is_ros
-from stereocal.formats.exchange.text_formats import ANIPOSELIB, CALISCOPE, COLMAP
-from stereocal.formats.exchange.writing import OUR_UNIT, ExchangeFormat, Posed, fewer_coefficients
+from stereocal.formats.exchange.text_formats import ANIPOSELIB, ARGUS, CALISCOPE, COLMAP
 from stereocal.formats.exchange.yaml_formats import KALIBR, OPENCV
 from stereocal.formats.file_storage import LARGEST_BYTES, ForeignFile, find_node
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
@@ -38,9 +47,15 @@ FORMATS: Mapping[str, ExchangeFormat] = {
 }
 
 
-def _our_format(file: ForeignFile) -> str:
-    """`camera` of `stereocal-camera/1`; empty for other programs' files."""
-    stated = str(file.storage.get("format", ""))
+def our_word(content: bytes) -> str:
+    """`camera` of a JSON file of ours with `stereocal-camera/1`; empty for other files."""
+    begins = content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{") and b"stereocal-" in content
+    if not begins or len(content) > LARGEST_BYTES:
+        return ""
+    try:
+        stated = str(json.loads(content.decode("utf-8-sig")).get("format", ""))
+    except (ValueError, RecursionError):
+        return ""
     return stated.removeprefix("stereocal-").split("/")[0] if stated[:10] == "stereocal-" else ""
 
 
@@ -48,7 +63,7 @@ def _is_camera(file: ForeignFile) -> bool:
     """Whether it is our camera file, or OpenCV's of a single camera."""
     if not file.ends_with(*STORAGES) or is_ros(file):
         return False
-    stated = _our_format(file)
+    stated = our_word(file.content)
     return stated == "camera" or (not stated and find_node(file.storage, K_NAMES) is not None)
 
 
@@ -74,7 +89,7 @@ READ: Mapping[str, CameraFormat] = {
     "stereocal": CameraFormat(
         "stereocal",
         _read_parameters,
-        lambda file: file.ends_with(".json") and _our_format(file) == "parameters",
+        lambda file: file.ends_with(".json") and our_word(file.content) == "parameters",
     ),
 }
 

@@ -12,17 +12,20 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.exchange.options import UNITS, ExchangeOptions, Unit
-from stereocal.formats.exchange.reading import (
+from stereocal.formats.exchange.camera_format import (
     CameraPair,
+    ExchangeFormat,
     Files,
+    Posed,
     array_of,
     camera_from,
     camera_matrix,
+    header,
+    number,
     only_file,
     pose_from,
 )
-from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, number
+from stereocal.formats.exchange.options import UNITS, ExchangeOptions, Unit
 from stereocal.formats.matlab_file import Fields, numbers_in_field, read_structs
 from stereocal.formats.other_files import is_matlab
 from stereocal.rig.camera import CAMERAS, Camera

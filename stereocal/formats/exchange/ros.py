@@ -14,18 +14,21 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import K_NAMES
-from stereocal.formats.exchange.chosen_cameras import chosen_pair
-from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.exchange.reading import (
+from stereocal.formats.exchange.camera_format import (
     STORAGES,
     CameraPair,
+    ExchangeFormat,
     Files,
+    Posed,
     array_of,
     decomposed,
+    header,
     lenses_of,
+    numbers,
     pose_from,
 )
-from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, numbers
+from stereocal.formats.exchange.chosen_cameras import chosen_pair
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.yaml_formats import rectification
 from stereocal.formats.file_storage import ForeignFile, find_node
 from stereocal.rig.compiled import FloatArray

@@ -15,19 +15,23 @@ from stereocal.formats.camera_file import (
     image_size_in,
     stated_lens_model,
 )
-from stereocal.formats.exchange.chosen_cameras import chosen_pair
-from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
-from stereocal.formats.exchange.reading import (
+from stereocal.formats.exchange.camera_format import (
     STORAGES,
     CameraPair,
+    ExchangeFormat,
     Files,
+    Posed,
     array_of,
     camera_from,
     camera_matrix,
+    header,
+    number,
+    numbers,
     only_file,
     pose_from,
 )
-from stereocal.formats.exchange.writing import ExchangeFormat, Posed, header, number, numbers
+from stereocal.formats.exchange.chosen_cameras import chosen_pair
+from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
 from stereocal.formats.file_storage import ForeignFile, find_node, matrix_of
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray

@@ -1,0 +1,204 @@
+"""Points of SLEAP and DLTdv8: files that are no table as one, and tables of clicks.
+
+SLEAP's analysis HDF5 (`tracks`, `node_names`) becomes its CSV table. DLTdv8's sparse table
+(`xypts.tsv`) has a row for each coordinate, as row, column and value: rows are frames, columns are
+x and y of each camera of the first point, then of the second. How many cameras there are is not in
+the file: two, unless the columns only fit three. A first row with the size of the table may have
+the value 0.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from stereocal.errors import DAMAGED, StereocalError
+from stereocal.formats.other_files import is_hdf5, refuse_other_points
+from stereocal.formats.point_files import is_number_or_empty
+from stereocal.matching.clicks import Clicks
+from stereocal.system.dialect import dialect_of, encoding_of, head_of, one_line_end
+from stereocal.system.guarded import read_apart
+from stereocal.system.limits import Limits
+from stereocal.system.tables import (
+    MAXIMUM_CELLS,
+    MAXIMUM_COLUMNS,
+    MISSING,
+    Column,
+    numbers_in,
+    rows_below,
+    text_of,
+)
+
+ARRAYS = {
+    "tracks": (4, "f", True),
+    "node_names": (1, "OS", True),
+    "track_names": (1, "OS", False),
+    "point_scores": (3, "f", False),
+}
+"""Number of axes, dtype kinds, and whether the array is required."""
+
+
+def point_text(content: bytes, source: str) -> bytes:
+    """A point file as text: HDF5 converted to CSV in a child process, a sparse table spread out,
+    other files unchanged.
+    """
+    if not is_hdf5(content):
+        return dense_text(content, source)
+    refuse_other_points(content, source)
+    Limits.from_environment().check_size(len(content), source)
+    try:
+        import h5py  # noqa: F401
+    except ImportError as error:
+        raise StereocalError(
+            f"{source}: this is an HDF5 file. To read one of SLEAP, the package h5py is needed, "
+            "which is not installed: pip install h5py, or use the CSV that SLEAP exports."
+        ) from error
+    text: bytes = read_apart(analysis_table, content, source, source)
+    return text
+
+
+def analysis_table(path: Path, source: str) -> bytes:
+    """The CSV table of an analysis file, which native code reads."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            found = {name: _array(file, name, path.stat().st_size, source) for name in ARRAYS}
+    except (*DAMAGED, RuntimeError) as error:
+        if isinstance(error, StereocalError):
+            raise
+        raise StereocalError(f"{source}: this HDF5 file is damaged ({error}).") from error
+    tracks, names, tracked, scores = found.values()
+    return _sleap_csv(
+        tracks, _texts(names), _texts(() if tracked is None else tracked), scores, source
+    )
+
+
+def _array(file: Any, name: str, size: int, source: str) -> Any:
+    """An array of the file of `size` bytes, not following links to other files.
+
+    Returns:
+        None if it is missing and not required.
+    """
+    import h5py
+
+    axes, kinds, required = ARRAYS[name]
+    link = file.get(name, getlink=True)  # "in" would follow the link
+    if link is None and not required:
+        return None
+    found = file[name] if isinstance(link, h5py.HardLink) else None
+    if not isinstance(found, h5py.Dataset) or found.external or found.is_virtual:
+        raise StereocalError(
+            f"{source}: this is an HDF5 file without {name!r}, so not an analysis file of SLEAP "
+            "(Export Analysis HDF5): use the points as CSV."
+        )
+    if found.ndim != axes or found.size > MAXIMUM_CELLS or found.dtype.kind not in kinds:
+        raise StereocalError(
+            f"{source}: {name!r} has the shape {found.shape} of {found.dtype}, which no analysis "
+            "file of SLEAP has."
+        )
+    Limits.from_environment().check_expansion(size, found.size * found.dtype.itemsize, source)
+    return found[()]
+
+
+def _texts(names: Any) -> list[str]:
+    return [str(n, "utf-8", "replace") if isinstance(n, bytes) else str(n) for n in names]
+
+
+def _sleap_csv(
+    tracks: Any, nodes: list[str], tracked: list[str], scores: Any, source: str
+) -> bytes:
+    """`tracks` has the shape (tracks, 2, nodes, frames), `scores` (tracks, nodes, frames)."""
+    count, _, parts, frames = tracks.shape
+    expected = (count, 2, len(nodes), frames)
+    scored = scores is not None and scores.shape == (count, parts, frames)
+    if tracks.shape != expected or tracks.dtype.kind != "f" or (scores is not None and not scored):
+        raise StereocalError(
+            f"{source}: 'tracks' has the shape {tracks.shape}; an analysis file of SLEAP has "
+            f"(tracks, 2, nodes, frames), here {expected}."
+        )
+    seen = np.isfinite(tracks).all(axis=1).any(axis=1)  # tracks, frames
+    frame, track = np.nonzero(seen.T)
+    Limits.from_environment().check_rows(len(frame), source)
+    columns: dict[str, Any] = {
+        "track": [tracked[k] if k < len(tracked) else f"track_{k}" for k in track],
+        "frame_idx": frame,
+    }
+    for node, name in enumerate(nodes):
+        for axis, suffix in enumerate("xy"):
+            columns[f"{name}.{suffix}"] = tracks[track, axis, node, frame].astype(float)
+        if scored:
+            columns[f"{name}.score"] = scores[track, node, frame].astype(float)
+    return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n").encode()
+
+
+CELLS = ("row", "column", "value")
+FEWEST_ROWS = 4
+POSITIVE = re.compile(r"0*[1-9]\d{0,17}")
+
+
+def dense_text(content: bytes, source: str) -> bytes:
+    """A sparse table of DLTdv8 as its flat table; other files unchanged."""
+    head = one_line_end(content[:20_000].decode(encoding_of(content), errors="replace"))
+    lines = head_of(head)
+    dialect = dialect_of(lines)
+    rows = dialect.cells("".join(lines[dialect.above :]), source)
+    header = int(bool(rows) and not any(map(is_number_or_empty, rows[0])))
+    own = [row for row in rows[header:] if any(row)]
+    if len(own) < FEWEST_ROWS or any(len(row) != len(CELLS) for row in own):
+        return content
+    if not all(POSITIVE.fullmatch(row[k].strip()) for row in own for k in (0, 1)):
+        return content
+    text = text_of(content, source)
+    raw, long = rows_below(text, dialect, header, len(CELLS), source)
+    raw.columns = pd.Index(CELLS)
+    whole = [Column(name, is_whole=True, is_positive=True) for name in CELLS[:2]]
+    columns = [*whole, Column(CELLS[2], may_be_empty=True)]
+    values, reasons = numbers_in(raw, columns, dialect.decimal_comma, MISSING)
+    if long or reasons:
+        return content  # as any other table, whose reader names the rows
+    row, column = (values[name].astype(np.int64) - 1 for name in CELLS[:2])
+    width = int(column.max()) + 1
+    width += width % 2
+    cameras = 2 if width % 4 == 0 else 3 if width % 6 == 0 else 0
+    # A table of two columns of whole numbers is as likely frame,u,v: columns come block by block.
+    if not cameras or width > MAXIMUM_COLUMNS or (np.diff(column) < 0).sum() > 1:
+        return content
+    Limits.from_environment().check_rows(int(row.max()) * width // 8, source)
+    dense = np.full((int(row.max()) + 1, width), np.nan)
+    dense[row, column] = values["value"]
+    names = [
+        f"pt{point + 1}_cam{camera + 1}_{axis}"
+        for point in range(width // (2 * cameras))
+        for camera in range(cameras)
+        for axis in "UV"
+    ]
+    return pd.DataFrame(dense, columns=names).to_csv(index=False, lineterminator="\n").encode()
+
+
+def dltdv_table(clicks: Clicks, cameras: Sequence[str]) -> str:
+    """DLTdv8's flat table of all cameras (`xypts.csv`): a row for each frame from 1."""
+    frames = range(1, max((each.frame for each in clicks.every.values()), default=0) + 1)
+    found = {}
+    for number, track in enumerate(clicks.tracks, 1):
+        for which, camera in enumerate(cameras, 1):
+            pixels = np.full((len(frames), 2), np.nan)
+            for each in clicks.along(track, camera):
+                if each.frame >= 1:
+                    pixels[each.frame - 1] = each.u + 1.0, each.v + 1.0
+            found[f"pt{number}_cam{which}_U"], found[f"pt{number}_cam{which}_V"] = pixels.T
+    return pd.DataFrame(found).to_csv(index=False, na_rep="NaN", lineterminator="\n")
+
+
+def sleap_table(clicks: Clicks, camera: str) -> str:
+    """SLEAP's table of one camera: a row for each track and frame, of one node."""
+    columns = ["track", "frame_idx", "instance.score", "point.x", "point.y", "point.score"]
+    rows = [
+        (track, each.frame, 1.0, each.u, each.v, 1.0)
+        for track in clicks.tracks
+        for each in clicks.along(track, camera)
+    ]
+    return pd.DataFrame(rows, columns=columns).to_csv(index=False, lineterminator="\n")
