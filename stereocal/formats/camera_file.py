@@ -32,24 +32,12 @@ from stereocal.system.dialect import encoding_of
 CAMERA_FORMAT = "stereocal-camera/1"
 K_NAMES = ("camera_matrix", "K", "M", "k", "mtx", "intrinsic_matrix")
 DISTORTION_NAMES = (
-    "distortion_coefficients",
-    "dist_coeffs",
-    "dist_coeff",
-    "dist_coefs",
-    "distortion_coeffs",
-    "distortion",
-    "dist",
-    "D",
-    "d",
+    *("distortion_coefficients", "dist_coeffs", "dist_coeff", "dist_coefs", "distortion_coeffs"),
+    *("distortion", "dist", "D", "d"),
 )
 SIZE_NAMES = (
-    "image_size",
-    "camera_resolution",
-    "resolution",
-    "image_resolution",
-    "frame_size",
-    "img_size",
-    "size",
+    *("image_size", "camera_resolution", "resolution", "image_resolution"),
+    *("frame_size", "img_size", "size"),
 )
 WIDTH_NAMES, HEIGHT_NAMES = (
     (f"image_{side}", f"img_{side}", f"frame_{side}", side) for side in ("width", "height")
@@ -62,33 +50,13 @@ EXPECTED = (
 BEGINS = re.compile(rb"\{|<|%YAML|---|#|[\w\"'][\w \"'.-]*:(\s|$)")
 """The first characters of a JSON, XML or YAML file."""
 USUAL = (
-    "plumb_bob",
-    "rational_polynomial",
-    "brown",
-    "brown_conrady",
-    "radtan",
-    "radtan5",
-    "radtan8",
-    "radial_tangential",
-    "pinhole",
-    "perspective",
-    "rational",
-    "opencv",
-    "opencv4",
-    "opencv5",
-    "opencv8",
-    "full_opencv",
-    "thin_prism",
-    "tilted",
+    *("plumb_bob", "rational_polynomial", "rational", "thin_prism", "tilted"),
+    *("brown", "brown_conrady", "radtan", "radtan5", "radtan8", "radial_tangential"),
+    *("pinhole", "perspective", "opencv", "opencv4", "opencv5", "opencv8", "full_opencv"),
 )
 FISHEYE = (
-    "equidistant",
-    "fisheye",
-    "equi",
-    "kannala_brandt",
-    "kannala_brandt4",
-    "kb4",
-    "opencv_fisheye",
+    *("equidistant", "equi", "kannala_brandt", "kannala_brandt4", "kb4"),
+    *("fisheye", "opencv_fisheye"),
 )
 
 

@@ -93,11 +93,16 @@ def numbers_in_field(fields: Fields, name: str, source: str) -> FloatArray | Non
     return found
 
 
+def needed_in_field(fields: Fields, name: str, source: str) -> FloatArray:
+    """As `numbers_in_field`, of a field that must be there."""
+    if (found := numbers_in_field(fields, name, source)) is None:
+        raise StereocalError(f"{source}: {name} is missing.")
+    return found
+
+
 def required(fields: Fields, name: str, size: int, source: str) -> FloatArray:
     """(size,): the numbers in a field; a single number stands for all."""
-    found = numbers_in_field(fields, name, source)
-    if found is None:
-        raise StereocalError(f"{source}: {name} is missing.")
+    found = needed_in_field(fields, name, source)
     if found.size not in (1, size) or not np.isfinite(found).all():
         raise StereocalError(
             f"{source}: {name} has the shape {found.shape}; {size} finite numbers are expected."

@@ -95,17 +95,10 @@ def parse_plan(
     needed = None
     if "needed" in data:
         needed = _part(data["needed"], _Needed, f"{source}: needed").length_error
+    name = str(data.get("name") or Path(source).stem)[:LONGEST_NAME]
+    stated = {**vars(volume), **vars(recording), "uncertainty": uncertainty, "needed": needed}
     with naming(source):
-        return Plan(
-            str(data.get("name") or Path(source).stem)[:LONGEST_NAME],
-            primary,
-            secondary,
-            pose,
-            **vars(volume),
-            **vars(recording),
-            uncertainty=uncertainty,
-            needed=needed,
-        )
+        return Plan(name, primary, secondary, pose, **stated)
 
 
 def write_plan(plan: Plan) -> bytes:
@@ -182,10 +175,8 @@ def _part(entry: Any, kind: type[T], where: str, optional: tuple[str, ...] = ())
         name: int(value) if isinstance(value, float) and value.is_integer() else value
         for name, value in entry.items()
     }
-    with naming(where):
-        try:
-            return of_plain(whole, kind)
-        except StereocalError:
-            raise
-        except ValueError as error:
-            raise StereocalError(f"{error}.") from error
+    try:
+        return of_plain(whole, kind)
+    except ValueError as error:
+        reason = str(error) if isinstance(error, StereocalError) else f"{error}."
+        raise StereocalError(reason, where) from error

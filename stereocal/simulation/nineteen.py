@@ -58,11 +58,10 @@ def simulate_nineteen(
     lenses = _with_error(rig.primary, common), _with_error(rig.secondary, common)
     baselines = np.linspace(*BASELINES_M, datasets).round(3)
     bars = common.permutation(np.linspace(*BARS_M, datasets).round(3))
+    lengths = zip(baselines.tolist(), bars.tolist(), of_datasets, strict=True)
     return [
-        _simulate_one(
-            lenses, float(baselines[i]), float(bars[i]), frames, of_datasets[i], f"{i + 1:02d}"
-        )
-        for i in range(datasets)
+        _simulate_one(lenses, baseline_m, bar_m, frames, rng, f"{number:02d}")
+        for number, (baseline_m, bar_m, rng) in enumerate(lengths, start=1)
     ]
 
 
@@ -85,17 +84,10 @@ def _simulate_one(
     nominal = Nominal(*lenses, baseline_m, bar_m)
     dataset = observe(scene, rng, NOISE_PX, name, nominal, notes)
     rows = dataset.correspondences
-    rounded = replace(
-        rows,
-        primary=rows.primary.round(PIXEL_DECIMALS),
-        secondary=rows.secondary.round(PIXEL_DECIMALS),
-    )
-    return scene, replace(
-        dataset,
-        correspondences=rounded,
-        baseline_sigma_m=BASELINE_SIGMA_M,
-        target_distance_sigma_m=BAR_SIGMA_M,
-    )
+    primary, secondary = (each.round(PIXEL_DECIMALS) for each in (rows.primary, rows.secondary))
+    rounded = replace(rows, primary=primary, secondary=secondary)
+    dataset = replace(dataset, correspondences=rounded, baseline_sigma_m=BASELINE_SIGMA_M)
+    return scene, replace(dataset, target_distance_sigma_m=BAR_SIGMA_M)
 
 
 def _set_up(baseline_m: float, rng: np.random.Generator) -> Rig:

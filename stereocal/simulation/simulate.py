@@ -135,25 +135,17 @@ def observe(
         nominal: lenses and lengths of the data set; the true ones if None.
     """
     nominal = nominal or Nominal.exact(scene)
+    cameras = scene.rig.primary, scene.rig.secondary
     primary, secondary = (
         camera.project(points) + noise_px * rng.standard_normal((len(points), 2))
-        for camera, points in zip(
-            (scene.rig.primary, scene.rig.secondary), scene.points_m, strict=True
-        )
+        for camera, points in zip(cameras, scene.points_m, strict=True)
     )
     frames = len(scene.ends_m)
     rows = Correspondences.from_arrays(
         np.repeat(np.arange(1, frames + 1), 2), "AB" * frames, primary, secondary
     )
-    return Dataset(
-        name,
-        nominal.primary,
-        nominal.secondary,
-        rows,
-        nominal.baseline_m,
-        nominal.target_distance_m,
-        notes=notes,
-    )
+    lengths = nominal.baseline_m, nominal.target_distance_m
+    return Dataset(name, nominal.primary, nominal.secondary, rows, *lengths, notes=notes)
 
 
 def lens_off_by(camera: Camera, focal: float, centre_px: tuple[float, float]) -> Camera:
@@ -200,15 +192,9 @@ def simulate_field(seed: int) -> tuple[Scene, Dataset]:
     """
     rng = np.random.default_rng(seed)
     scene = place_bars(field_rig(), rng, FIELD_FRAMES, FIELD_BAR_M)
-    primary, secondary = (
-        replace(wrong, K=wrong.K.round(2))
-        for wrong in (
-            lens_off_by(lens, *error)
-            for lens, error in zip(
-                (scene.rig.primary, scene.rig.secondary), FIELD_LENS_ERRORS, strict=True
-            )
-        )
-    )
+    lenses = zip((scene.rig.primary, scene.rig.secondary), FIELD_LENS_ERRORS, strict=True)
+    wrong = [lens_off_by(lens, *error) for lens, error in lenses]
+    primary, secondary = (replace(lens, K=lens.K.round(2)) for lens in wrong)
     nominal = Nominal(primary, secondary, FIELD_BASELINE_M, FIELD_BAR_M)
     notes = f"Synthetic, seed {seed}; the truth is in {TRUTH}."
     return scene, observe(scene, rng, FIELD_NOISE_PX, "field", nominal, notes)
@@ -216,7 +202,7 @@ def simulate_field(seed: int) -> tuple[Scene, Dataset]:
 
 def truth_of(scene: Scene, noise_px: float, seed: int) -> dict[str, Any]:
     """The ground truth of a scene, for JSON."""
-    rig, pose = scene.rig, scene.rig.pose
+    rig, pose, ends = scene.rig, scene.rig.pose, scene.ends_m.tolist()
     return {
         "format": TRUTH_FORMAT,
         "convention": "x_secondary = R @ x_primary + T; metres, radians",
@@ -227,10 +213,7 @@ def truth_of(scene: Scene, noise_px: float, seed: int) -> dict[str, Any]:
         "cameras": {"primary": rig.primary.to_json(), "secondary": rig.secondary.to_json()},
         "noise_px": noise_px,
         "seed": seed,
-        "frames": [
-            {"frame": i, "A": a.tolist(), "B": b.tolist()}
-            for i, (a, b) in enumerate(scene.ends_m, start=1)
-        ],
+        "frames": [{"frame": i, "A": a, "B": b} for i, (a, b) in enumerate(ends, start=1)],
     }
 
 

@@ -68,13 +68,12 @@ def _of_bars(
     table, others, opened = sorted_files(files)
     size = options.image_sizes[0]
     if opened is not None:
-        count, origin = len(opened.cameras), options.origin(LOWER_LEFT)
-        sizes = opened.image_sizes(range(count), [size] * count)
+        every, origin = range(len(opened.cameras)), options.origin(LOWER_LEFT)
+        sizes = opened.image_sizes(every, [size] * len(every))
         cameras = [opened.camera(k, own, origin) for k, own in enumerate(sizes)]
     else:
         cameras = [*cameras_in(others, options).values()]
-        count = len(cameras)
-    if count < 3:
+    if (count := len(cameras)) < 3:
         raise StereocalError(
             "Files of three cameras or more are expected; these name "
             f"{count or 'none'}: give those of the others too.",
@@ -82,10 +81,8 @@ def _of_bars(
         )
     remarks: tuple[str, ...] = ()
     if opened is not None:
-        bars = opened.seen("wandPts", range(count), sizes, origin)
-        assert bars is not None  # it names the cameras
-        background = opened.seen("backgroundPts", range(count), sizes, origin)
-        if background is not None and len(background.frame) and len(bars.frame):
+        bars, background = opened.seen_bars(every, sizes, origin)
+        if background is not None and len(bars.frame):
             bars, _ = with_background(bars, background)
         distance_m = opened.bar_length(options.unit) if distance_m is None else distance_m
     elif not table:
@@ -110,16 +107,10 @@ def _of_bars(
     row, camera_of_row = np.nonzero(np.isfinite(bars.pixels).all(axis=2))
     order = np.lexsort([bars.target[row], camera_of_row, bars.frame[row]])
     row, camera_of_row = row[order], camera_of_row[order]
-    recording = Recording(
-        name,
-        {str(k + 1): camera for k, camera in enumerate(cameras)},
-        RigidObject.bar(distance_m),
-        bars.frame[row],
-        camera_of_row,
-        bars.target[row],
-        bars.pixels[row, camera_of_row],
-        np.full(len(row), np.nan),
-    )
+    numbered = {str(k + 1): camera for k, camera in enumerate(cameras)}
+    points, unknown = bars.pixels[row, camera_of_row], np.full(len(row), np.nan)
+    rows = bars.frame[row], camera_of_row, bars.target[row], points, unknown
+    recording = Recording(name, numbered, RigidObject.bar(distance_m), *rows)
     recording.refuse_points_outside()
     recording = recording.within_view()
     remarks += tuple(filter(None, [beyond_in_words(recording.beyond_view)]))

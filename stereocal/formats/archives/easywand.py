@@ -4,7 +4,7 @@ All image coordinates in the file count v from the bottom: `v' = h - v` with the
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -84,11 +84,22 @@ class EasyWandFile:
             pixels.swapaxes(0, 1).reshape(-1, len(sizes), 2),
         )
 
+    def seen_bars(
+        self, cameras: Sequence[int], sizes: Sequence[ImageSize], origin: PixelOrigin
+    ) -> tuple[BarPoints, BarPoints | None]:
+        """The bars that two or more of some cameras saw, and the background points, if any."""
+        bars, background = (
+            self.seen(name, cameras, sizes, origin) for name in ("wandPts", "backgroundPts")
+        )
+        assert bars is not None  # it names the cameras
+        return bars, background if background is not None and len(background.frame) else None
+
     def image_sizes(
         self, cameras: Sequence[int], stated: Sequence[ImageSize | None]
     ) -> list[ImageSize]:
         """The stated sizes of images, or those of the file, if all points lie inside."""
         found, count = list[ImageSize](), len(self.cameras)
+        tables = [table for name in TABLES if (table := self._points(name)) is not None]
         for k, size in zip(cameras, stated, strict=True):
             if size is not None:
                 found.append(size)
@@ -97,11 +108,8 @@ class EasyWandFile:
                 required(self.fields, name, count, self.source)[k]
                 for name in ("imageWidth", "imageHeight")
             )
-            points = np.zeros((1, 2))
-            for name in TABLES:
-                if (table := self._points(name)) is not None:
-                    points = np.vstack([points, table[:, :, k].reshape(-1, 2)])
-            u, v = np.nanmax(points, axis=0)
+            points = [table[:, :, k].reshape(-1, 2) for table in tables]
+            u, v = np.nanmax(np.vstack([np.zeros((1, 2)), *points]), axis=0)
             if not (
                 1 <= width <= 1e6 and 1 <= height <= 1e6 and u <= width + 1 and v <= height + 1
             ):
@@ -201,9 +209,10 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
     chosen = chosen_pair(file.cameras, options.cameras, file.source)
     origin = options.origin(LOWER_LEFT)
     sizes = file.image_sizes(chosen.pair, options.image_sizes)
-    cameras = [file.camera(k, size, origin) for k, size in zip(chosen.pair, sizes, strict=True)]
-    bars = file.seen("wandPts", chosen.pair, sizes, origin)
-    if bars is None or not len(bars.frame):
+    of_pair = zip(chosen.pair, sizes, strict=True)
+    primary, secondary = (file.camera(k, size, origin) for k, size in of_pair)
+    bars, background = file.seen_bars(chosen.pair, sizes, origin)
+    if not len(bars.frame):
         raise StereocalError(
             f"no end of the bar was seen by both cameras, {chosen.words}: choose others.",
             file.source,
@@ -211,8 +220,7 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
         )
     taken = [points_taken(bars.correspondences, f"wandPts, {chosen.words}")]
     notes = [f"From easyWand, {chosen.words}."]
-    background = file.seen("backgroundPts", chosen.pair, sizes, origin)
-    if background is not None and len(background.frame):
+    if background is not None:
         bars, words = with_background(bars, background)
         about = f"{len(background.frame)} pairs, {words}"
         taken.append(Part("background points", about, "backgroundPts"))
@@ -232,7 +240,9 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
             line = Part("thrown object", words, "axisPts, gravityFreq")
             notes.append(f"{THROW} has a thrown object, recorded at {rate:g} frames a second.")
         taken.append(line)
-    taken += [lens_taken(*each, LENS_FIELDS) for each in zip(CAMERAS, cameras, strict=True)]
+    taken += [
+        lens_taken(*each, LENS_FIELDS) for each in zip(CAMERAS, (primary, secondary), strict=True)
+    ]
     distance = file.bar_length(options.unit)
     if distance is not None:
         taken.append(Part("distance A-B", f"{distance:g} m", "wandLen"))
@@ -240,14 +250,7 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
     if baseline is not None:
         baseline *= UNITS[options.unit or "m"]
         taken.append(baseline_taken(baseline, "coefs, its own solution"))
-    return Archive(
-        tuple(taken),
-        cameras[0],
-        cameras[1],
-        bars.correspondences,
-        baseline,
-        distance,
-        table,
-        tuple(notes),
-        chosen.remarks,
+    found = Archive(
+        tuple(taken), primary, secondary, bars.correspondences, baseline, distance, table
     )
+    return replace(found, notes=tuple(notes), remarks=chosen.remarks)

@@ -5,6 +5,7 @@ found = gather({"wand.csv": ..., "camchain.yaml": ...}, ExchangeOptions())
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
@@ -178,15 +179,9 @@ def _cameras(files: Mapping[str, bytes], options: ExchangeOptions, baseline_know
     if baseline is not None:
         baseline *= pair.scale(baseline, options.unit, source)
         taken.append(baseline_taken(baseline, f"{source}, its own solution"))
-    return Archive(
-        tuple(taken),
-        pair.primary,
-        pair.secondary,
-        baseline_m=baseline,
-        no_baseline=pair.no_pose if pair.pose is None else "",
-        notes=(f"Lenses from {source} ({about}).",),
-        remarks=pair.remarks,
-    )
+    found = Archive(tuple(taken), pair.primary, pair.secondary, baseline_m=baseline)
+    lacks, notes = pair.no_pose * (pair.pose is None), (f"Lenses from {source} ({about}).",)
+    return replace(found, no_baseline=lacks, notes=notes, remarks=pair.remarks)
 
 
 def nominal_baseline(
@@ -196,39 +191,30 @@ def nominal_baseline(
 
     None if they do not say how the cameras stand.
     """
-    contents = primary, secondary
-    pairs = zip(CAMERAS, names, contents, strict=True)
+    pairs = zip(CAMERAS, names, (primary, secondary), strict=True)
     files = {f"{which}/{name}": content for which, name, content in pairs}
-    try:
+    with suppress(StereocalError):
         found = _cameras(files, ExchangeOptions(), baseline_known=False)
-    except StereocalError:
-        return None
-    if found.baseline_m is None or found.baseline_sigma_m is None:
-        return None
-    return found.baseline_m, found.baseline_sigma_m
+        if found.baseline_m is not None and found.baseline_sigma_m is not None:
+            return found.baseline_m, found.baseline_sigma_m
+    return None
 
 
 def _with_table(found: Archive, name: str, content: bytes, options: ExchangeOptions) -> Archive:
     """With the bars of a table, in images of the stated or the cameras' height."""
-    remarks: tuple[str, ...] = ()
     if _is_own(content, name, options):
-        rows, words = read_table(content, name).strict(name), "stereocal"
+        read = Bars(read_table(content, name).strict(name), "stereocal")
     else:
-        sizes = [
-            size or (None if camera is None else camera.image_size)
-            for size, camera in zip(
-                options.image_sizes, (found.primary, found.secondary), strict=True
-            )
-        ]
+        cameras = zip(options.image_sizes, (found.primary, found.secondary), strict=True)
+        sizes = [size or (camera.image_size if camera else None) for size, camera in cameras]
         heights = [None if size is None else size[1] for size in sizes]
         read = bars_of(content, name, options, heights)
-        rows, words, remarks = read.rows, read.words, read.remarks
     return replace(
         found,
-        taken=(points_taken(rows, f"{name} ({words})"), *found.taken),
-        correspondences=rows,
-        notes=(*found.notes, f"Points from {name}, {words}."),
-        remarks=(*found.remarks, *remarks),
+        taken=(points_taken(read.rows, f"{name} ({read.words})"), *found.taken),
+        correspondences=read.rows,
+        notes=(*found.notes, f"Points from {name}, {read.words}."),
+        remarks=(*found.remarks, *read.remarks),
     )
 
 
@@ -240,8 +226,7 @@ def is_correspondences(content: bytes, name: str) -> bool:
 
 def _is_own(content: bytes, name: str, options: ExchangeOptions) -> bool:
     """Whether a table is `correspondences.csv` and is to be read as such."""
-    stated = options.layout is not None or options.roles is not None
-    return not stated and is_correspondences(content, name)
+    return options.layout is options.roles is None and is_correspondences(content, name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +235,7 @@ class Bars:
 
     rows: Correspondences
     words: str
-    remarks: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
     """For the user."""
 
 
@@ -309,10 +294,9 @@ def layout_of_bars(
         raise StereocalError(
             f"the ends A and B are the same point ({ends[0]}): choose two.", source
         )
-    remarks: tuple[str, ...] = ()
-    if len(layout.points) > 2 and options.ends is None:
-        remarks = (
-            f"There are {len(layout.points)} points; {ends[0]} and {ends[1]} were taken as the "
-            "ends A and B of the bar.",
-        )
+    told = (
+        f"There are {len(layout.points)} points; {ends[0]} and {ends[1]} were taken as the ends A "
+        "and B of the bar.",
+    )
+    remarks = told if len(layout.points) > 2 and options.ends is None else ()
     return replace(layout, origin=options.origin(layout.origin)), ends, remarks

@@ -37,8 +37,6 @@ class CameraPair:
     no_pose: str = ""
     """Why there is no pose, for an error."""
     program: str = ""
-    words: str = ""
-    """Which cameras they are."""
     chosen: ChosenPair | None = None
     """The cameras taken, if a file can have any number of them."""
     stated: Unit | None = None
@@ -49,6 +47,13 @@ class CameraPair:
     """The files of the primary and the secondary, if each has its own."""
     notes: tuple[str, ...] = ()
     """What the reader has to tell."""
+    called: str = ""
+    """Which cameras they are, where none were chosen."""
+
+    @property
+    def words(self) -> str:
+        """Which cameras they are."""
+        return self.chosen.words if self.chosen else self.called
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -113,8 +118,9 @@ def lenses_of(files: Files, options: ExchangeOptions, no_pose: str) -> CameraPai
         read_camera(file.content, file.name, options.lens_model, size)
         for file, size in zip(files, options.image_sizes, strict=False)
     ]
-    words, names = ONE_LENS * (len(files) == 1), (files[0].name, files[-1].name)
-    return CameraPair(cameras[0], cameras[-1], None, no_pose, "camera files", words, files=names)
+    pair = CameraPair(cameras[0], cameras[-1], None, no_pose, "camera files")
+    names = files[0].name, files[-1].name
+    return replace(pair, called=ONE_LENS * (len(files) == 1), files=names)
 
 
 def only_file(files: Files, endings: tuple[str, ...], source: str) -> ForeignFile:

@@ -11,6 +11,7 @@ import csv
 import re
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -87,15 +88,8 @@ def read_dlt(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
     if options.corner is None and (all(behind) or (near and behind[0])):
         raise OriginError(name)
     ours = near and np.allclose(poses[0].R, np.eye(3), rtol=0, atol=1e-6)
-    return CameraPair(
-        cameras[0],
-        cameras[1],
-        poses[1] @ poses[0].inverse(),
-        words=chosen.words,
-        chosen=chosen,
-        stated="m" if ours else None,
-        notes=() if ours else _on_origin(behind, options),
-    )
+    pair = CameraPair(cameras[0], cameras[1], poses[1] @ poses[0].inverse(), chosen=chosen)
+    return replace(pair, stated="m") if ours else replace(pair, notes=_on_origin(behind, options))
 
 
 def _on_origin(behind: Sequence[bool], options: ExchangeOptions) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePath
+from typing import Any
 
 import numpy as np
 
@@ -229,16 +230,9 @@ def import_files(
     pair = _read(files, known, options, source)
     rig = pair.rig(options, source)
     digest = hashlib.sha256(b"".join(files[each] for each in sorted(files))).hexdigest()
-    return RigParameters(
-        rig.primary,
-        rig.secondary,
-        rig.pose,
-        method="imported",
-        cost=None,
-        settings={},
-        inputs={"format": name, "sha256": digest}
-        | ({"notes": [*pair.remarks]} if pair.remarks else {}),
-    )
+    inputs: dict[str, Any] = {"format": name, "sha256": digest}
+    inputs |= {"notes": [*pair.remarks]} if pair.remarks else {}
+    return RigParameters(rig.primary, rig.secondary, rig.pose, "imported", None, {}, inputs)
 
 
 def import_parameters(

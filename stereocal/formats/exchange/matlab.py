@@ -26,7 +26,7 @@ from stereocal.formats.exchange.camera_format import (
     pose_from,
 )
 from stereocal.formats.exchange.options import UNITS, ExchangeOptions, Unit
-from stereocal.formats.matlab_file import Fields, numbers_in_field, read_structs
+from stereocal.formats.matlab_file import Fields, needed_in_field, numbers_in_field, read_structs
 from stereocal.formats.other_files import is_matlab
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
@@ -78,18 +78,10 @@ def write_matlab(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
 
 
 WORLD_UNITS: Mapping[str, Unit] = {
-    "m": "m",
-    "meter": "m",
-    "metre": "m",
-    "cm": "cm",
-    "centimeter": "cm",
-    "centimetre": "cm",
-    "mm": "mm",
-    "millimeter": "mm",
-    "millimetre": "mm",
-    "in": "inch",
-    "inch": "inch",
-    "inche": "inch",
+    **dict.fromkeys(("m", "meter", "metre"), "m"),
+    **dict.fromkeys(("cm", "centimeter", "centimetre"), "cm"),
+    **dict.fromkeys(("mm", "millimeter", "millimetre"), "mm"),
+    **dict.fromkeys(("in", "inch", "inche"), "inch"),
 }
 """By their names in lower case, without a plural s."""
 _WORLD_UNITS = re.compile(r"WorldUnits['\"]?\s*[,=]\s*['\"]([^'\"]*)['\"]")
@@ -121,7 +113,7 @@ def read_matlab(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     for k, part in enumerate(PARTS, start=1):
         fields[part] = {key[:-1]: assigned[key] for key in assigned if key.endswith(str(k))}
     fields["WorldUnits"] = _WORLD_UNITS.findall(code)
-    return replace(stereo_of({"": fields}, file.name, options), program="", words="")
+    return replace(stereo_of({"": fields}, file.name, options), program="", called="")
 
 
 def _unit_of(stated: Iterable[object], source: str) -> Unit | None:
@@ -144,20 +136,14 @@ def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptio
                 _camera(fields[part], options, k, f"{source}, {CAMERAS[k]}")
                 for k, part in enumerate(PARTS)
             )
-            stated = [
-                word
-                for part in (fields, *(fields[part] for part in PARTS))
-                for word in np.ravel(part.get("WorldUnits", ""))
-            ]
-            return CameraPair(
-                primary,
-                secondary,
-                _pose(fields, source),
-                f"{source}: neither RotationOfCamera2 nor PoseCamera2 is in the struct.",
-                "MATLAB",
-                "stereoParams",
-                stated=_unit_of(stated, source),
+            units = (
+                own.get("WorldUnits", "") for own in (fields, *(fields[part] for part in PARTS))
             )
+            unit = _unit_of([word for own in units for word in np.ravel(own)], source)
+            pose = _pose(fields, source)
+            lacks = f"{source}: neither RotationOfCamera2 nor PoseCamera2 is in the struct."
+            pair = CameraPair(primary, secondary, pose, lacks, "MATLAB", stated=unit)
+            return replace(pair, called="stereoParams")
     raise StereocalError(
         f"{source}: this .mat file has neither easyWandData nor the struct of a stereoParameters "
         f"(it contains: {', '.join(structs)[:100]}). In MATLAB: s = toStruct(stereoParams); "
@@ -220,10 +206,7 @@ def _pose(fields: Fields, source: str) -> Pose | None:
 
 
 def _required(fields: Fields, name: str, shape: tuple[int, ...], source: str) -> FloatArray:
-    found = numbers_in_field(fields, name, source)
-    if found is None:
-        raise StereocalError(f"{source}: {name} is missing.")
-    return array_of(found, shape, name, source)
+    return array_of(needed_in_field(fields, name, source), shape, name, source)
 
 
 MATLAB = ExchangeFormat(

@@ -124,15 +124,10 @@ def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> Came
         cameras.append(camera_from(*lens, options, k, where))
         if all(own.get(key) not in (None, "null") for key in ("rotation", "translation")):
             poses.append(_toml_pose(own, where))
-    return CameraPair(
-        cameras[0],
-        cameras[1],
-        poses[1] @ poses[0].inverse() if len(poses) == 2 else None,
-        f"{file.name}: a camera has no rotation and translation.",
-        "Caliscope" if "cameras" in data or "charuco" in data else "aniposelib",
-        chosen.words,
-        chosen,
-    )
+    pose = poses[1] @ poses[0].inverse() if len(poses) == 2 else None
+    no_pose = f"{file.name}: a camera has no rotation and translation."
+    program = "Caliscope" if "cameras" in data or "charuco" in data else "aniposelib"
+    return CameraPair(cameras[0], cameras[1], pose, no_pose, program, chosen)
 
 
 def _called(sections: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
@@ -189,8 +184,8 @@ def write_colmap(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     for k, (which, camera, _pose) in enumerate(two, start=1):
         K, lens, model = camera.K, camera.distortion, "OPENCV_FISHEYE"
         if not camera.is_fisheye:
-            model = "FULL_OPENCV" if lens[4:].any() else "OPENCV"
             lens = lens if lens[4:].any() else lens[:4]
+            model = "FULL_OPENCV" if lens[4:].any() else "OPENCV"
         centre = K[0, 2] + FIRST_PIXEL, K[1, 2] + FIRST_PIXEL
         parameters = [float(value) for value in (K[0, 0], K[1, 1], *centre, *lens)]
         width, height = camera.image_size
@@ -324,13 +319,14 @@ def read_profile(files: Files, options: ExchangeOptions, source: str) -> CameraP
         where = f"{file.name}, {row[0]}"
         cameras.append(camera_from(K, lens, (width, height), False, options, k, where))
     no_pose = f"{file.name}: a camera profile has no pose."
-    words = chosen.words if chosen else ONE_LENS
-    return CameraPair(cameras[0], cameras[1], None, no_pose, "Argus profile", words, chosen)
+    pair = CameraPair(cameras[0], cameras[1], None, no_pose, "Argus profile", chosen)
+    return replace(pair, called=ONE_LENS)
+
+
+def _profile_names(file: ForeignFile) -> tuple[str, ...]:
+    return tuple(row[0] for row in _profile_rows(file))
 
 
 ARGUS = CameraFormat(
-    "Argus camera profile",
-    read_profile,
-    lambda file: bool(_profile_rows(file)),
-    lambda file: tuple(row[0] for row in _profile_rows(file)),
+    "Argus camera profile", read_profile, lambda file: bool(_profile_names(file)), _profile_names
 )

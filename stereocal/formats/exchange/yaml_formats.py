@@ -38,23 +38,17 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 
 
-def _of_camera(k: int) -> dict[str, tuple[str, ...]]:
-    """Names of the matrices of camera 1 or 2, of which we write the first."""
-    side = ("left", "right")[k - 1]
-    ends = (str(k), side[0].upper(), f"_{side}")
-    found = {}
-    for key, names in (("M", ("M", *K_NAMES, "CM")), ("D", ("D", *DISTORTION_NAMES))):
-        ended = (name + end for end in ends for name in names)
-        found[f"{key}{k}"] = (*ended, *(f"{side}_{name}" for name in names))
-    return found
+def _names_of(k: str, side: str, names: Sequence[str]) -> tuple[str, ...]:
+    """Names of a matrix of camera 1 or 2, the left or the right; we write the first."""
+    ended = (name + end for end in (k, side[0].upper(), f"_{side}") for name in names)
+    return (*ended, *(f"{side}_{name}" for name in names))
 
 
 NAMES: Mapping[str, tuple[str, ...]] = {
-    **_of_camera(1),
-    **_of_camera(2),
-    "R": ("R", "rotation", "rotation_matrix"),
-    "T": ("T", "translation", "translation_vector"),
-}
+    f"{key}{k}": _names_of(k, side, names)
+    for k, side in (("1", "left"), ("2", "right"))
+    for key, names in (("M", ("M", *K_NAMES, "CM")), ("D", ("D", *DISTORTION_NAMES)))
+} | {"R": ("R", "rotation", "rotation_matrix"), "T": ("T", "translation", "translation_vector")}
 
 
 def write_opencv(two: Sequence[Posed], _options: ExchangeOptions) -> dict[str, bytes]:
@@ -110,16 +104,9 @@ def rectification(two: Sequence[Posed]) -> list[FloatArray]:
     first, second = (
         np.zeros((1, 5)) if camera.is_fisheye else _row(camera) for camera in (primary, secondary)
     )
-    found = cv2.stereoRectify(
-        primary.K,
-        first,
-        secondary.K,
-        second,
-        primary.image_size,
-        pose.R,
-        pose.T[:, None],
-        flags=cv2.CALIB_ZERO_DISPARITY,
-    )
+    lenses, moved = (primary.K, first, secondary.K, second), (pose.R, pose.T[:, None])
+    flags = cv2.CALIB_ZERO_DISPARITY
+    found = cv2.stereoRectify(*lenses, primary.image_size, *moved, flags=flags)
     R2, *rest = (np.asarray(each, dtype=np.float64) for each in found[1:5])
     return [R2 @ pose.R, R2, *rest]  # OpenCV's R1 knows no turn below 1e-5 rad
 
@@ -157,20 +144,12 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     if set(missing) - {"R", "T"}:
         raise StereocalError(lacks)
     model = models[0] if models else None
-    first, second = (
-        camera_from(
-            found[f"M{k + 1}"],
-            found[f"D{k + 1}"],
-            sizes.get(k),
-            model,
-            options,
-            k,
-            f"{source}, {which}",
-        )
-        for k, which in enumerate(CAMERAS)
-    )
+    cameras = []
+    for k, which in enumerate(CAMERAS):
+        lens = found[f"M{k + 1}"], found[f"D{k + 1}"], sizes.get(k), model
+        cameras.append(camera_from(*lens, options, k, f"{source}, {which}"))
     pose = None if missing else pose_from(found["R"], found["T"], source)
-    return CameraPair(first, second, pose, lacks)
+    return CameraPair(cameras[0], cameras[1], pose, lacks)
 
 
 def write_kalibr(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
@@ -231,7 +210,7 @@ def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     if pose is not None and chosen.pair[0] == last:
         pose = pose.inverse()
     no_pose = f"{file.name}: T_cn_cnm1, the pose of a camera, is missing."
-    return CameraPair(primary, secondary, pose, no_pose, "Kalibr", chosen.words, chosen)
+    return CameraPair(primary, secondary, pose, no_pose, "Kalibr", chosen)
 
 
 def _kalibr_camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
