@@ -37,8 +37,8 @@ from stereocal.ui.boards import held_board, press_search
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.holding import ask_what_is_held, holds_board, settle
 from stereocal.ui.intake import give_pair
-from stereocal.ui.menu import PRESS_FIRST, button_type
-from stereocal.ui.messages import callback, readable, show_stale, show_with_button
+from stereocal.ui.menu import PRESS_FIRST
+from stereocal.ui.messages import button, readable, show_stale, show_with_button
 from stereocal.ui.navigation import go_to
 from stereocal.ui.rig import rig_work
 from stereocal.ui.texts import escape_markdown, escaped_table
@@ -69,8 +69,7 @@ def show_files(project: Project) -> None:
         return
     of_all = [name for name, part in store.parts.items() if not is_table(name, part.read_bytes())]
     if len(of_all) == 1:
-        two = partial(_use_two, store, of_all[0])
-        st.button("Use only two of these cameras", key="several_two", on_click=two)
+        button("Use only two of these cameras", "several_two", _use_two, store, of_all[0])
     parts = dict(sorted(store.parts.items(), key=lambda each: natural(each[0])))
     asked = Questions(project, "several_{}")
     with st.expander("Correct or complete what the files say"):
@@ -88,17 +87,15 @@ def show_files(project: Project) -> None:
         st.warning(escape_markdown(str(error)))
         return
     _show(found)
-    calibrate = partial(_calibrate, store, found)
     title = "Calibrate all" if len(found.recording.cameras) > 2 else "Use these points"
     # Of what is in use already, the next thing to do is on the page Rig.
     digests = (hashlib.sha256(content).hexdigest() for content in found.files.values())
     is_used = sorted(digests) == sorted(store.digest)
     if store.is_given:
         st.session_state[PRESS_FIRST] = not is_used
-    st.button(title, type=button_type(not is_used), key="several_run", on_click=calibrate)
+    button(title, "several_run", _calibrate, store, found, first=not is_used)
 
 
-@callback
 def _use_two(store: ProjectRecording, name: str) -> None:
     """Ask which two cameras of a file of all to use, and of the table (a callback)."""
     asked = ProjectApplication(store.project)
@@ -111,17 +108,11 @@ def _show_parts(store: ProjectRecording) -> None:
     """The files in use, to remove, and those that replaced one."""
     with st.container(horizontal=True):
         for name in sorted(store.parts, key=natural):
-            st.button(
-                escape_markdown(name),
-                key=f"drop_{name}",
-                icon=":material/close:",
-                help="Remove this file.",
-                on_click=callback(store.drop_part),
-                args=(name,),
-            )
+            act = f"drop_{name}", store.drop_part, name
+            button(escape_markdown(name), *act, icon="close", help="Remove this file.")
     for name in store.replaced:
-        words, undo = f"{name} was replaced.", partial(store.undo_part, name)
-        show_with_button("info", words, "Undo", f"undo_{name}", undo, icon=":material/undo:")
+        undo = "Undo", f"undo_{name}", store.undo_part, name
+        show_with_button("info", f"{name} was replaced.", *undo, icon="undo")
 
 
 def _contents(files: Mapping[str, StoredFile]) -> dict[str, bytes]:
@@ -175,7 +166,6 @@ def _show(gathered: Gathered) -> None:
         st.warning(escape_markdown(remark))
 
 
-@callback
 def _calibrate(store: ProjectRecording, gathered: Gathered) -> None:
     """Store the recording and go on with it: calibrate a rig, or open a pair (a callback)."""
     recording = gathered.recording

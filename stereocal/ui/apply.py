@@ -34,7 +34,7 @@ from stereocal.ui.apply_threshold import (
 )
 from stereocal.ui.clicks import show_clicks
 from stereocal.ui.fields import setting
-from stereocal.ui.messages import ErrorsShown, callback, readable, show_refusal, show_stale
+from stereocal.ui.messages import ErrorsShown, button, readable, show_refusal, show_stale
 from stereocal.ui.parameter_files import APPLY_SETS, PURPOSES, Source, upload_set
 from stereocal.ui.press import set_in_use
 from stereocal.ui.texts import escape_markdown
@@ -162,7 +162,7 @@ def _choose_for_rig(project: Project, store: ProjectApplication) -> ApplyInputs 
         label, rig = given
         with st.container(horizontal=True, vertical_alignment="center"):
             st.caption(f"In use: {escape_markdown(label)}, a rig of {len(rig.names)} cameras")
-            st.button("Use other parameters", key="forget_rig", on_click=callback(store.forget_rig))
+            button("Use other parameters", "forget_rig", store.forget_rig)
     if rig is None:
         st.info("The cameras are not calibrated yet.")
         st.page_link("pages/rig.py", label="Calibrate all on the page Rig")

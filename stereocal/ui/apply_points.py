@@ -16,7 +16,7 @@ from stereocal.rig.rig import camera_in_words
 from stereocal.system.numbers import count
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.intake import take_one
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import button
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import ask_about_points
 
@@ -88,8 +88,7 @@ class PointsForm:
         if (file := self.store.point_file(slot)) is not None:
             st.caption(f"{in_use}: {escape_markdown(file.label)}, {count(file.rows, 'point')}")
             if file.answers is not None:
-                again = callback(partial(self.store.ask_again, slot))
-                st.button("Read it differently", key=f"again_{slot}", on_click=again)
+                button("Read it differently", f"again_{slot}", self.store.ask_again, slot)
         title, key = f"Points of {escape_markdown(camera)}", f"upload_points_{slot}"
         upload = st.file_uploader(title, type=KINDS, key=key, help=HELP)
         take_one(upload, partial(self._offer, slot))

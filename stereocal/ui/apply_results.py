@@ -45,7 +45,7 @@ from stereocal.ui.apply_threshold import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.messages import ErrorsShown, callback, fragment, readable, show_stale
+from stereocal.ui.messages import ErrorsShown, button, fragment, readable, show_stale
 from stereocal.ui.press import PAPER_SET_FOR
 from stereocal.ui.screening import NAME, frames_photographed, photographs_of
 from stereocal.ui.texts import escape_markdown
@@ -121,7 +121,7 @@ def _show_result(
         matched, points = files[outcome.matched], files[POINTS]
         tables = _read(matched.name, points.name, matched, points)
     if tables is None:
-        st.button("Begin again", on_click=callback(store.forget_result), key="forget_result")
+        button("Begin again", "forget_result", store.forget_result)
         return None
     where = "" if outcome.world is None else " Points are in the world frame."
     dataset = readable(lambda: project.dataset)
@@ -326,11 +326,10 @@ def _choose_frame(store: ProjectApplication, outcome: Outcome, frames: list[int]
     with buttons, st.container(horizontal=True):
         for label, to in (("Previous", before), ("Next", after)):
             there, key = 0 <= to < len(frames), label.lower()
-            step, off = callback(partial(field.set, frames[to] if there else None)), not there
-            st.button(label, f"apply_{key}", on_click=step, shortcut=key[0], disabled=off)
-        label, icon, press = ("Pause", "pause", _pause) if playing else ("Play", "play_arrow", play)
-        icon = f":material/{icon}:"
-        st.button(label, "apply_play", on_click=press, shortcut="k", width=110, icon=icon)
+            step = field.set, frames[to] if there else None
+            button(label, f"apply_{key}", *step, shortcut=key[0], disabled=not there)
+        label, icon, act = ("Pause", "pause", _pause) if playing else ("Play", "play_arrow", play)
+        button(label, "apply_play", act, icon=icon, shortcut="k", width=110)
     return frame
 
 

@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import streamlit as st
@@ -39,8 +38,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import take_one
-from stereocal.ui.menu import button_type
-from stereocal.ui.messages import callback, end_here, show_refusal
+from stereocal.ui.messages import button, end_here, show_refusal
 from stereocal.ui.parameter_files import APPLY_SETS, Source
 from stereocal.ui.texts import escape_markdown
 
@@ -187,9 +185,8 @@ def show_check(chosen: CheckInputs) -> None:
             return repaired_parameters(found, sha256).dumps()
 
         with st.container(horizontal=True):
-            use = callback(partial(_use, chosen.project, repaired))
             label, used = "Use the repaired parameters", _are_in_use(chosen.project, repaired)
-            st.button(label, type=button_type(not used), key="use_repaired", on_click=use)
+            button(label, "use_repaired", _use, chosen.project, repaired, first=not used)
             offer(f"{REPAIRED} · for both", repaired, REPAIRED, "download_repaired")
         apply = "In use: Apply matches and measures with the repaired parameters."
         until = "To match and to measure on the page Apply, until the rig is calibrated again."

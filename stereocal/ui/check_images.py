@@ -26,7 +26,7 @@ from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
 from stereocal.ui.fields import Number, one_of, setting
 from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import drop_zone
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.messages import button, readable
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
 
@@ -141,8 +141,7 @@ def _search(seen: Seen) -> None:
         moments = readable(lambda: store.moments([*seen.cameras]))
         with st.container(horizontal=True, vertical_alignment="center"):
             st.markdown(f"{count(len(files), 'photograph')}, {count(len(moments or ()), 'frame')}.")
-            clear = callback(store.clear)
-            st.button("Remove the photographs", key="check_clear", on_click=clear)
+            button("Remove the photographs", "check_clear", store.clear)
         if moments is None:
             return
         held, ready = ask_held(store, moments, fold=True)

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import Literal
 
 import streamlit as st
 
@@ -30,7 +29,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import page_shown
 from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import drop_zone
-from stereocal.ui.messages import callback, readable, show_refusal
+from stereocal.ui.messages import button, readable, show_refusal
 from stereocal.ui.navigation import go_to
 from stereocal.ui.prerequisites import missing_of
 from stereocal.ui.project import current_project, project_to_write
@@ -234,9 +233,8 @@ def _ask(key: str, question: str, answers: Mapping[str, Callable[[], None]]) -> 
         st.markdown(f"**{escape_markdown(question)}**")
         with st.container(horizontal=True):
             for number, (label, act) in enumerate(answers.items()):
-                title, act = escape_markdown(label), callback(act)
-                kind: Literal["primary", "tertiary"] = "tertiary" if label == REMOVE else "primary"
-                st.button(title, key=f"{key}_{number}", type=kind, on_click=act)
+                kind = "tertiary" if label == REMOVE else "primary"
+                button(escape_markdown(label), f"{key}_{number}", act, type=kind)
 
 
 def ask_whose(project_files: ProjectGiven) -> None:
@@ -247,7 +245,7 @@ def ask_whose(project_files: ProjectGiven) -> None:
             "all, drop a camera file of each here too; *Lenses* makes one from photographs of a "
             "board. To calibrate two of them, remove the photographs and drop those of two."
         )
-        st.button(REMOVE, key="several_cameras", on_click=project_files.photographs.clear)
+        button(REMOVE, "several_cameras", project_files.photographs.clear)
         return
     series = project_files.open_series
     cameras = project_files.rig_cameras if project_files.is_of_rig else CAMERAS

@@ -28,7 +28,7 @@ from stereocal.system.latest import Latest
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.intake import drop_zone
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.messages import button, readable
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import MISSING
 
@@ -120,7 +120,7 @@ class Pictures:
                     title = f"Frames by which the video of {camera_in_words(camera)} began later"
                     field.number_input(escape_markdown(title), help="If started by hand.")
             if videos.paths or self.given.photographs.photographs:
-                st.button("Remove these pictures", "clicks_clear", on_click=callback(self._clear))
+                button("Remove these pictures", "clicks_clear", self._clear)
             st.caption(KEPT)
         return footage
 

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache
 from typing import Any, Literal, ParamSpec, TypeVar
 
 import streamlit as st
@@ -26,8 +26,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import engine, scheduler_of
 from stereocal.system.tasks import EndingError, StoppedError
-from stereocal.ui.menu import button_type
-from stereocal.ui.messages import callback, clear_refusal
+from stereocal.ui.messages import button, clear_refusal
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.warm_up import WARM_UP
 
@@ -202,7 +201,7 @@ def start_button(
         start(work)
 
     disabled = disabled or is_running(work.project, work.kind)
-    st.button(label, key=key, type=button_type(primary), disabled=disabled, on_click=press)
+    button(label, key, press, first=primary, disabled=disabled)
 
 
 def _drive(job: Job) -> None:
@@ -247,8 +246,7 @@ def show_job(project: Project, kind: Kind, cancelled: str) -> None:
         _show_progress(project, kind)
     elif stored_jobs.state(project.database, kind) == "interrupted":
         st.warning(INTERRUPTED)
-        away = callback(partial(abandon, project, kind))
-        st.button("Discard", key=f"discard_{kind}", on_click=away)
+        button("Discard", f"discard_{kind}", abandon, project, kind)
     elif job is not None and job.state == "failed":
         st.error(escape_markdown(job.sentence))
     elif job is not None and job.state == "cancelled":
@@ -286,4 +284,4 @@ def _show_progress(project: Project, kind: Kind) -> None:
             st.progress(job.done / max(job.total, 1), words)
         else:
             st.progress(0.0, "Starting" if number == job.at else f"{stage.capitalize()}: not yet")
-    st.button("Cancel", key=f"cancel_{kind}", on_click=partial(setattr, job, "cancelled", True))
+    button("Cancel", f"cancel_{kind}", setattr, job, "cancelled", True)

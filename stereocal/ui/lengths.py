@@ -21,7 +21,7 @@ from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.dataset import LONGEST_PLAUSIBLE_M, Dataset
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Number, one_of, setting
-from stereocal.ui.messages import callback, clear_refusal, readable, set_refusal
+from stereocal.ui.messages import button, clear_refusal, readable, set_refusal
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.texts import escape_markdown
 
@@ -134,7 +134,7 @@ def _offer_nominal_baseline(project: Project) -> None:
     )
     stated = {"baseline_m": metres, "baseline_sigma_m": sigma}
     label = f"Use {rounded(metres, 4)} m ± {rounded(100 * sigma / metres)} %"
-    st.button(label, key="use_nominal_baseline", on_click=callback(partial(_give, {}, stated)))
+    button(label, "use_nominal_baseline", _give, {}, stated)
 
 
 def _length_uncertainty(project: Project | None, name: str, assumed: str) -> None:
@@ -297,9 +297,7 @@ def ask_if_measured(project: Project) -> None:
         f"**Planned, not yet measured:** {lengths}. Enter on the Data page what you measure: an "
         "error in a length becomes an error of every result."
     )
-    st.button(
-        "Measured: they are as planned", key="take_planned", on_click=callback(project.take_planned)
-    )
+    button("Measured: they are as planned", "take_planned", project.take_planned)
 
 
 def show_rig(project: Project, dataset: Dataset) -> None:
@@ -319,12 +317,8 @@ def show_rig(project: Project, dataset: Dataset) -> None:
         return
     st.warning(escape_markdown(question))
     with st.container(horizontal=True):
-        st.button(
-            "They are in metres",
-            key="in_metres",
-            on_click=callback(project.keep_settings),
-            args=({KEPT_ANSWER: stated},),
-        )
+        kept = {KEPT_ANSWER: stated}
+        button("They are in metres", "in_metres", project.keep_settings, kept)
         own = dataset.baseline_is_free or np.isfinite(dataset.correspondences.distance_m).any()
         units = () if own else words.units_that_fit(dataset)
         offers = [(f"They are in {unit}", f"in_{unit}", unit, BOTH) for unit in units]
@@ -334,8 +328,7 @@ def show_rig(project: Project, dataset: Dataset) -> None:
                 for unit in ("mm", "cm")
             ]
         for label, key, unit, names in offers:
-            take = callback(_take_unit)
-            st.button(label, key=key, on_click=take, args=(project, unit, names))
+            button(label, key, _take_unit, project, unit, names)
 
 
 def _take_unit(project: Project, unit: str, names: Sequence[str]) -> None:

@@ -34,7 +34,7 @@ from stereocal.ui.holding import board_form
 from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import (
     ErrorsShown,
-    callback,
+    button,
     readable,
     refusing,
     show_refusal,
@@ -158,18 +158,17 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
     if project is None:
         return None
     store, key = ProjectLens(project, which), f"no_boards_{which}"
-    clear = partial(_clear, store)
     try:
         photographs = store.photographs
         if not photographs:
             return None
         words = f"Of the {which} camera: {count(len(photographs), 'photograph')}."
-        show_with_button("markdown", words, "Remove them", key, clear)
+        show_with_button("markdown", words, "Remove them", key, _clear, store)
         with ErrorsShown():
             _act(store, board_form(project), _lens_form(project))
     except DamagedError as error:
         st.error(escape_markdown(str(error)))
-        st.button("Remove them", key, on_click=callback(clear))
+        button("Remove them", key, _clear, store)
         return None
     last = "Cancelled. What is shown is the last finished lens."
     jobs.show_job(project, JOB_KINDS[which], last)
@@ -296,14 +295,9 @@ def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
     use, ours, opencv = st.columns(3)
     used = store.is_used
     st.session_state[PRESS_FIRST] = not used
-    use.button(
-        "In use for this project" if used else "Use for this project",
-        type="primary",
-        disabled=used,
-        on_click=refusing()(store.use),
-        key=f"use_lens_{store.which}",
-        icon=":material/check:" if used else None,
-    )
+    label, icon = ("In use", "check") if used else ("Use", None)
+    act = f"use_lens_{store.which}", refusing()(store.use)
+    button(f"{label} for this project", *act, place=use, first=True, disabled=used, icon=icon)
     name, content = f"{store.which}.json", write_camera(lens.camera, files.about(lens))
     shown: dict[str, Any] = {"place": ours, "help": "With the standard errors."}
     offer("Download camera.json", content, name, f"lens_json_{store.which}", **shown)

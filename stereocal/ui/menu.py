@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import streamlit as st
 from streamlit.navigation.page import StreamlitPage
@@ -36,11 +36,6 @@ PRESS_FIRST = "press_first"
 """Key of the session: the page that is drawn has a result that is lost unless a button keeps it."""
 STATES = "page_states"
 """Where the session keeps the state of each page as it was last."""
-
-
-def button_type(stands_out: bool) -> Literal["primary", "secondary"]:
-    """The type of a button: the one thing to do next stands out."""
-    return "primary" if stands_out else "secondary"
 
 
 def pages_shown(states: Mapping[str, PageState]) -> dict[str, dict[str, str]]:

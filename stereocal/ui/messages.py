@@ -77,18 +77,38 @@ def callback(function: Callable[P, object]) -> Callable[P, None]:
     return run
 
 
-def show_with_button(
-    kind: Literal["markdown", "info", "warning"],
-    words: str,
+def button(
     label: str,
     key: str,
-    act: Callable[[], object],
-    **button: Any,
+    act: Callable[..., object],
+    *given: object,
+    place: DeltaGenerator | None = None,
+    first: bool = False,
+    icon: str | None = None,
+    **more: Any,
+) -> bool:
+    """A button; errors of what it does become messages. Returns whether it was pressed.
+
+    Args:
+        act: called with what is `given`.
+        place: where it stands; None: here.
+        first: it stands out, as the one thing to do next.
+        icon: its name among Material's.
+        more: passed on to `st.button`.
+    """
+    shown = {"type": "primary" if first else "secondary", **more}
+    shown["icon"] = icon and f":material/{icon}:"
+    draw: Any = place or st
+    return bool(draw.button(label, key, on_click=callback(act), args=given, **shown))
+
+
+def show_with_button(
+    kind: Literal["markdown", "info", "warning"], words: str, *pressed: Any, **more: Any
 ) -> None:
-    """Words, shown as this kind of message, and beside them the button that acts on them."""
+    """Words, shown as this kind of message, and beside them the `button` that acts on them."""
     text, place = st.columns([6, 2], vertical_alignment="center")
     getattr(text, kind)(escape_markdown(words))
-    place.button(label, key, on_click=callback(act), **button)
+    button(*pressed, place=place, **more)
 
 
 @dataclass(frozen=True)

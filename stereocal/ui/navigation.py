@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Mapping
-from functools import partial
 from itertools import pairwise
 
 import streamlit as st
@@ -16,16 +15,8 @@ from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
 from stereocal.ui.figure import tell_screen
-from stereocal.ui.menu import (
-    OTHER_ADDRESSES,
-    PRESS_FIRST,
-    RIG,
-    STATES,
-    button_type,
-    pages_shown,
-    show_menu,
-)
-from stereocal.ui.messages import ErrorsShown, forget_messages, show_messages
+from stereocal.ui.menu import OTHER_ADDRESSES, PRESS_FIRST, RIG, STATES, pages_shown, show_menu
+from stereocal.ui.messages import ErrorsShown, button, forget_messages, show_messages
 from stereocal.ui.page_states import PageState, page_states
 from stereocal.ui.project import leave_pair, open_created, open_or_none, show_project, show_saved
 from stereocal.ui.texts import escape_markdown
@@ -156,9 +147,8 @@ def _show_next(page: StreamlitPage, states: Mapping[str, PageState]) -> None:
     order = [name for name in titles if name != "help"]
     following = dict(pairwise(order)).get(OTHER_ADDRESSES.get(page.url_path, page.url_path))
     if following is not None:
-        label, on = f"Next: {titles[following]}", partial(go_to, following)
-        icon = ":material/arrow_forward:"
-        st.button(label, key="next", type=button_type(not first), icon=icon, on_click=on)
+        label = f"Next: {titles[following]}"
+        button(label, "next", go_to, following, first=not first, icon="arrow_forward")
 
 
 def go_to(name: str) -> None:

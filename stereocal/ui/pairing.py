@@ -21,7 +21,7 @@ from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.messages import ErrorsShown, callback, readable, show_with_button
+from stereocal.ui.messages import ErrorsShown, button, readable, show_with_button
 from stereocal.ui.review import on_a_sheet
 from stereocal.ui.texts import escape_markdown
 
@@ -33,7 +33,6 @@ TITLES: dict[Way, str] = {
 }
 FEW, ALL, NONE = "few", "all", "none"
 MOST_SLIPS = 3
-UNDO = ":material/undo:"
 _SLIPS: Latest[Alone | None] = Latest(16)
 
 
@@ -100,16 +99,10 @@ def _show_ways(store: ProjectPhotographs, proposal: Proposal) -> None:
             _way(store, proposal).buttons("Pair the photographs", format_func=titled)
         if proposal.ways:
             turned = replace(choice, exchanged=not choice.exchanged, heard={}, later=None)
-            st.button(
-                "Exchange the cameras",
-                on_click=callback(partial(_take, store, turned)),
-                key="pair_exchange",
-                type="tertiary",
-                icon=":material/swap_horiz:",
-            )
+            label, kind = "Exchange the cameras", "tertiary"
+            button(label, "pair_exchange", _take, store, turned, icon="swap_horiz", type=kind)
         if store.can_undo_choice:
-            undo = callback(partial(_undo, store))
-            st.button("Undo", on_click=undo, key="pair_undo", type="tertiary", icon=UNDO)
+            button("Undo", "pair_undo", _undo, store, icon="undo", type="tertiary")
 
 
 def _show_slips(store: ProjectPhotographs, proposal: Proposal) -> None:
@@ -123,18 +116,13 @@ def _show_slips(store: ProjectPhotographs, proposal: Proposal) -> None:
         words = f"The times say otherwise: {what}.{more}"
         without = replace(choice, without=(*choice.without, *(one.name for one in slips)))
         label = f"Leave {'it' if len(slips) == 1 else 'them'} out"
-        act = partial(_take, store, without)
-        show_with_button("warning", words, label, "pair_mend", act, type="primary")
+        show_with_button("warning", words, label, "pair_mend", _take, store, without, first=True)
     if choice.without:
         with st.container(horizontal=True, vertical_alignment="center"):
             for name in choice.without:
                 rest = replace(choice, without=tuple(o for o in choice.without if o != name))
-                st.button(
-                    f"{escape_markdown(short_names([name])[0])} is left out: put it back",
-                    on_click=callback(partial(_take, store, rest)),
-                    key=f"pair_back_{name}",
-                    icon=UNDO,
-                )
+                label = f"{escape_markdown(short_names([name])[0])} is left out: put it back"
+                button(label, f"pair_back_{name}", _take, store, rest, icon="undo")
 
 
 def _show_found_slip(store: ProjectPhotographs) -> None:
@@ -153,8 +141,8 @@ def _show_found_slip(store: ProjectPhotographs) -> None:
     choice = store.choice
     without = replace(choice, way="order", without=(*choice.without, slip.name))
     label = f"Leave {escape_markdown(short_names([slip.name])[0])} out"
-    act = partial(_take, store, without)
-    show_with_button("warning", str(slip), label, "pair_mend_found", act, type="primary")
+    act = "pair_mend_found", _take, store, without
+    show_with_button("warning", str(slip), label, *act, first=True)
 
 
 def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:
@@ -184,8 +172,7 @@ def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:
 
 
 def _button(shown: Field, label: str, how: str) -> None:
-    act = callback(partial(shown.set, how))
-    st.button(label, on_click=act, key=f"pairs_show_{how}", type="tertiary")
+    button(label, f"pairs_show_{how}", shown.set, how, type="tertiary")
 
 
 def _few(alone: Sequence[Alone], pairs: Sequence[Pair]) -> list[Pair | Alone]:
@@ -219,13 +206,9 @@ def _show_item(store: ProjectPhotographs, ask: bool, item: Pair | Alone) -> None
         with st.container(horizontal=True):
             for name, shown in zip(both, short, strict=True):
                 without = replace(choice, without=(*choice.without, name))
-                st.button(
-                    f"Leave {shown} out",
-                    help=f"{shown} has no partner: those after it move up by one.",
-                    on_click=callback(partial(_take, store, without)),
-                    key=f"pair_without_{name}",
-                    type="tertiary",
-                )
+                told = f"{shown} has no partner: those after it move up by one."
+                label, act = f"Leave {shown} out", (f"pair_without_{name}", _take, store, without)
+                button(label, *act, type="tertiary", help=told)
 
 
 COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")
@@ -236,7 +219,6 @@ def edit_pairs(store: ProjectPhotographs) -> None:
     """The table to change pairs one by one."""
     rows = store.rows
 
-    @callback
     def pair_again() -> None:
         store.keep_rows(None)
         forget_table()
@@ -254,8 +236,8 @@ def edit_pairs(store: ProjectPhotographs) -> None:
                 st.rerun()
         st.caption(f"{sum(row.use for row in rows):,} of {len(rows):,} pairs are used.")
         left, right = st.columns(2)
-        left.button("As they were found", on_click=pair_again, key="pair_again")
-        right.button("Remove all photographs", on_click=clear, args=(store,), key="no_photographs")
+        button("As they were found", "pair_again", pair_again, place=left)
+        button("Remove all photographs", "no_photographs", clear, store, place=right)
 
 
 def _table_of_pairs(store: ProjectPhotographs, rows: Sequence[PairRow]) -> pd.DataFrame:
@@ -296,7 +278,6 @@ def edited_rows(table: pd.DataFrame) -> list[PairRow]:
     ]
 
 
-@callback
 def clear(store: ProjectPhotographs) -> None:
     jobs.abandon(store.project, "photographs")  # first: a running job needs the photographs
     store.clear()

@@ -14,7 +14,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.ui import holding, jobs
 from stereocal.ui.boards import boards_in, press_search
-from stereocal.ui.messages import ErrorsShown, readable, show_stale
+from stereocal.ui.messages import ErrorsShown, button, readable, show_stale
 from stereocal.ui.pairing import ROUND, clear, show_pairing
 from stereocal.ui.print_downloads import print_what_is_held
 from stereocal.ui.review import show_frames
@@ -46,7 +46,7 @@ def show_photographs(project: Project | None) -> None:
         show_pairing(store)
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
-        st.button("Remove all photographs", on_click=clear, args=(store,), key="no_photographs")
+        button("Remove all photographs", "no_photographs", clear, store)
         return
     with ErrorsShown():
         _find_targets(store)

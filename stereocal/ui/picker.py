@@ -15,8 +15,7 @@ import streamlit as st
 from stereocal.detection.intensity import eight_bits
 from stereocal.projects.files import StoredFile
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
-from stereocal.ui.menu import button_type
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import button
 
 NAME = "stereocal_picker"
 KEYS = "Arrow keys and drags move, plus, minus, wheel and pinch zoom, Enter clicks at the cross."
@@ -105,15 +104,8 @@ def show_presses(prefix: str, presses: Iterable[Press], first: str = "") -> None
     """
     with st.container(horizontal=True):
         for label, key, act, may, icon in presses:
-            st.button(
-                label,
-                f"{prefix}_{key}",
-                on_click=callback(act),
-                shortcut=key,
-                disabled=not may,
-                type=button_type(label == first),
-                icon=icon and f":material/{icon}:",
-            )
+            own: dict[str, Any] = {"shortcut": key, "disabled": not may, "icon": icon}
+            button(label, f"{prefix}_{key}", act, first=label == first, **own)
 
 
 @st.cache_data(show_spinner=False, max_entries=16)

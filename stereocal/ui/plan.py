@@ -26,8 +26,8 @@ from stereocal.ui.fields import Field, choose, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import CAMERA_KINDS, take_new
 from stereocal.ui.jobs import pool
-from stereocal.ui.menu import PRESS_FIRST, button_type
-from stereocal.ui.messages import ask_if_fisheye, callback
+from stereocal.ui.menu import PRESS_FIRST
+from stereocal.ui.messages import ask_if_fisheye, button
 from stereocal.ui.navigation import go_to
 from stereocal.ui.plan_fields import LONGEST_NAME, plan_field, show_plan
 from stereocal.ui.print_downloads import field_sheet_to_print, planned_targets_to_print
@@ -120,15 +120,13 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
         show_figure(figures.plot_plan_baselines(found), words, "plan_baselines")
     _compare(project, found, others)
     with st.container(horizontal=True):
-        begin = partial(_start_project, found)
         told = (
             "A new project with these cameras and uncertainties, and with these lengths until they "
             "are measured. The forecast is then shown beside the result."
         )
         st.session_state[PRESS_FIRST] = project is None  # the plan is lost with the tab
-        st.button(
-            "Start a project from it", "plan_start", told, begin, type=button_type(project is None)
-        )
+        begin, first = ("plan_start", _start_project, found), project is None
+        button("Start a project from it", *begin, first=first, help=told)
         offer("Save plan", partial(write_plan, plan), "plan.json", "download_plan.json")
         offer("Forecast", found.dumps, "forecast.json", "download_forecast.json")
         report = partial(figures.plan_report, found)
@@ -162,15 +160,14 @@ def _compare(project: Project | None, found: PlanForecast, others: Sequence[Plan
             with column, st.container(border=True):
                 _summary(other, other.plan.name)
                 with st.container(horizontal=True):
-                    show = callback(partial(change, other.plan, [*rest, own]))
-                    st.button("Change this one", key=f"plan_show_{at}", on_click=show)
-                    drop = callback(partial(kept.set, rest))
-                    st.button("Remove", key=f"plan_drop_{at}", on_click=drop)
+                    show = f"plan_show_{at}", change, other.plan, [*rest, own]
+                    button("Change this one", *show)
+                    button("Remove", f"plan_drop_{at}", kept.set, rest)
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.text_input("Name of this plan", max_chars=LONGEST_NAME, **named.widget())
         full = len(texts) >= MOST_PLANS - 1 or own in texts
-        told, press = "Then change the plan: up to three are shown side by side.", callback(keep)
-        st.button("Keep it to compare", "plan_keep", told, press, disabled=full)
+        told = "Then change the plan: up to three are shown side by side."
+        button("Keep it to compare", "plan_keep", keep, disabled=full, help=told)
 
 
 def _summary(found: PlanForecast, title: str) -> None:
@@ -191,7 +188,6 @@ def _compared(project: Project | None) -> Field:
     )
 
 
-@callback
 def _start_project(found: PlanForecast) -> None:
     """Create a project as the plan states it, and open its Data page (a callback)."""
     project = Project.create(default_home())

@@ -10,9 +10,9 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.holding import holds_board
 from stereocal.ui.lengths import ask_if_measured
-from stereocal.ui.messages import end_here, readable
+from stereocal.ui.messages import button, end_here, readable
 from stereocal.ui.photographs import has_photographs
-from stereocal.ui.project import begin_project, current_project
+from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.rig import pair_buttons
 
 
@@ -43,7 +43,7 @@ def project_or_begin(needs: str, key: str) -> Project:
     if project is None:
         st.info(f"Before this page can answer, it needs {needs}.")
         st.page_link("pages/data.py", label="Calibrate first: give points on the Data page")
-        st.button("I have both as files", on_click=begin_project, key=key)
+        button("I have both as files", key, project_to_write)
         end_here()
     return project
 

@@ -23,8 +23,7 @@ from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.forms import form_values, since_calibration
-from stereocal.ui.menu import button_type
-from stereocal.ui.messages import ErrorsShown, readable, show_stale
+from stereocal.ui.messages import ErrorsShown, button, readable, show_stale
 from stereocal.ui.screening import asked_to_calibrate, calibrate_next, is_long
 from stereocal.ui.validation import kept_protocol
 from stereocal.workflow import STEPS, Run
@@ -100,8 +99,7 @@ class Press:
         if result is None:
             st.info("No result yet. The settings are good as they are: press Calibrate.")
         label = "Calibrate again" if result else "Calibrate"
-        kind = button_type(bool(changed) or result is None)
-        st.button(label, type=kind, key="run", on_click=calibrate_next, args=("all",))
+        button(label, "run", calibrate_next, "all", first=bool(changed) or result is None)
 
     def press(self, errors_first: bool = False, note: Callable[[str], object] = st.info) -> None:
         """Calibrate and validate, at once or in a job.

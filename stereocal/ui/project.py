@@ -3,7 +3,6 @@
 from concurrent.futures import Future
 from contextlib import suppress
 from datetime import datetime
-from functools import partial
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -14,7 +13,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import default_home
 from stereocal.ui.fields import Field
-from stereocal.ui.messages import attempt, callback, end_here
+from stereocal.ui.messages import attempt, button, end_here
 from stereocal.ui.texts import escape_markdown
 
 _BEGUN = "projects_begun"
@@ -103,17 +102,11 @@ def offer_removed() -> bool:
     if project_id is None or when is None:
         return False
     st.warning(f"This project was removed on {date_of(when)[:10]}.")
-    back = partial(bring_project_back, project_id)
     with st.container(horizontal=True):
-        st.button("Bring it back", key="bring_it_back", type="primary", on_click=back)
+        back = bring_back, default_home(), project_id
+        button("Bring it back", "bring_it_back", *back, first=True)
         st.button("Start a new project", on_click=forget_project)
     return True
-
-
-@callback
-def bring_project_back(project_id: str) -> None:
-    """Undo the removal of a project (a callback)."""
-    bring_back(default_home(), project_id)
 
 
 def project_to_write() -> Project:
@@ -123,12 +116,6 @@ def project_to_write() -> Project:
         project = Project.create(default_home())
         open_project(project.id)
     return project
-
-
-@callback
-def begin_project() -> None:
-    """Create and open a project, where there is none (a callback)."""
-    project_to_write()
 
 
 def open_project(project_id: str, pair: str | None = None) -> None:

@@ -24,16 +24,9 @@ from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.intake import check_uploads, is_new, taking
-from stereocal.ui.messages import ErrorsShown, callback, show_with_button
+from stereocal.ui.messages import ErrorsShown, button, callback, show_with_button
 from stereocal.ui.press import final_run
-from stereocal.ui.project import (
-    bring_project_back,
-    current_project,
-    date_of,
-    is_open,
-    offer_removed,
-    open_project,
-)
+from stereocal.ui.project import current_project, date_of, is_open, offer_removed, open_project
 from stereocal.ui.texts import escape_markdown
 
 ON_A_PAGE = 9
@@ -71,8 +64,8 @@ def show_projects() -> Project | None:
         removed = home.removed_projects(default_home())
         last = st.session_state.get(_REMOVED)
         for one in (one for one in removed if one.id == last):
-            words, undo = f"{one.title or 'The project'} was removed.", bring_project_back
-            show_with_button("info", words, "Undo", "undo_remove", partial(undo, one.id))
+            words, undo = f"{one.title or 'The project'} was removed.", home.bring_back
+            show_with_button("info", words, "Undo", "undo_remove", undo, default_home(), one.id)
         _show_all()
         if removed:
             _show_removed(removed)
@@ -135,13 +128,14 @@ def _show(one: home.Listed) -> None:
     )
     key = f"name_{one.id}"
     with st.container(horizontal=True):
-        st.button("Open", key=f"open_{one.id}", on_click=_open, args=(one.id,))
+        # Opened by the next run: that empties the session, with a name typed before the click.
+        st.button("Open", f"open_{one.id}", on_click=_open, args=(one.id,))
         with st.popover("More"):
             rename = partial(_rename, one.id, key)
             about = "Give it a name"
             st.text_input("Name", one.title, key=key, placeholder=about, on_change=rename)
             for label, act in (("Duplicate", _duplicate), ("Remove", _remove)):
-                st.button(label, key=f"{label.lower()}_{one.id}", on_click=act, args=(one.id,))
+                button(label, f"{label.lower()}_{one.id}", act, one.id)
 
 
 def _show_unreadable(one: home.Listed) -> None:
@@ -150,7 +144,7 @@ def _show_unreadable(one: home.Listed) -> None:
         "(its zip) below."
     )
     st.warning(f"{date_of(one.changed)}: {escape_markdown(why)}")
-    st.button("Remove", key=f"remove_{one.id}", on_click=_remove, args=(one.id,))
+    button("Remove", f"remove_{one.id}", _remove, one.id)
 
 
 @st.cache_data(show_spinner=False, max_entries=500)
@@ -165,18 +159,15 @@ def _rename(project_id: str, key: str) -> None:
 
 
 def _open(project_id: str) -> None:
-    # Not opened here: that empties the session, with a name that was typed before the click.
     st.session_state[_OPENED] = project_id
 
 
-@callback
 def _duplicate(project_id: str) -> None:
     copy = home.duplicate(default_home(), project_id)
     if ServerSettings.from_environment().shared:  # there is no list to find it in
         open_project(copy.id)
 
 
-@callback
 def _remove(project_id: str) -> None:
     home.remove(default_home(), project_id)
     if not is_open(project_id):  # for the open one, `offer_removed` does
@@ -186,15 +177,13 @@ def _remove(project_id: str) -> None:
 def _show_removed(removed: Sequence[home.Listed]) -> None:
     with st.expander("Removed projects"):
         for one in _of_page(removed, "removed_page"):
-            text, button = st.columns([6, 2], vertical_alignment="center")
+            text, place = st.columns([6, 2], vertical_alignment="center")
             title = escape_markdown(one.title or "A damaged project")
             text.markdown(f"{title}, removed {date_of(one.changed)}")
-            back = partial(bring_project_back, one.id)
-            delete = callback(partial(home.delete, default_home(), one.id))
-            with button, st.container(horizontal=True):
-                st.button("Bring back", key=f"bring_back_{one.id}", on_click=back)
-                now = "Frees its space on the disk at once."
-                st.button("Delete for good", key=f"delete_{one.id}", on_click=delete, help=now)
+            this, now = (default_home(), one.id), "Frees its space on the disk at once."
+            with place, st.container(horizontal=True):
+                button("Bring back", f"bring_back_{one.id}", home.bring_back, *this)
+                button("Delete for good", f"delete_{one.id}", home.delete, *this, help=now)
 
 
 def show_storage(project: Project | None) -> None:

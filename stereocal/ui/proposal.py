@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.review import thumbnail
 from stereocal.rig.compiled import FloatArray
 from stereocal.ui.fields import Field
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.messages import button, readable
 from stereocal.ui.texts import escape_markdown
 
 HELD, PROPOSAL = "held", "held_proposal"
@@ -57,8 +56,7 @@ def show_proposal(store: ProjectPhotographs, pairs: Sequence[Pair], kind: Field)
         left, right = st.columns([2, 3], vertical_alignment="center")
         left.markdown(escape_markdown(said["sentence"]))
         left.caption("Yes, or choose below what you hold.")
-        accept = callback(partial(kind.set, said["kind"]))
-        left.button("Yes, that is it", key="held_yes", on_click=accept)
+        button("Yes, that is it", "held_yes", kind.set, said["kind"], place=left)
         picture = readable(lambda: _picture(store, said))
         if picture is not None:
             alt = "Both photographs of a frame, with what was found in them"
@@ -69,7 +67,7 @@ def ask_whether_bar(kind: Field) -> None:
     """The question after a search that found the board in few photographs."""
     with st.container(border=True):
         st.markdown("The board is in few of the photographs. Do you hold a bar with two targets?")
-        st.button("Yes, a bar", key="held_bar", on_click=callback(partial(kind.set, "bar2x2")))
+        button("Yes, a bar", "held_bar", kind.set, "bar2x2")
 
 
 def _look(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:

@@ -22,7 +22,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, Number, choose, one_of, setting, yes_or_no
 from stereocal.ui.figure import scroll_to, scrolled_part
 from stereocal.ui.holding import CALLED, held_target, is_coloured
-from stereocal.ui.messages import callback, readable, refusing
+from stereocal.ui.messages import button, callback, readable, refusing
 from stereocal.ui.picker import KEYS, Mark, Pick, Press, pick, read_image, show_presses, shown_image
 from stereocal.ui.texts import escape_markdown
 
@@ -188,13 +188,8 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
         swapped = reviewing.swap(now, frame.frame, camera)
         return swapped, f"A and B are exchanged in the {name} photograph."
 
-    st.button(
-        "Swap A and B",
-        key=f"swap_{name}",
-        icon=":material/swap_horiz:",
-        disabled=running or not any(frame.centres[camera]),
-        on_click=partial(edit, store, frame.frame, swap),
-    )
+    off, act = running or not any(frame.centres[camera]), (edit, store, frame.frame, swap)
+    button("Swap A and B", f"swap_{name}", *act, icon="swap_horiz", disabled=off)
 
 
 def _file_of(store: ProjectPhotographs, frame: Frame, camera: int) -> StoredFile:
@@ -345,11 +340,5 @@ def _show_frame(
     with st.container(horizontal=True, vertical_alignment="center"):
         may = not running and bool(frame.targets_in_both)
         st.checkbox("Use this frame", key=key, disabled=not may, on_change=choose_use)
-        st.button(
-            "Look closely",
-            key=f"look_{frame.frame}",
-            type="tertiary",
-            icon=":material/zoom_in:",
-            on_click=look_closely,
-            args=(frame.frame,),
-        )
+        act = f"look_{frame.frame}", look_closely, frame.frame
+        button("Look closely", *act, icon="zoom_in", type="tertiary")

@@ -1,7 +1,5 @@
 """The Rig page: all cameras of a recording together, and buttons that open one of its pairs."""
 
-from functools import partial
-
 import numpy as np
 import streamlit as st
 
@@ -24,7 +22,7 @@ from stereocal.system.zip_files import pack_zip
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.figure import show_figure
-from stereocal.ui.messages import callback, end_here
+from stereocal.ui.messages import button, callback, end_here
 from stereocal.ui.navigation import go_to
 from stereocal.ui.project import current_project, open_project
 from stereocal.ui.screening import calibrate_next
@@ -120,12 +118,10 @@ def pair_buttons(project: Project, page: str = "calibrate") -> None:
     store = ProjectRecording(project)
     with st.container(horizontal=True):
         for name in store.pair_names:
-            press = partial(open_pair, store, name, page)
-            shown = f"Pair {escape_markdown(name)}"
-            st.button(shown, key=f"open_pair_{name}", on_click=press, help=OPENED)
+            key, shown = f"open_pair_{name}", f"Pair {escape_markdown(name)}"
+            button(shown, key, open_pair, store, name, page, help=OPENED)
 
 
-@callback
 def open_pair(store: ProjectRecording, name: str, page: str = "calibrate") -> None:
     """Open a page of a pair; Calibrate calibrates it the first time (a callback)."""
     pair = store.pair(name)

@@ -28,7 +28,7 @@ from stereocal.system.latest import Latest
 from stereocal.system.photograph import read_photograph
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.messages import button, readable
 from stereocal.ui.review import look_closely
 
 T = TypeVar("T")
@@ -43,7 +43,6 @@ Shown = Literal["all", "errors first"]
 """What a press shows first: the whole answer, or the errors before forecast and validation."""
 MOST_AT_ONCE = 1500
 """Frames that calibrate in about a second, and so while a page is drawn."""
-EXCHANGE, CLOSE, UNDO = (f":material/{name}:" for name in ("swap_horiz", "close", "undo"))
 
 
 def is_long(dataset: Dataset) -> bool:
@@ -94,16 +93,10 @@ def show_left_out(project: Project, calibration: Calibration, look: Callable[[in
     with st.container(horizontal=True):
         told = "In the secondary image. The result is made again at once."
         for frame in screening.exchanged[:MOST_BUTTONS]:
-            label, key = f"Exchange A and B in frame {frame}", f"exchange_{frame}"
-            st.button(label, key, told, _exchange, (project, frame), icon=EXCHANGE)
-        first = screening.left_out[0]
-        st.button(
-            f"Look at frame {first}",
-            key="look_left_out",
-            icon=":material/search:",
-            on_click=partial(look, first),
-            help="There it can be put back.",
-        )
+            label, act = f"Exchange A and B in frame {frame}", (_exchange, project, frame)
+            button(label, f"exchange_{frame}", *act, icon="swap_horiz", help=told)
+        first, told = screening.left_out[0], "There it can be put back."
+        button(f"Look at frame {first}", "look_left_out", look, first, icon="search", help=told)
 
 
 def show_exchanged(project: Project) -> None:
@@ -112,21 +105,16 @@ def show_exchanged(project: Project) -> None:
         told = "A and B of this frame were exchanged in the secondary image."
         with st.container(horizontal=True):
             for frame in frames[:MOST_BUTTONS]:
-                label, key = f"Frame {frame}: take the exchange back", f"unexchange_{frame}"
-                st.button(label, key, told, _exchange, (project, frame), icon=UNDO)
+                label, act = f"Frame {frame}: take the exchange back", (_exchange, project, frame)
+                button(label, f"unexchange_{frame}", *act, icon="undo", help=told)
 
 
 def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None:
     """A button to calibrate with the time offset, if the cameras seem to be out of step."""
     if calibration.out_of_step:
-        st.button(
-            "Calibrate with the time offset",
-            key="bring_into_step",
-            icon=":material/schedule:",
-            on_click=_change,
-            args=(project.keep_settings, {"time_offset": True}),
-            help="It becomes an unknown, and the secondary points are shifted by it.",
-        )
+        told = "It becomes an unknown, and the secondary points are shifted by it."
+        act = "bring_into_step", _change, project.keep_settings, {"time_offset": True}
+        button("Calibrate with the time offset", *act, icon="schedule", help=told)
 
 
 def calibrate_next(shown: Shown = "errors first") -> None:
@@ -146,14 +134,12 @@ def rerun_if_changed() -> None:
         st.rerun()
 
 
-@callback
 def _change(act: Callable[[T], object], value: T) -> None:
     """Change the project, and calibrate again (a callback)."""
     act(value)
     calibrate_next()
 
 
-@callback
 def _exchange(project: Project, frame: int) -> None:
     """Exchange A and B in the secondary image, and calibrate again (a callback)."""
     if photographed(project):
@@ -186,13 +172,8 @@ def choose_frame(project: Project, calibration: Calibration) -> int:
         field.menu("Frame", width=140)
         for way, side, to in (("previous", "left", at - 1), ("next", "right", at + 1)):
             there = 0 <= to < len(numbers)
-            st.button(
-                f"{way.capitalize()} frame",
-                icon=f":material/chevron_{side}:",
-                key=f"{way}_frame",
-                disabled=not there,
-                on_click=callback(partial(field.set, numbers[to] if there else None)),
-            )
+            act = f"{way}_frame", field.set, numbers[to] if there else None
+            button(f"{way.capitalize()} frame", *act, icon=f"chevron_{side}", disabled=not there)
         _actions(project, calibration.screening, frame)
     return frame
 
@@ -203,22 +184,19 @@ def _actions(project: Project, screening: Screening, frame: int) -> None:
     # As asked for last: without the frame there may have been no result.
     back = frame in screening.left_out and frame not in inputs.put_back
     if back or frame in inputs.left_out:
-        act = (project.take_in, frame)
-        st.button("Put it back", "frame_put_back", again, _change, act, icon=UNDO)
+        change = _change, project.take_in, frame
+        button("Put it back", "frame_put_back", *change, icon="undo", help=again)
     else:
-        act = (project.leave_out, frame)
-        st.button("Leave it out", "frame_leave_out", again, _change, act, icon=CLOSE)
+        change = _change, project.leave_out, frame
+        button("Leave it out", "frame_leave_out", *change, icon="close", help=again)
     if frame in screening.exchanged:
-        told, own = f"In the secondary image. {again}", (project, frame)
-        st.button("Exchange A and B", "frame_exchange", told, _exchange, own, icon=EXCHANGE)
-    if photographed(project) and st.button(
-        "Correct it",
-        key="frame_correct",
-        icon=":material/edit:",
-        on_click=partial(look_closely, ProjectPhotographs(project), frame),
-        help="Its photographs on the Data page.",
-    ):
-        st.switch_page("pages/data.py")
+        swap, told = (_exchange, project, frame), f"In the secondary image. {again}"
+        button("Exchange A and B", "frame_exchange", *swap, icon="swap_horiz", help=told)
+    if photographed(project):
+        told, store = "Its photographs on the Data page.", ProjectPhotographs(project)
+        look = look_closely, store, frame
+        if button("Correct it", "frame_correct", *look, icon="edit", help=told):
+            st.switch_page("pages/data.py")
 
 
 def state_of(calibration: Calibration, frame: int) -> str:

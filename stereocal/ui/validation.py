@@ -27,7 +27,7 @@ from stereocal.ui.forms import (
     search_values,
 )
 from stereocal.ui.intake import take_one
-from stereocal.ui.messages import callback, readable, show_refusal
+from stereocal.ui.messages import button, readable, show_refusal
 from stereocal.ui.screening import is_long, screenings_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.workflow import usual_frames
@@ -60,7 +60,7 @@ def choose_data(project: Project, own: Dataset) -> list[Dataset]:
         for dataset in more:
             st.markdown(f"- {escape_markdown(dataset.name)}")
         if more:
-            st.button("Forget them", on_click=callback(project.drop_datasets), key="drop_more")
+            button("Forget them", "drop_more", project.drop_datasets)
     return chosen_data(project, own)
 
 

@@ -26,7 +26,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
 from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.forms import describe_settings
-from stereocal.ui.messages import fragment, readable, show_stale
+from stereocal.ui.messages import button, fragment, readable, show_stale
 from stereocal.ui.press import final_run
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import escape_markdown
@@ -92,7 +92,7 @@ def _show(
         st.rerun()
     if job.state == "failed":
         st.error(escape_markdown(job.sentence))
-        st.button("Try again", key="validate", on_click=jobs.forget, args=(job,))
+        button("Try again", "validate", jobs.forget, job)
     elif (found := _so_far(job, datasets, with_refined(project).value())) is not None:
         _show_evaluation(project, found, datasets)
         return

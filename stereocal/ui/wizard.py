@@ -32,7 +32,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.system.numbers import count
 from stereocal.ui.columns import choose_columns, header_key
 from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
-from stereocal.ui.messages import ErrorsShown, callback, refusing
+from stereocal.ui.messages import ErrorsShown, button, refusing
 from stereocal.ui.texts import escape_markdown, escaped_table
 
 Use = Callable[[], None]
@@ -133,10 +133,8 @@ def ask_about(
             use = form(*found)
         with st.container(horizontal=True):
             if use is not None:
-                take = refusing()(use)
-                st.button(title, type="primary", key=f"use_{asked}", on_click=take)
-            away = callback(partial(store.forget_question, asked))
-            st.button("Put the file aside", key=f"aside_{asked}", on_click=away)
+                button(title, f"use_{asked}", refusing()(use), first=True)
+            button("Put the file aside", f"aside_{asked}", store.forget_question, asked)
 
 
 def ask_about_points(
@@ -206,7 +204,6 @@ def _offer_all(
 ) -> None:
     """A button to take the points of all cameras, for a rig."""
 
-    @callback
     def take() -> None:
         own = replace(layout, origin=options.origin(layout.origin))
         points = points_of_all(content, own, heights[0], label)
@@ -215,7 +212,7 @@ def _offer_all(
         store.forget_question("bars")
 
     count = len(layout.cameras)
-    st.button(f"Take all {count} cameras", on_click=take, key="use_all_cameras")
+    button(f"Take all {count} cameras", "use_all_cameras", take)
 
 
 def _laid_out(

@@ -43,7 +43,7 @@ from stereocal.ui.apply_threshold import ask_noise, noise_field
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose_from_menu, setting, yes_or_no
 from stereocal.ui.intake import take_one
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import button
 from stereocal.ui.texts import escape_markdown
 
 WORLD_FILE = "world.json"
@@ -75,8 +75,7 @@ def choose_world(
             if file is not None:
                 with st.container(horizontal=True, vertical_alignment="center"):
                     st.caption(f"In use: {escape_markdown(file.label)}")
-                    back = callback(store.forget_world)
-                    st.button("Back to the camera's frame", key="forget_world", on_click=back)
+                    button("Back to the camera's frame", "forget_world", store.forget_world)
                 if kind == FRAME:
                     rate.number_input("Frame rate (frames per second)", format="%.6g")
             title = "Surveyed points, plumb lines or a throw; or world.json"
