@@ -63,21 +63,15 @@ def calibrate_rig(
     except MovedError:
         raise
     except (StereocalError, np.linalg.LinAlgError) as error:  # LinAlgError: no rig is near
-        known = isinstance(error, StereocalError)
-        raise StereocalError(
-            _wrong_input(recording) or (str(error) if known else NO_RIG)
-        ) from error
+        named = contradicting_lengths(recording) or find_wrong_input(recording)
+        known = str(error) if isinstance(error, StereocalError) else NO_RIG
+        raise StereocalError(named or known) from error
     disagree = {name for pair in rig.pairs.failed for name in pair} & {*rig.unreached}
     if disagree and (wrong := find_wrong_input(recording)):
         raise StereocalError(wrong)
     possible = check_inputs(rig.fit, [*rig.pairs.fits.values()])
     told = [*possible, *rig.warnings, rig.moved, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, told)))
-
-
-def _wrong_input(recording: Recording) -> str:
-    """What is wrong, if that can be told; else empty."""
-    return contradicting_lengths(recording) or find_wrong_input(recording)
 
 
 def _question(rig: RigCalibration) -> str:

@@ -10,16 +10,13 @@ from stereocal.errors import StereocalError
 from stereocal.network.fit import RigFit, RigSettings, lens_places
 from stereocal.network.pairs import MOST_NOISE
 from stereocal.network.result import RigCalibration
+from stereocal.refined.judge import CONTRADICTED
 from stereocal.refined.movement import Movement
 from stereocal.refined.stated_inputs import moved_length
-from stereocal.refined.unknowns import LensPrior, lens_prior
-from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
+from stereocal.refined.unknowns import lens_prior
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.system.numbers import rounded
 
-CONTRADICTED = 30.0
-"""Chi-square of a camera's focal length and centre about the stated ones, of 3 values."""
 UPRIGHT = 0.7
 """Cosine of the angle within which cameras stand alike."""
 OUT_OF_STEP = (
@@ -104,58 +101,40 @@ def _exchanged(fit: RigFit) -> str:
 
 
 def _lens_warnings(fit: RigFit) -> list[str]:
-    """Cameras whose files the images contradict."""
-    return [
-        f"The images contradict the stated lens of camera {name}: "
-        f"{_what_contradicts(fit.q[lens_places(number)], camera, prior)}"
-        for number, (name, camera) in enumerate(fit.recording.cameras.items())
-        for prior in [lens_prior(camera, fit.rig_settings.lenses.get(name))]
-        if _lens_chi_square(fit.q[lens_places(number)], camera.lens_values, prior) > CONTRADICTED
-    ]
-
-
-def _what_contradicts(fitted: FloatArray, camera: Camera, prior: LensPrior) -> str:
-    """Whether it is the focal length or the centre, by their uncertainties."""
-    stated = camera.lens_values
-    longer = fitted[0] / stated[0] - 1.0
-    away = float(np.linalg.norm(fitted[2:4] - stated[2:4]))
-    if away / prior.centre_px > abs(longer) / prior.focal:
-        return (
-            f"its centre would be {rounded(away)} px from the stated one, at ({fitted[2]:.0f}, "
-            f"{fitted[3]:.0f}) px. Were its images cropped, mirrored or turned, or is it the file "
-            "of another camera?"
+    """Cameras whose files the images contradict, by focal length or centre."""
+    found = list[str]()
+    for number, (name, camera) in enumerate(fit.recording.cameras.items()):
+        prior = lens_prior(camera, fit.rig_settings.lenses.get(name))
+        if not (0 < prior.focal < np.inf and 0 < prior.centre_px < np.inf):
+            continue
+        fitted, stated = fit.q[lens_places(number)], camera.lens_values
+        longer, away = fitted[0] / stated[0] - 1.0, np.linalg.norm(fitted[2:4] - stated[2:4])
+        of_focal, of_centre = abs(longer) / prior.focal, away / prior.centre_px
+        if of_focal**2 + of_centre**2 <= CONTRADICTED:
+            continue
+        what = (
+            f"its centre would be {rounded(float(away))} px from the stated one, at "
+            f"({fitted[2]:.0f}, {fitted[3]:.0f}) px. Were its images cropped, mirrored or turned, "
+            "or is it the file of another camera?"
+            if of_centre > of_focal
+            else f"its focal length would be {rounded(100 * abs(longer))} % "
+            f"{'longer' if longer > 0.0 else 'shorter'}. Is it the file of this camera, with this "
+            "zoom and focus?"
         )
-    return (
-        f"its focal length would be {rounded(100 * abs(longer))} % "
-        f"{'longer' if longer > 0.0 else 'shorter'}. Is it the file of this camera, with this zoom "
-        "and focus?"
-    )
+        found.append(f"The images contradict the stated lens of camera {name}: {what}")
+    return found
 
 
 def _on_their_heads(fit: RigFit) -> list[str]:
     """Cameras that are upside down beside the others, which are alike."""
-    found, names = [], list(fit.recording.cameras)
     down = np.array([pose.R[1] for pose in fit.poses])  # of each camera, in the reference's frame
-    for number, name in enumerate(names):
-        others = np.delete(down, number, axis=0).mean(axis=0)
-        if (
-            len(names) > 2
-            and np.linalg.norm(others) > UPRIGHT
-            and down[number] @ others < -(UPRIGHT**2)
-        ):
-            found.append(
-                f"The camera {name} stands on its head beside the others. If it was not mounted "
-                "so, its images are turned by half a turn."
-            )
-    return found
-
-
-def _lens_chi_square(fitted: FloatArray, stated: FloatArray, prior: LensPrior) -> float:
-    """Of focal length and centre; 0 without a prior."""
-    if not (0 < prior.focal < np.inf and 0 < prior.centre_px < np.inf):
-        return 0.0
-    focal = (fitted[0] / stated[0] - 1.0) / prior.focal
-    return float(focal**2 + np.square((fitted[2:4] - stated[2:4]) / prior.centre_px).sum())
+    others = [np.delete(down, number, axis=0).mean(axis=0) for number in range(len(down))]
+    return [
+        f"The camera {name} stands on its head beside the others. If it was not mounted so, its "
+        "images are turned by half a turn."
+        for name, own, rest in zip(fit.recording.cameras, down, others, strict=True)
+        if len(down) > 2 and np.linalg.norm(rest) > UPRIGHT and own @ rest < -(UPRIGHT**2)
+    ]
 
 
 def moved_in_words(found: Movement, names: Sequence[str], settings: RigSettings) -> str:

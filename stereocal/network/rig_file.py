@@ -202,11 +202,12 @@ class RigFile(ResultFile):
         if about.figures and about.figures.weakest_camera not in cameras:
             raise ValueError("the weakest camera")
         late = {name: float(each["time_offset_frames"]) for name, each in data["cameras"].items()}
-        drifts = {
-            name: drift
-            for name, each in data["cameras"].items()
-            if (drift := _drift_in(each)) is not None
-        }
+        drifts = dict[str, MeasuredOffset]()
+        for name, each in data["cameras"].items():
+            offset = {"value": late[name], "standard_error": 0.0}
+            own = MeasuredOffset.from_json({**each, "time_offset_frames": offset})
+            if own is not None and "time_drift" in each:
+                drifts[name] = own
         starts, late = counts_and_shutters(late, covariance)  # whole frames are of older files
         starts = {name: int(data["cameras"][name].get(START, starts[name])) for name in cameras}
         read = cls(
@@ -222,16 +223,6 @@ class RigFile(ResultFile):
         )
         known = read.to_json()
         return replace(read, others={name: data[name] for name in data if name not in known})
-
-
-def _drift_in(camera: Mapping[str, Any]) -> MeasuredOffset | None:
-    """The offset of a camera in a file, if it drifts."""
-    offset = {"value": camera["time_offset_frames"], "standard_error": 0.0}
-    return (
-        MeasuredOffset.from_json({**camera, "time_offset_frames": offset})
-        if "time_drift" in camera
-        else None
-    )
 
 
 def _unknowns(camera: Camera) -> tuple[str, ...]:
@@ -287,7 +278,16 @@ def rig_file(rig: RigCalibration) -> RigFile:
         wrong_images=rig.wrong,
         loops=rig.loops,
         third_camera_px=third_cameras(rig),
-        pairs=_pairs(rig),
+        pairs={
+            pair_name(pair): PairOfRig(
+                pair,
+                bars,
+                failed=rig.pairs.failed.get(pair),
+                frames=getattr(rig.pairs.fits.get(pair), "frames", None),
+                noise_px=getattr(rig.pairs.fits.get(pair), "noise_px", None),
+            )
+            for pair, bars in rig.pairs.bars.items()
+        },
         not_connected=rig.unreached,
         warnings=rig.warnings,
     )
@@ -348,17 +348,3 @@ def fused_file(stated: Mapping[str, Camera], pairs: list[PairFit], fused: Fused)
             },
         ),
     )
-
-
-def _pairs(rig: RigCalibration) -> dict[str, PairOfRig]:
-    entries: dict[str, PairOfRig] = {}
-    for pair, bars in rig.pairs.bars.items():
-        fit = rig.pairs.fits.get(pair)
-        entries[pair_name(pair)] = PairOfRig(
-            pair,
-            bars,
-            None if fit is None else fit.frames,
-            None if fit is None else fit.noise_px,
-            rig.pairs.failed.get(pair),
-        )
-    return entries

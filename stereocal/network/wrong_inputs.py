@@ -108,12 +108,11 @@ class JudgeOfRig(Judge[Recording]):
         self.known_cameras = whole.cameras
         self.known = [pair for pair in known if {*pair.pair} <= {*names}]
         self.fit, self.bars = fit, shared_bars(self.part)
-        shown = [(name, _best_pair(self.part, name)) for name in about]
-        every = Group(tuple(names), self.part.pair(*next(iter(self.bars))), CAMERAS)
-        self.groups = [
-            every,
-            *(Group((name,), self.part.pair(*pair), SECONDARY) for name, pair in shown if pair),
-        ]
+        self.groups = [Group(tuple(names), self.part.pair(*next(iter(self.bars))), CAMERAS)]
+        for name in about:  # with the camera with which it shares most bars
+            others = (pair[pair[0] == name] for pair in self.bars if name in pair)
+            if other := next(others, None):
+                self.groups.append(Group((name,), self.part.pair(other, name), SECONDARY))
 
     @cached_property
     def nominal(self) -> RigNoise:
@@ -217,12 +216,6 @@ def _judges(
             group += next({*pair} - {*group} for pair in worth if len({*pair} & {*group}) == 1)
         ordered = [each for each in names if each in group]
         yield JudgeOfRig(recording, ordered, [name], known, fit)
-
-
-def _best_pair(recording: Recording, name: str) -> CameraPair | None:
-    """The pair of a camera, as the second one, with which it shares most bars; None without any."""
-    pair = next((pair for pair in shared_bars(recording) if name in pair), None)
-    return None if pair is None else (pair[pair[0] == name], name)
 
 
 def _fewer_points(recording: Recording) -> Recording:
