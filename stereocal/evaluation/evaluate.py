@@ -39,7 +39,7 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.system.settings import Settings, described, joined
-from stereocal.system.tasks import Earlier, Progress, Task, run_tasks
+from stereocal.system.tasks import Progress, Task, run_tasks
 
 MAXIMUM_PARTNERS = 99
 MINIMUM_VALIDATION_FRAMES = 2
@@ -341,7 +341,6 @@ def evaluate(
     executor: Executor,
     progress: Progress | None = None,
     chunk: int | None = None,
-    earlier: Earlier[list[RunCounts]] | None = None,
 ) -> list[list[RunCounts]]:
     """All runs of all data sets, by data set, on any `concurrent.futures` executor.
 
@@ -349,7 +348,6 @@ def evaluate(
         progress: called with the runs done and the runs in all; what it raises ends the work.
         chunk: runs of one task; None: few of a long recording, for progress and so that others get
             a turn.
-        earlier: chunks that were finished before, and where more are kept.
 
     Returns:
         The runs by data set, in order.
@@ -359,7 +357,7 @@ def evaluate(
     tasks = tasks_of_runs(datasets, settings, chunk)
     total = settings.runs * len(datasets)
     by_dataset: list[list[RunCounts]] = [[] for _ in datasets]
-    with closing(run_tasks(tasks, executor, total, progress, earlier)) as finished:
+    with closing(run_tasks(tasks, executor, total, progress)) as finished:
         for task, of_chunk in finished:
             _, _, number, *_ = task.arguments
             by_dataset[number] += of_chunk

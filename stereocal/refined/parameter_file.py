@@ -12,7 +12,7 @@ from stereocal.refined.uncertainty import LENS, standard_errors
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles
-from stereocal.rig.parameters import ForecastEntries, RigParameters, inputs_of, threshold_of, timing
+from stereocal.rig.parameters import ForecastEntries, RigParameters, about_data
 from stereocal.rig.volume import Volume
 
 COVARIANCE_OF = (
@@ -48,10 +48,11 @@ def refined_parameters(
 
     Args:
         inputs: from `disagreement.compare_inputs`, if they were compared.
-        validation: figures of a validation; its `threshold_px` becomes the matching threshold.
-        forecast: figures on frames to come; its threshold is used if there is no validation.
+        validation, forecast: as of `about_data`.
         left_out: frames left out by the screening, in addition to those that the fit left out.
     """
+    uncertainties = uncertainties_of(result, inputs)
+    offset = result.time_offset if result.settings.time_offset else None
     return RigParameters(
         method="refined",
         primary=result.primary,
@@ -59,20 +60,11 @@ def refined_parameters(
         pose=result.pose,
         cost=result.cost,
         settings=result.settings.to_json(),
-        inputs=inputs_of(result.dataset, result.frames),
-        matching_threshold_px=threshold_of(validation, forecast),
-        validation=validation,
-        predicted=forecast.figures if forecast else None,
-        uncertainties=uncertainties_of(result, inputs)
-        if forecast is None
-        else {**uncertainties_of(result, inputs), **forecast.uncertainties},
+        uncertainties={**uncertainties, **(forecast.uncertainties if forecast else {})},
         frames_left_out=tuple(sorted({*left_out, *result.outlying_frames})),
         noise_px=float(result.sigma_px.value),
         volume=Volume.of_bars(result.used_points_m),
-        **timing(
-            result.dataset.start_frame, result.time_offset if result.settings.time_offset else None
-        ),
-        camera_names=result.dataset.camera_names,
+        **about_data(result.dataset, result.frames, offset, validation, forecast),
     )
 
 

@@ -18,7 +18,7 @@ from stereocal.refined.stated_inputs import Input
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import triangulate_rays
-from stereocal.rig.parameters import ForecastEntries, RigParameters, inputs_of, threshold_of, timing
+from stereocal.rig.parameters import ForecastEntries, RigParameters, about_data
 from stereocal.rig.volume import Volume
 from stereocal.system.latest import step
 
@@ -93,9 +93,9 @@ class Calibration:
         """The parameter set to save: `2d` to match with, `3d` to measure with, `refined` for both.
 
         Args:
-            validation: figures of a validation of this data set; its `threshold_px` becomes the
-                recommended matching threshold.
-            forecast: figures on frames to come; its threshold is used if there is no validation.
+            validation: figures of a validation of this data set.
+            forecast: figures on frames to come; their threshold is the recommended one if there is
+                no validation.
         """
         if method == "refined":
             if self.refined is None:
@@ -111,14 +111,9 @@ class Calibration:
             pose=found.pose,
             cost=found.cost,
             settings=self.settings.to_json(),
-            inputs=inputs_of(self.dataset, self.frames),
-            matching_threshold_px=threshold_of(validation, forecast),
-            validation=validation,
-            predicted=forecast.figures if forecast else None,
             uncertainties=forecast.uncertainties if forecast else None,
             frames_left_out=self.screening.left_out,
             noise_px=self.noise_px,
             volume=Volume.of_bars(points),
-            **timing(self.dataset.start_frame, self.screening.shift),
-            camera_names=self.dataset.camera_names,
+            **about_data(self.dataset, self.frames, self.screening.shift, validation, forecast),
         )

@@ -231,9 +231,7 @@ class Camera(Answer):
         points = np.asarray(normalised, dtype=np.float64)
         if not self.is_fisheye:
             return np.tile(self.K[:2, :2], (len(points), 1, 1))
-        jacobians = np.empty((len(points), 2, 2))
-        fill_distorted(contiguous(points), self.distortion, np.empty(points.shape), jacobians)
-        return np.asarray(self.K[:2, :2] @ jacobians)
+        return np.asarray(self.K[:2, :2] @ self._imaged(points)[1])
 
     @property
     def size_factor(self) -> float | None:
@@ -405,13 +403,16 @@ class Camera(Answer):
     def _distort(self, normalised: FloatArray) -> FloatArray:
         """Distorted normalised points (n, 2), by OpenCV's full model."""
         if self.is_fisheye:
-            distorted = np.empty(normalised.shape)
-            jacobians = np.empty((len(normalised), 2, 2))
-            fill_distorted(contiguous(normalised), self.distortion, distorted, jacobians)
-            return distorted
+            return self._imaged(normalised)[0]
         if not len(normalised) or not self.distortion.any():
             return normalised
         return self._distorted(normalised)[0]
+
+    def _imaged(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As `_distort`, of a fisheye, and the Jacobians (n, 2, 2)."""
+        found = np.empty(normalised.shape), np.empty((len(normalised), 2, 2))
+        fill_distorted(contiguous(normalised), self.distortion, *found)
+        return found
 
     def _distorted(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
         """As `_distort`, of a lens that is no fisheye, and (4, n): the derivatives of the distorted

@@ -16,7 +16,7 @@ VARIABLE = "NUMBA_CACHE_DIR"
 PACKAGE = Path(__file__).parents[1]
 
 
-def use_writable_cache(package: Path = PACKAGE) -> None:
+def use_writable_cache() -> None:
     """Make numba cache compiled code in a writable folder.
 
     Nothing changes if `NUMBA_CACHE_DIR` or the folder of the sources is writable. Otherwise
@@ -24,7 +24,7 @@ def use_writable_cache(package: Path = PACKAGE) -> None:
     or else to one in the temporary folder that has the same name each time.
     """
     configured = os.environ.get(VARIABLE)
-    if (configured and _can_write(Path(configured))) or _can_write_beside(package):
+    if (configured and _can_write(Path(configured))) or _can_write_beside():
         return
     folder = next(filter(_is_ours, _candidates()), None)
     if folder is None:
@@ -34,10 +34,9 @@ def use_writable_cache(package: Path = PACKAGE) -> None:
         sys.modules["numba"].config.CACHE_DIR = str(folder)
 
 
-def _can_write_beside(package: Path) -> bool:
-    """Whether the `__pycache__` folders of a package and its subpackages are writable."""
-    folders = [package, *(path.parent for path in package.rglob("__init__.py"))]
-    caches = [folder / "__pycache__" for folder in folders]
+def _can_write_beside() -> bool:
+    """Whether the `__pycache__` folders of the package and its subpackages are writable."""
+    caches = [path.parent / "__pycache__" for path in PACKAGE.rglob("__init__.py")]
     return all(
         os.access(cache if cache.exists() else cache.parent, os.W_OK | os.X_OK) for cache in caches
     )

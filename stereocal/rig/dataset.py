@@ -110,8 +110,8 @@ class Dataset(TableAnswer):
             StereocalError: more than half of a camera's points are there.
         """
         refuse_points_outside("", rows, self.primary, self.secondary)
-        images = (self.primary, rows.primary), (self.secondary, rows.secondary)
-        lost, counts = beyond_either(dict(zip(CAMERAS, images, strict=True)))
+        cameras, images = (self.primary, self.secondary), (rows.primary, rows.secondary)
+        lost, counts = beyond_either(cameras, images)
         if not lost.any():
             return replace(self, correspondences=rows, beyond_view={})
         return replace(self, correspondences=rows.where(~lost), beyond_view=counts)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import Camera, one_file_in_words
+from stereocal.rig.camera import CAMERAS, Camera, one_file_in_words
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.system.numbers import count
@@ -48,18 +48,16 @@ def count_beyond(camera: Camera, pixels: FloatArray) -> int:
 
 
 def beyond_either(
-    seen: Mapping[str, tuple[Camera, FloatArray]],
+    cameras: tuple[Camera, Camera], pixels: tuple[FloatArray, FloatArray]
 ) -> tuple[BoolArray, dict[str, int]]:
-    """(n,): which points are beyond the view of one of two cameras, and how many of each.
-
-    Args:
-        seen: by the camera's name, the camera and its pixels (n, 2).
+    """(n,): which points, in pixels (n, 2) of each, are beyond the view of the primary or the
+    secondary camera, and how many by its name.
 
     Raises:
         StereocalError: as `beyond_view`.
     """
-    cameras = [camera for camera, _ in seen.values()]
-    beyond = {name: beyond_view(*own, name, cameras) for name, own in seen.items()}
+    three = zip(CAMERAS, cameras, pixels, strict=True)
+    beyond = {name: beyond_view(camera, own, name, cameras) for name, camera, own in three}
     lost: BoolArray = np.any([*beyond.values()], axis=0)
     return lost, {name: int(own.sum()) for name, own in beyond.items()}
 

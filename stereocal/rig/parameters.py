@@ -49,15 +49,6 @@ class ForecastEntries:
     """`sigma_px` and the `covariance` of the file about the truth."""
 
 
-def threshold_of(
-    validation: Mapping[str, Any] | None, forecast: ForecastEntries | None
-) -> float | None:
-    """The recommended matching threshold: that of the validation, else the forecast one."""
-    if validation:
-        return float(validation["threshold_px"])
-    return None if forecast is None else float(forecast.figures["threshold_px"]["value"])
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class RigParameters(Answer, Rig, ResultFile):
     """One parameter set: a rig, the method and settings that produced it, and its purpose.
@@ -253,15 +244,36 @@ def timing(start_frame: int, offset: MeasuredOffset | None) -> Timing:
     return {"start_frame": start_frame + whole, "time_offset": rest}
 
 
-def inputs_of(dataset: Dataset, frames: IntArray) -> dict[str, Any]:
-    """The `inputs` entry of a parameter file: data set, measured lengths, calibration frames."""
+def about_data(
+    dataset: Dataset,
+    frames: IntArray,
+    offset: MeasuredOffset | None,
+    validation: Mapping[str, Any] | None,
+    forecast: ForecastEntries | None,
+) -> dict[str, Any]:
+    """The fields of a parameter set on its data and its figures.
+
+    Args:
+        frames: numbers of the calibration frames.
+        offset: as of `timing`.
+        validation: its `threshold_px` becomes the matching threshold, else the forecast one.
+    """
+    limit = None if forecast is None else forecast.figures["threshold_px"]["value"]
+    limit = validation["threshold_px"] if validation else limit
     return {
-        "sha256": dataset.sha256,
-        "name": dataset.name,
-        "baseline_m": dataset.baseline_m,
-        **({"baseline": BASELINE_FOUND} if dataset.baseline_is_free else {}),
-        "target_distance_m": dataset.target_distance_m,
-        "frames": [int(frame) for frame in frames],
+        "inputs": {
+            "sha256": dataset.sha256,
+            "name": dataset.name,
+            "baseline_m": dataset.baseline_m,
+            **({"baseline": BASELINE_FOUND} if dataset.baseline_is_free else {}),
+            "target_distance_m": dataset.target_distance_m,
+            "frames": [int(frame) for frame in frames],
+        },
+        "matching_threshold_px": None if limit is None else float(limit),
+        "validation": validation,
+        "predicted": None if forecast is None else forecast.figures,
+        "camera_names": dataset.camera_names,
+        **timing(dataset.start_frame, offset),
     }
 
 

@@ -81,9 +81,9 @@ def listed(frames: Sequence[object], most: int = 12) -> str:
     return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
 
 
-def percent(fraction: float, significant: int = 2) -> str:
+def percent(fraction: float) -> str:
     """A fraction in percent, without the percent sign: 0.0037 gives `0.37`."""
-    return digits(round(100 * fraction, 9) + 0.0, significant)
+    return digits(round(100 * fraction, 9) + 0.0, 2)
 
 
 def interval(estimate: Estimate) -> str:

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from stereocal.refined import adjustment, distortion, views
+from stereocal.refined import distortion, views
 from stereocal.refined.adjustment import add_baselines
 from stereocal.refined.distortion import lens_terms, lenses_of_cameras
 from stereocal.refined.robust import RobustFit
@@ -22,14 +20,11 @@ from stereocal.refined.two_views import (
 )
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import DISTORTION, EACH, OWN
-from stereocal.rig import decompositions
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from tests import known_rig as rig
 from tests.rig.machine_code import machine_code
 
-backward, factor = machine_code(decompositions.backward), machine_code(decompositions.factor)
-forward, loss = machine_code(decompositions.forward), machine_code(adjustment.loss)
 fill_residuals, fill_shared = (machine_code(views.fill_residuals), machine_code(views.fill_shared))
 distort = machine_code(distortion.distort)
 set_distortion = machine_code(distortion.set_distortion)
@@ -130,21 +125,6 @@ def test_an_unseen_target_and_one_behind_a_camera() -> None:
     (v, R, _), unit = unknowns_of_views(q), views.Unit(pixels, STILL, np.nan, 1.0, 0.0)
     cameras = views.Cameras(v, R, lenses_of_cameras(rig.PRIMARY, rig.SECONDARY))
     assert fill_residuals(cameras, unit, x, views.work_of(2)) == np.inf
-
-
-@given(seed=rig.SEEDS, n=st.integers(1, 8))
-@settings(max_examples=20)
-def test_cholesky(seed: int, n: int) -> None:
-    rng = np.random.default_rng(seed)
-    root = rng.normal(size=(n, n)) + 3 * np.eye(n)
-    A, b = root @ root.T, rng.normal(size=n)
-    L, x = A.copy(), b.copy()
-    assert factor(L, 0.0)
-    forward(L, x)
-    backward(L, x)
-    np.testing.assert_allclose(A @ x, b, atol=1e-8 * np.linalg.cond(A))
-    A[0, 0] = -1.0
-    assert not factor(A, 0.0)
 
 
 def test_the_result_is_scipys_of_the_whole_problem() -> None:

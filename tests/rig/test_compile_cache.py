@@ -37,28 +37,7 @@ def installed(tmp_path: Path) -> Iterator[Path]:
         below.chmod(0o755)
 
 
-def python(
-    installed: Path, *words: str | Path, **environment: str | Path
-) -> subprocess.CompletedProcess[str]:
-    """Python with that copy, by a user who has no rights but those of the folders' modes."""
-    usual = {
-        name: value
-        for name, value in os.environ.items()
-        if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "PYTHONPATH")
-    }
-    return subprocess.run(
-        [*AS_A_USER, sys.executable, *map(str, words)],
-        cwd=installed,
-        env={**usual, **{name: str(value) for name, value in environment.items()}},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=LONGEST_S,
-    )
-
-
-def folder(tmp_path: Path, name: str, mode: int = 0o755) -> Path:
-    made = tmp_path / name
+def folder(made: Path, mode: int = 0o755) -> Path:
     made.mkdir()
     made.chmod(mode)
     return made
@@ -69,13 +48,24 @@ def test_a_folder_that_others_prepared_is_not_used(
     trap: str, installed: Path, tmp_path: Path
 ) -> None:
     """What is read from there is run: anybody can make a folder of that name before."""
-    home, temporary = folder(tmp_path, "home", 0o555), folder(tmp_path, "temporary")
+    home, temporary = folder(tmp_path / "home", 0o555), folder(tmp_path / "temporary")
     prepared = temporary / f"stereocal-compiled-{os.getuid()}"
     if trap == "a link":
-        prepared.symlink_to(folder(tmp_path, "theirs", 0o700))
+        prepared.symlink_to(folder(tmp_path / "theirs", 0o700))
     else:
-        folder(temporary, prepared.name, 0o777)
-    found = Path(python(installed, "-c", CACHE, HOME=home, TMPDIR=temporary).stdout.strip())
+        folder(prepared, 0o777)
+    unset = ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "PYTHONPATH")
+    usual = {name: value for name, value in os.environ.items() if name not in unset}
+    run = subprocess.run(
+        [*AS_A_USER, sys.executable, "-c", CACHE],
+        cwd=installed,
+        env={**usual, "HOME": str(home), "TMPDIR": str(temporary)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=LONGEST_S,
+    )
+    found = Path(run.stdout.strip())
     assert found != prepared
     assert found.parent == temporary
     assert found.stat().st_mode & 0o777 == 0o700

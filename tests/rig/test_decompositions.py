@@ -33,3 +33,5 @@ def test_solves_as_numpy_does(seed: int, n: int) -> None:
     x = b.copy()
     assert solve_positive(A.copy(), x)
     np.testing.assert_allclose(A @ x, b, rtol=0, atol=1e-9 * np.abs(x).max() * np.abs(A).max())
+    A[0, 0] = -1.0
+    assert not solve_positive(A, b)

@@ -169,8 +169,7 @@ def images_of_matches(
     notes: tuple[str, ...] = (),
 ) -> NewImages:
     """New images of matched points alone, raw pixels (n, 2) of each camera."""
-    images = (rig.primary, primary), (rig.secondary, secondary)
-    lost, counts = beyond_either(dict(zip(CAMERAS, images, strict=True)))
+    lost, counts = beyond_either((rig.primary, rig.secondary), (primary, secondary))
     if told := beyond_in_words(counts):
         frames, primary, secondary = frames[~lost], primary[~lost], secondary[~lost]
         notes = (*notes, told)

@@ -14,9 +14,8 @@ from stereocal.formats.exchange.options import ExchangeOptions, ImageSize, Unit,
 from stereocal.formats.file_storage import ForeignFile
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import Pose
+from stereocal.rig.geometry import ROTATION_TOLERANCE, Pose
 from stereocal.rig.rig import Rig
-from stereocal.rig.rotations import ROTATION_TOLERANCE
 from stereocal.system.arrays import LARGEST
 from stereocal.system.numbers import rounded
 from stereocal.version import __version__
