@@ -201,15 +201,15 @@ class ClickMeasure:
 
     def _in_step(self, clicks: Clicks) -> tuple[dict[str, pd.DataFrame], str]:
         """The points of each camera at the instants of the first's frames, and how."""
-        tables, notes = clicks.tables(self.matching.placed, to_match=True), list[str]()
+        tables = clicks.tables(self.matching.placed, to_match=True)
         first, *others = self.matching.placed
         reference = tables.get(first, next(iter(tables.values())).iloc[:0])
-        for name in (each for each in others if each in tables):
-            # Pictures are shown by common numbers.
-            pair = replace(self.matching.pair(first, name), start_frame=0)
-            tables[name], told = points_in_step(pair, reference, tables[name])
-            notes += [f"{name}: {note}" for note in told] if len(others) > 1 else told
-        return tables, " ".join(notes)
+        # Pictures are shown by common numbers.
+        given = {first: reference, **tables}
+        found, told = points_in_step(self.matching, given, numbered_alike=True)
+        named = {name: f"{name}: " * (len(others) > 1) for name in told}
+        notes = [f"{named[name]}{note}" for name, own in told.items() for note in own]
+        return {name: found[name] for name in tables}, " ".join(notes)
 
     def curve(self, click: Click, camera: str, velocity: FloatArray | None = None) -> FloatArray:
         """(n, 2): the epipolar line of a click in another image, by the set that matches.

@@ -18,6 +18,7 @@ from stereocal.matching.point_noise import FEWEST_PAIRS, PointNoise
 from stereocal.matching.threshold import ThresholdChoice
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
 from stereocal.ui import jobs
@@ -149,8 +150,8 @@ def _chosen(
 )
 def _sampled(form: ThresholdForm) -> Sample:
     """A sample of the points of both cameras."""
-    first, second = _tables(form)
-    return sample_frames(first, points_in_step(form.rig, first, second)[0])
+    tables: dict[str, pd.DataFrame] = dict(zip(CAMERAS, _tables(form), strict=True))
+    return sample_frames(*points_in_step(form.rig, tables)[0].values())
 
 
 def _tables(form: ThresholdForm) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -13,7 +13,7 @@ from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.point_answers import layout_of
 from stereocal.formats.point_layouts import OURS
-from stereocal.matching.in_step import pairs_in_step, points_in_step
+from stereocal.matching.in_step import pairs_in_step
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
@@ -25,6 +25,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
+from tests.matching.test_in_step import moved
 
 PAIR = ("1", "2")
 
@@ -84,16 +85,16 @@ def _tables(later: int, first: int = 300, last: int = 420) -> list[pd.DataFrame]
 @pytest.mark.parametrize("later", [0, 1, -37])
 def test_unlabelled_points_tell_how_they_were_counted(later: int) -> None:
     primary, secondary = _tables(later)
-    found, note = points_in_step(_parameters(), primary, secondary)
+    found, notes = moved(_parameters(), primary, secondary)
     np.testing.assert_array_equal(found["frame"], primary["frame"])
-    assert note
+    assert notes
 
 
 def test_points_that_do_not_tell_are_refused() -> None:
     primary, _ = _tables(0, 0, 60)
     _, secondary = _tables(0, 400, 460)
     with pytest.raises(StereocalError, match="they do not tell"):
-        points_in_step(_parameters(), primary, secondary)
+        moved(_parameters(), primary, secondary)
 
 
 @pytest.mark.parametrize("fast", [0, 1])
@@ -104,7 +105,7 @@ def test_points_of_twice_the_frame_rate_are_paired(fast: int) -> None:
     twice = tables[fast].assign(frame=2 * tables[fast]["frame"])
     between = tables[fast].shift(-1, fill_value=100.0).assign(frame=twice["frame"] + 1)
     tables[fast] = pd.concat([twice, between])
-    found, notes = points_in_step(_parameters(), *tables)
+    found, notes = moved(_parameters(), *tables)
     assert f"is frame {(2.0, 0.5)[fast]:g} k" in notes[0]
     np.testing.assert_array_equal(found["frame"], expected)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from stereocal.calibration.methods import errors_of
 from stereocal.errors import StereocalError
-from stereocal.matching.in_step import offset_of_pairs
+from stereocal.matching.in_step import how_counted
 from stereocal.matching.measure_tables import points_outside_images
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.refined.time_offset import usable_after
@@ -119,15 +119,14 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
 
 def _offset_of(seen: Dataset, rig: RigParameters) -> MeasuredOffset | None:
     """The time offset of new bars, which may be counted apart as the calibrated ones were."""
-    whole = rig.start_frame - seen.start_frame
-    if not whole:
-        return rig.time_offset
 
-    def points_at(tried: MeasuredOffset) -> tuple[FloatArray, FloatArray]:
+    def misfit(tried: MeasuredOffset) -> float:
         rows = usable_after(seen, tried).correspondences
-        return rows.primary, rows.secondary
+        errors = np.abs(rig.epipolar_errors(rows.primary, rows.secondary))
+        return float(np.median(errors)) if len(errors) else np.inf
 
-    return offset_of_pairs(rig, whole, points_at)
+    offset = how_counted(rig, rig.start_frame - seen.start_frame, misfit)[0]
+    return offset if offset.is_shift else None
 
 
 def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
