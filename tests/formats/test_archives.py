@@ -13,6 +13,7 @@ from stereocal.formats.camera_file import write_camera
 from stereocal.formats.exchange.exchange import export_files, import_files
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.rig.camera import Camera
+from stereocal.rig.parameters import RigParameters
 from tests.archives import (
     PLAIN,
     caliscope_files,
@@ -33,24 +34,25 @@ def easywand(options: ExchangeOptions = USUAL, **changed: Any) -> Archive:
     return gather({"calib.mat": mat({"easyWandData": fields})}, options)
 
 
-def same_camera(found: Camera | None, wanted: Camera) -> None:
-    assert found is not None
-    corners = np.array([[0.0, 0.0], [wanted.image_size[0] - 1.0, 50.0], [300.0, 700.0]])
-    assert found.image_size == wanted.image_size
-    assert np.abs(found.undistort(corners) - wanted.undistort(corners)).max() < 1e-9
+def same_cameras(found: Archive | RigParameters, *cameras: Camera) -> None:
+    for own, wanted in zip((found.primary, found.secondary), cameras, strict=True):
+        assert own is not None
+        corners = np.array([[0.0, 0.0], [wanted.image_size[0] - 1.0, 50.0], [300.0, 700.0]])
+        assert own.image_size == wanted.image_size
+        assert np.abs(own.undistort(corners) - wanted.undistort(corners)).max() < 1e-9
 
 
 def test_easywand_gives_the_same_data_set_as_our_csv() -> None:
-    cameras = [write_camera(easywand_camera(PRIMARY)), write_camera(easywand_camera(SECONDARY))]
-    csv = gather({"wand.csv": wand_csv(), "a.json": cameras[0], "b.json": cameras[1]}, USUAL)
+    cameras = [easywand_camera(PRIMARY), easywand_camera(SECONDARY)]
+    files = dict(zip(("a.json", "b.json"), map(write_camera, cameras), strict=True))
+    csv = gather({"wand.csv": wand_csv(), **files}, USUAL)
     found = easywand(backgroundPts=np.zeros((0, 0)))
     assert found.correspondences is not None and csv.correspondences is not None
     for name in ("frame", "target", "primary", "secondary"):
         ours, theirs = getattr(csv.correspondences, name), getattr(found.correspondences, name)
         assert np.array_equal(ours, theirs)
     assert len(found.correspondences) == 23
-    same_camera(found.primary, easywand_camera(PRIMARY))
-    same_camera(found.secondary, easywand_camera(SECONDARY))
+    same_cameras(found, *cameras)
     measured = [each.dataset("x", BASELINE_M, BAR_M) for each in (csv, found)]
     rays = [dataset.rays for dataset in measured]
     assert np.abs(rays[0] - rays[1]).max() < 1e-12
@@ -106,11 +108,10 @@ def test_a_file_that_expands_is_refused_before_it_is_read(monkeypatch: pytest.Mo
 def test_matlab_stereo_parameters() -> None:
     content = mat({"s": stereo_struct()})
     found = gather({"stereo.mat": content, "wand.csv": wand_csv()}, USUAL)
-    same_camera(found.primary, PRIMARY)
-    same_camera(found.secondary, SECONDARY)
+    same_cameras(found, PRIMARY, SECONDARY)
     assert found.baseline_m == pytest.approx(BASELINE_M)
     imported = import_files({"stereo.mat": content}, "matlab")
-    same_camera(imported.secondary, SECONDARY)
+    same_cameras(imported, PRIMARY, SECONDARY)
     assert np.abs(imported.pose.T - RIG.T).max() < 1e-12
     newer = stereo_struct()
     del newer["RotationOfCamera2"], newer["TranslationOfCamera2"]
@@ -127,12 +128,8 @@ def test_matlab_stereo_parameters() -> None:
 
 @pytest.mark.parametrize("name", ["kalibr", "ros", "opencv", "matlab", "aniposelib"])
 def test_cameras_of_each_program_with_a_wand_table(name: str) -> None:
-    rig = PLAIN
-    files = export_files(rig, name)
-    options = ExchangeOptions(unit="m" if name in ("opencv", "aniposelib") else None)
-    found = gather({"wand.csv": wand_csv(), **files}, options)
-    same_camera(found.primary, rig.primary)
-    same_camera(found.secondary, rig.secondary)
+    found = gather({"wand.csv": wand_csv(), **export_files(PLAIN, name)}, USUAL)
+    same_cameras(found, PLAIN.primary, PLAIN.secondary)
     assert found.baseline_m == pytest.approx(BASELINE_M)
     dataset = found.dataset("x", None, BAR_M)
     assert len(dataset.correspondences.bars) == 11
@@ -145,23 +142,12 @@ def test_caliscope_of_both_versions() -> None:
     for content, name in ((newer, "camera_array.toml"), (older, "config.toml")):
         options = ExchangeOptions(cameras=("1", "3"), unit="m")
         found = gather({name: content}, options)
-        same_camera(found.primary, PRIMARY)
-        same_camera(found.secondary, SECONDARY)
-        wanted = (RIG @ RIG).baseline  # RIG from its own inverse
-        assert found.baseline_m == pytest.approx(wanted)
+        same_cameras(found, PRIMARY, SECONDARY)
+        assert found.baseline_m == pytest.approx((RIG @ RIG).baseline)  # RIG from its own inverse
         assert "Caliscope" in found.taken[0].origin
 
 
-def test_convert_and_import_read_the_same_files() -> None:
-    three = {"c.yaml": kalibr_chain()}
-    with pytest.raises(StereocalError, match="two cameras are expected; the file has 3"):
-        import_files(three, "kalibr")
-    chosen = import_files(three, "kalibr", ExchangeOptions(cameras=("1", "3")))
-    assert chosen.pose.baseline == pytest.approx((RIG @ RIG).baseline)
-    for name in ("opencv", "aniposelib"):  # our own files are in metres
-        files = export_files(PLAIN, name)
-        assert gather(files, USUAL).baseline_m == pytest.approx(BASELINE_M)
-        assert import_files(files, name).pose.baseline == pytest.approx(BASELINE_M)
+def test_lenses_without_extrinsics_are_no_rig() -> None:
     with pytest.raises(StereocalError, match="R, T missing"):
         import_files({"i.yml": export_files(PLAIN, "opencv")["intrinsics.yml"]}, "opencv")
 
@@ -179,14 +165,16 @@ def test_the_ends_of_the_bar_are_chosen() -> None:
 
 
 def test_three_cameras_of_kalibr_in_either_order() -> None:
-    chain = kalibr_chain()
-    twice = (RIG @ RIG).baseline
+    files, twice = {"c.yaml": kalibr_chain()}, pytest.approx((RIG @ RIG).baseline)
+    with pytest.raises(StereocalError, match="two cameras are expected; the file has 3"):
+        import_files(files, "kalibr")
     for cameras in (("1", "3"), ("3", "1")):
-        found = gather({"c.yaml": chain}, ExchangeOptions(cameras=cameras))
-        assert found.baseline_m == pytest.approx(twice)
-    assert gather({"c.yaml": chain}, USUAL).baseline_m == pytest.approx(BASELINE_M)
-    with_table = {"c.yaml": chain, "wand.csv": wand_csv()}
-    found = gather(with_table, ExchangeOptions(cameras=("1", "3")))  # the table has two cameras
+        options = ExchangeOptions(cameras=cameras)
+        assert gather(files, options).baseline_m == twice
+        assert import_files(files, "kalibr", options).pose.baseline == twice
+    assert gather(files, USUAL).baseline_m == pytest.approx(BASELINE_M)
+    files["wand.csv"] = wand_csv()  # the table has two cameras
+    found = gather(files, ExchangeOptions(cameras=("1", "3")))
     assert any("for the camera files only" in remark for remark in found.remarks)
     assert found.correspondences is not None and len(found.correspondences) == 23
 

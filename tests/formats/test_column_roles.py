@@ -127,8 +127,8 @@ def test_numbers_without_names_are_not_guessed() -> None:
 def test_points_of_one_camera_keep_their_names() -> None:
     content = TABLES["long"]
     layout = layout_of(content, "t.csv")
-    for camera, side in zip(("left", "right"), SIDES, strict=True):
-        answers = first_answers(layout, ("left", "right").index(camera))
+    for which, (camera, side) in enumerate(zip(("left", "right"), SIDES, strict=True)):
+        answers = first_answers(layout, which)
         assert answers.camera == camera
         table = read_points(content, answered(layout, answers, content, "t.csv"), camera)
         assert table["point"].tolist() == TARGET.tolist()
@@ -152,20 +152,15 @@ def test_photographs_of_equal_numbers_are_counted_in_order(number: str) -> None:
 
 @pytest.mark.parametrize("name", ["f{:05}_1080p.png", "frame{:04}_cam1.png", "take 2 {:03}.JPG"])
 def test_the_number_of_a_photograph_is_that_which_tells_them_apart(name: str) -> None:
-    def numbers(first: str) -> list[int]:
-        rows = "".join(f"{name.format(n)},{n},{n + 1}\n" for n in (7, 12, 3))
-        layout = layout_of(content := f"{first},x,y\n{rows}".encode(), "t.csv")
+    def numbers(rows: str) -> list[int]:
+        layout = layout_of(content := f"frame,x,y\n{rows}".encode(), "t.csv")
         return read_points(content, layout, layout.cameras[0], source="t.csv")["frame"].tolist()
 
-    assert numbers("frame") == [3, 7, 12]
+    assert numbers("".join(f"{name.format(n)},{n},{n + 1}\n" for n in (7, 12, 3))) == [3, 7, 12]
     with pytest.raises(StereocalError, match=r"line 5: .*mean"):
-        table = b"frame,x,y\n1,2,3\n2,3,4\n3,4,5\nmean,3,4\n"
-        layout = layout_of(table, "t.csv")
-        read_points(table, layout, layout.cameras[0], source="t.csv")
+        numbers("1,2,3\n2,3,4\n3,4,5\nmean,3,4\n")
     with pytest.raises(StereocalError, match="numbers of the frames"):
-        table = b"frame,x,y\nleft,2,3\nright,3,4\n"
-        layout = layout_of(table, "t.csv")
-        read_points(table, layout, layout.cameras[0], source="t.csv")
+        numbers("left,2,3\nright,3,4\n")
 
 
 def test_three_cameras() -> None:

@@ -30,12 +30,12 @@ FOUR = SECONDARY.distortion
 """k1 k2 p1 p2, all different."""
 
 
-def in_unit(name: str, unit: Unit) -> dict[str, bytes]:
+def in_unit(name: str, unit: Unit, said: str = "") -> dict[str, bytes]:
     """Files as another program writes them: lengths in this unit, and no word of ours about it."""
-    rig = RICHEST[name]
+    rig, ours = RICHEST[name], b", 'WorldUnits', 'm'"
     scaled = replace(rig, pose=Pose(rig.pose.R, rig.pose.T / UNITS[unit]))
     return {
-        file: content.replace(b"lengths in metres", b"").replace(b", 'WorldUnits', 'm'", b"")
+        file: content.replace(b"lengths in metres", b"").replace(ours, said.encode())
         for file, content in export_files(scaled, name).items()
     }
 
@@ -72,24 +72,12 @@ class TestUnits:
             np.testing.assert_allclose(read.pose.T, RIG.T, rtol=0, atol=1e-9)
 
     @pytest.mark.parametrize(
-        ("said", "unit"),
-        [
-            ("mm", "mm"),
-            ("millimeters", "mm"),
-            ("Millimetres", "mm"),
-            ("centimeters", "cm"),
-            ("m", "m"),
-            ("inches", "inch"),
-            ("in", "inch"),
-        ],
+        "said", ["mm", "millimeters", "Millimetres", "centimeters", "m", "inches", "in"]
     )
-    def test_matlabs_world_units(self, said: str, unit: Unit) -> None:
-        rig = RICHEST["matlab"]
-        scaled = replace(rig, pose=Pose(rig.pose.R, rig.pose.T / UNITS[unit]))
-        ((file, content),) = export_files(scaled, "matlab").items()
-        plain = content.replace(b"lengths in metres", b"")
-        told = plain.replace(b"'WorldUnits', 'm'", f"'WorldUnits', '{said}'".encode())
-        read = import_files({file: told}, "matlab")
+    def test_matlabs_world_units(self, said: str) -> None:
+        units: dict[str, Unit] = {"mm": "mm", "mi": "mm", "ce": "cm", "m": "m", "in": "inch"}
+        files = in_unit("matlab", units[said[:2].lower()], f", 'WorldUnits', '{said}'")
+        read = import_files(files, "matlab")
         np.testing.assert_allclose(read.pose.T, RIG.T, rtol=0, atol=1e-12)
 
 
@@ -216,27 +204,20 @@ INI = b"# of a stereo camera\n\n[LEFT_CAM_HD]\nfx=700.8\nfy=700.7\n\n[STEREO]\nB
 MAT = b"MATLAB 5.0 MAT-file, Platform: GLNXA64, Created on: Mon".ljust(124) + b"\x00\x01IM" * 40
 
 
-class TestOtherKinds:
-    @pytest.mark.parametrize(
-        ("content", "says"),
-        [(INI, r"an INI file.*LEFT_CAM_HD.*\"K\""), (MAT, "MATLAB.*jsonencode")],
-    )
-    def test_they_are_named(self, content: bytes, says: str) -> None:
+@pytest.mark.parametrize(
+    ("content", "says"), [(INI, r"an INI file.*LEFT_CAM_HD.*\"K\""), (MAT, "MATLAB.*jsonencode")]
+)
+def test_files_of_other_kinds_are_named(content: bytes, says: str) -> None:
+    with pytest.raises(StereocalError, match=says):
+        read_camera(content, "left.x")
+    for name in ("opencv", "kalibr", *["matlab"] * (content is INI)):
         with pytest.raises(StereocalError, match=says):
-            read_camera(content, "left.x")
-        for name in ("opencv", "kalibr", *["matlab"] * (content is INI)):
-            with pytest.raises(StereocalError, match=says):
-                import_files({"left.x": content}, name)
-
-
-def doubled(content: bytes, key: str, value: str) -> bytes:
-    """A JSON object with one of its keys a second time, at its end."""
-    return content.rstrip()[:-1] + f',\n"{key}": {value}\n}}\n'.encode()
+            import_files({"left.x": content}, name)
 
 
 class TestTwice:
     def test_a_key_of_a_camera_and_its_lines(self) -> None:
-        content = doubled(write_camera(PRIMARY), "image_size", "[640, 480]")
+        content = write_camera(PRIMARY).rstrip()[:-1] + b',\n"image_size": [640, 480]\n}\n'
         first = write_camera(PRIMARY).decode().splitlines().index('  "image_size": [') + 1
         with pytest.raises(StereocalError, match=rf'c\.json.*"image_size".*lines {first} and'):
             read_camera(content, "c.json")
@@ -248,9 +229,8 @@ class TestTwice:
             import_files({file: twice}, "kalibr")
 
 
-class TestLongRows:
-    def test_cells_beyond_the_header(self) -> None:
-        lines = TEMPLATE.splitlines()
-        lines[2] += ",7.5"
-        with pytest.raises(RefusedRowsError, match="line 3: 7 cells instead of 6"):
-            read_table("\n".join(lines).encode(), "t.csv").strict("t.csv")
+def test_cells_beyond_the_header() -> None:
+    lines = TEMPLATE.splitlines()
+    lines[2] += ",7.5"
+    with pytest.raises(RefusedRowsError, match="line 3: 7 cells instead of 6"):
+        read_table("\n".join(lines).encode(), "t.csv").strict("t.csv")
