@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields, replace
 from itertools import product
 from pathlib import Path
@@ -82,13 +83,10 @@ class TestTable:
         np.testing.assert_array_equal(rows.secondary, [[3.25, 1204.5]])
 
     def test_thousands_are_not_taken_for_decimals(self) -> None:
-        assert problems_of(table('1,A,"1,215",200,300,400')) == [
-            (
-                2,
-                'u_primary is "1,215", which is not a number: write it without a sign between '
-                "thousands",
-            )
-        ]
+        says = (
+            'u_primary is "1,215", which is not a number: write it without a sign between thousands'
+        )
+        assert problems_of(table('1,A,"1,215",200,300,400')) == [(2, says)]
         mixed = table("1;A;100.5;200;300;400", "1;B;1,215;2;3;4", header=HEADER.replace(",", ";"))
         assert [line for line, _ in problems_of(mixed)] == [3]
 
@@ -121,18 +119,10 @@ class TestTable:
             read.strict("t.csv")
 
     def test_distances(self) -> None:
-        content = table(
-            ROW + ",0.9",
-            "1,B,1,2,3,4,",
-            "2,A,1,2,3,4,0.5",
-            "2,B,1,2,3,4,0.5",
-            "3,A,1,2,3,4,0.5",
-            "3,B,1,2,3,4,0.6",
-            "4,A,1,2,3,4,0",
-            "5,A,1,2,3,4,-0.9",
-            "6,A,1,2,3,4,nan",
-            header=HEADER + ",distance_m",
-        )
+        keys = ("1,A", "1,B", "2,A", "2,B", "3,A", "3,B", "4,A", "5,A", "6,A")
+        stated = (0.9, "", 0.5, 0.5, 0.5, 0.6, 0, -0.9, "nan")
+        written = [f"{key},1,2,3,4,{own}" for key, own in zip(keys, stated, strict=True)]
+        content = table(*written, header=f"{HEADER},distance_m")
         rows = read_table(content, "t.csv").correspondences
         np.testing.assert_array_equal(rows.distance_m, [0.9, np.nan, 0.5, 0.5, 0.5])
         lines, reasons = zip(*problems_of(content), strict=True)
@@ -161,15 +151,9 @@ class TestTable:
 
     finite = st.floats(allow_nan=False, allow_infinity=False)
 
-    @given(
-        st.lists(
-            st.tuples(st.integers(-(2**53), 2**53), st.sampled_from("AB")),
-            min_size=1,
-            max_size=8,
-            unique=True,
-        ),
-        st.data(),
-    )
+    keys = st.tuples(st.integers(-(2**53), 2**53), st.sampled_from("AB"))
+
+    @given(st.lists(keys, min_size=1, max_size=8, unique=True), st.data())
     @settings(max_examples=25)
     def test_there_and_back(self, keys: list[tuple[int, str]], data: st.DataObject) -> None:
         n = len(keys)
@@ -180,17 +164,10 @@ class TestTable:
         word = st.sampled_from(["", "detected", "corrected", "manual"])
         sources = st.none() | st.lists(word, min_size=n, max_size=n)
         own = {frame: data.draw(st.just(np.nan) | st.floats(1e-3, 1e3)) for frame, _ in keys}
-        rows = Correspondences.from_arrays(
-            [frame for frame, _ in keys],
-            [target for _, target in keys],
-            data.draw(places),
-            data.draw(places),
-            [own[frame] for frame, _ in keys],
-            data.draw(known),
-            data.draw(sigmas),
-            data.draw(sigmas),
-            data.draw(sources),
-        )
+        frames, targets = zip(*keys, strict=True)
+        points, distances = (data.draw(places), data.draw(places)), [own[each] for each in frames]
+        rest: Any = map(data.draw, (known, sigmas, sigmas, sources))
+        rows = Correspondences.from_arrays(frames, targets, *points, distances, *rest)
         back = read_table(write_table(rows), "t.csv").strict("t.csv")
         for field in fields(rows):
             if field.name != "line":
@@ -214,14 +191,11 @@ def test_times_are_read_and_written_back_and_are_the_frames_without_them() -> No
     assert b"time_frame" not in write_table(rows)
 
 
-@pytest.mark.parametrize("times", ["7 8 12 12", "7 7 7 7"])
-def test_contradictory_ones_are_rejected(times: str) -> None:
-    with pytest.raises(StereocalError, match="time_frame"):
-        read_table(with_times(times), "t")
-
-
-def test_one_that_is_no_whole_number_is_named() -> None:
-    assert [problem.line for problem in read_table(with_times("7 7 x 12"), "t").problems] == [4]
+def test_contradictory_times_are_rejected_and_one_that_is_no_whole_number_is_named() -> None:
+    for times in ("7 8 12 12", "7 7 7 7"):
+        with pytest.raises(StereocalError, match="time_frame"):
+            read_table(with_times(times), "t")
+    assert [line for line, _ in problems_of(with_times("7 7 x 12"))] == [4]
 
 
 def test_a_shifted_data_set_is_written_as_recorded_and_has_the_same_digest() -> None:
@@ -264,11 +238,7 @@ distortion_coefficients: !!opencv-matrix
   cols: 5
   dt: d
   data: [-0.2253355, 0.2519776, 0.0005334135, -0.0004274737, -0.2372552]
-extrinsics:
-  rows: 3
-  cols: 4
-  dt: d
-  data: [0.47, 0.57, -0.66, 2621.9, -0.49, 0.8, 0.34, -1151.4, 0.72, 0.16, 0.66, 1580.5]
+extrinsics: {rows: 3, cols: 4, dt: d, data: [0.47, 0.57, -0.66, 2621.9, -0.49, 0.8, 0.34, -1151.4]}
 """
 
 
@@ -418,10 +388,7 @@ class TestDatasetFiles:
         files = {k: v for k, v in self.files.items() if k != "correspondences.csv"}
         files |= {f"{camera}/1.png": b"x" for camera in ("primary", "secondary")}
         source = tmp_path / "survey"
-        if packed:
-            source.write_bytes(zipped(files))
-        else:
-            write(files, source)
+        write({"survey": zipped(files)} if packed else files, tmp_path if packed else source)
         with pytest.raises(StereocalError, match=r"photographs and no correspondences\.csv yet"):
             read_dataset(source)
         known, whole = read_cameras(source), Recording.of_pair(NOISY)
@@ -453,19 +420,13 @@ class TestDatasetFiles:
 
 
 class TestZip:
-    def test_a_bomb_is_not_unpacked(self) -> None:
-        bomb = zipped({"correspondences.csv": bytes(40_000_000)})
+    def test_a_bomb_is_not_unpacked_and_a_size_that_lies_does_not_swell(self) -> None:
+        """The directory says 10 bytes, the stream has 40 million: damaged, or cut to 10."""
+        bomb = zipped({"a.csv": bytes(40_000_000)})
         assert len(bomb) < 100_000
         with pytest.raises(StereocalError, match="would expand to 40000000"):
             unzip(bomb, "z")
-
-    def test_a_size_that_lies_does_not_swell(self) -> None:
-        """The directory says 10 bytes, the stream has 40 million: damaged, or cut to 10."""
-        bomb = zipped({"a.csv": bytes(40_000_000)})
         lie = bomb.replace((40_000_000).to_bytes(4, "little"), (10).to_bytes(4, "little"))
         assert lie != bomb
-        try:
-            files = unzip(lie, "z")
-        except StereocalError:
-            return
-        assert len(files["a.csv"]) <= 10
+        with suppress(StereocalError):
+            assert len(unzip(lie, "z")["a.csv"]) <= 10

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -44,12 +45,14 @@ def camera_info(k: int, P: FloatArray, R: FloatArray) -> bytes:
     """A camera_info file of the known rig without a distortion model."""
     camera = (PRIMARY, SECONDARY)[k]
     text = f"image_width: {camera.image_size[0]}\nimage_height: {camera.image_size[1]}\n"
-    for name, table in (
-        ("camera_matrix", camera.K),
-        ("distortion_coefficients", np.append(camera.distortion, 0.0)[None, :5]),
-        ("rectification_matrix", R),
-        ("projection_matrix", P),
-    ):
+    lens = np.append(camera.distortion, 0.0)[None, :5]
+    names = (
+        "camera_matrix",
+        "distortion_coefficients",
+        "rectification_matrix",
+        "projection_matrix",
+    )
+    for name, table in zip(names, (camera.K, lens, R, P), strict=True):
         rows, cols = table.shape
         text += f"{name}:\n  rows: {rows}\n  cols: {cols}\n  data: {numbers(table)}\n"
     return text.encode()
@@ -60,9 +63,8 @@ def message(file: bytes, keys: str, stamp: int = 7) -> str:
     text = file.decode()
     width, height = re.findall(r"image_\w+: (\d+)", text)
     order = re.findall(r"^(\w+):\n  rows.*\n  cols.*\n  data: (.*)", text, re.MULTILINE)
-    named = dict(
-        zip("KDRP" if keys.isupper() else "kdrp", (data for _, data in order), strict=True)
-    )
+    wanted = "KDRP" if keys.isupper() else "kdrp"
+    named = dict(zip(wanted, (data for _, data in order), strict=True))
     lines = ["header:", "  stamp:", f"    sec: {stamp}", f"height: {height}", f"width: {width}"]
     for key, data in named.items():
         rows = "\n".join(f"- {value}" for value in json.loads(data))
@@ -227,13 +229,10 @@ class TestImageSize:
     def test_a_size_for_each_camera_of_a_pair(self) -> None:
         files = export_files(PLAIN, "opencv")
         plain = files["intrinsics.yml"].decode()
-        sides = ("width", "height")
         for k, camera in ((1, PRIMARY), (2, SECONDARY)):
-            own = (
-                f"image{side.title()}{k}: {n}"
-                for side, n in zip(sides, camera.image_size, strict=True)
-            )
-            plain = re.sub(rf"image_size_{k}: .*", "\n".join(own), plain)
+            width, height = camera.image_size
+            own = f"imageWidth{k}: {width}\nimageHeight{k}: {height}"
+            plain = re.sub(rf"image_size_{k}: .*", own, plain)
         read = import_files({**files, "intrinsics.yml": plain.encode()}, "opencv")
         assert (read.primary.image_size, read.secondary.image_size) == ((1600, 1200), (1280, 1024))
 
@@ -253,11 +252,8 @@ class TestOpencv:
         [("mtx_left", "dist_left"), ("K_left", "D_left"), ("left_K", "left_dist_coeffs")],
     )
     def test_pairs_by_other_names(self, K: str, D: str) -> None:
-        nodes: dict[str, object] = {
-            "R": RIG.R.tolist(),
-            "T": RIG.T.tolist(),
-            "image_size": [1600, 1200],
-        }
+        nodes: dict[str, object] = {"R": RIG.R.tolist(), "T": RIG.T.tolist()}
+        nodes["image_size"] = [1600, 1200]
         for side, camera in (("left", PLAIN.primary), ("right", PLAIN.secondary)):
             nodes[K.replace("left", side)] = camera.K.tolist()
             nodes[D.replace("left", side)] = camera.distortion.tolist()
@@ -276,14 +272,12 @@ class TestMatlab:
             with pytest.raises(StereocalError, match="in inch, but the unit entered"):
                 import_files(files, "matlab", ExchangeOptions(unit=unit))
 
-    @pytest.mark.parametrize("units", [("feet", "feet"), ("mm", "inches")])
-    def test_units_that_are_not_known_or_contradict_each_other(
-        self, units: tuple[str, str]
-    ) -> None:
+    @pytest.mark.parametrize("units", ["feet feet", "mm inches"])
+    def test_units_that_are_not_known_or_contradict_each_other(self, units: str) -> None:
         struct = stereo_struct()
-        for k, unit in enumerate(units, start=1):
+        for k, unit in enumerate(units.split(), start=1):
             struct[f"CameraParameters{k}"]["WorldUnits"] = unit
-        with pytest.raises(StereocalError, match=f"WorldUnits are .*{units[0]}"):
+        with pytest.raises(StereocalError, match=f"WorldUnits are .*{units.split()[0]}"):
             import_files({"s.mat": mat({"s": struct})}, "matlab")
 
 
@@ -295,21 +289,21 @@ class TestDlt:
         posed[1:1] = [("b", PRIMARY, middle)] * (cameras - 2)
         in_front = Pose(np.eye(3), np.array([0.0, 0.0, -8.0]))
         options = ExchangeOptions(corner=corner, world=in_front)  # type: ignore[arg-type]
-        text = export_files(posed, "dlt", options)["dlt.csv"].decode()
-        if between != ",":
-            text = text.replace(",", between)
-        return text.encode()
+        return export_files(posed, "dlt", options)["dlt.csv"].replace(b",", between.encode())
 
-    def read(self, text: bytes, name: str = "dlt.csv", **said: object) -> RigParameters:
+    def read(self, *texts: bytes, **said: object) -> RigParameters:
+        """The rig of one file, or of a file of each camera."""
         options = ExchangeOptions((PRIMARY.image_size, SECONDARY.image_size), unit="m", **said)  # type: ignore[arg-type]
-        return import_files({name: text}, "dlt", options)
+        return import_files({f"{k}.csv": text for k, text in enumerate(texts)}, "dlt", options)
 
     def test_counted_from_below(self) -> None:
-        files = case("dlt_counted_from_below", "dltcoefs.csv")
-        options = ExchangeOptions(HD, unit="m")
+        files, options = (
+            case("dlt_counted_from_below", "dltcoefs.csv"),
+            ExchangeOptions(HD, unit="m"),
+        )
         with pytest.raises(OriginError, match="counted from the lower left"):
             import_files(files, "dlt", options)
-        below = import_files(files, "dlt", ExchangeOptions(HD, unit="m", corner="lower-left"))
+        below = import_files(files, "dlt", replace(options, corner="lower-left"))
         same_pose(below.pose, 1e-6)
 
     @pytest.mark.parametrize("corner", CORNERS)
@@ -325,14 +319,12 @@ class TestDlt:
 
     def test_our_own_files_from_below(self) -> None:
         """The primary is at the world's origin, and the secondary may be in front of it."""
-        ahead = Pose(RIG.R, RIG.T * [1, 1, -1])
-        for pose in (RIG, ahead):
-            files = export_files(
-                Rig(PRIMARY, SECONDARY, pose), "dlt", ExchangeOptions(corner="lower-left")
-            )
+        below = ExchangeOptions(corner="lower-left")
+        for pose in (RIG, Pose(RIG.R, RIG.T * [1, 1, -1])):
+            text = export_files(Rig(PRIMARY, SECONDARY, pose), "dlt", below)["dlt.csv"]
             with pytest.raises(OriginError):
-                self.read(files["dlt.csv"])
-            same_pose(self.read(files["dlt.csv"], corner="lower-left").pose, 1e-9, pose.R, pose.T)
+                self.read(text)
+            same_pose(self.read(text, corner="lower-left").pose, 1e-9, pose.R, pose.T)
 
     def test_separators_headers_and_rows(self) -> None:
         plain = self.text().decode()
@@ -345,18 +337,16 @@ class TestDlt:
             plain.replace(",", "  "),
             plain.replace(",", " , "),
             plain.replace("\n", ",\n"),
+            plain.replace("\n", "\n\n"),
             f"left,right\n{plain}",
             f"coefficient,left,right\n{labelled}",
             "% of DLTdv\n" + plain,
             plain + "1,1\n",
             "\n".join(",".join(row) for row in across),
         ):
-            same_pose(self.read(text.encode(), "c.txt").pose, 1e-9, RIG.R, RIG.T)
-        both = {
-            f"{side}.csv": "\n".join(row).encode() for side, row in zip("lr", across, strict=True)
-        }
-        options = ExchangeOptions((PRIMARY.image_size, SECONDARY.image_size), unit="m")
-        same_pose(import_files(both, "dlt", options).pose, 1e-9, RIG.R, RIG.T)
+            same_pose(self.read(text.encode()).pose, 1e-9, RIG.R, RIG.T)
+        both = self.read(*("\n".join(row).encode() for row in across))
+        same_pose(both.pose, 1e-9, RIG.R, RIG.T)
 
     def test_three_cameras(self, tmp_path: Path) -> None:
         with pytest.raises(StereocalError, match=r"has 3 .*choose two"):
@@ -371,13 +361,8 @@ class TestDlt:
         same_pose(self.read(named, cameras=("a", "c")).pose, 1e-9, RIG.R, RIG.T)
 
     @pytest.mark.parametrize(
-        ("change", "says"),
-        [(("\n", "\n\n"), ""), (("0.", "NaN"), "not a number"), ((".", ","), "semicolons|rows")],
+        ("old", "new", "says"), [(b"0.", b"NaN", "not a number"), (b".", b",", "semicolons|rows")]
     )
-    def test_what_is_no_table(self, change: tuple[str, str], says: str) -> None:
-        text = self.text().decode().replace(*change).encode()
-        if says:
-            with pytest.raises(StereocalError, match=says):
-                self.read(text)
-        else:
-            same_pose(self.read(text).pose, 1e-9, RIG.R, RIG.T)
+    def test_what_is_no_table(self, old: bytes, new: bytes, says: str) -> None:
+        with pytest.raises(StereocalError, match=says):
+            self.read(self.text().replace(old, new))

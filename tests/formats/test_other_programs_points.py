@@ -101,20 +101,14 @@ def hdf5(**arrays: object) -> bytes:
     return packed.getvalue()
 
 
-def sleap_h5(side: int, **more: object) -> bytes:
+def sleap_h5(side: int) -> bytes:
     """The same recording as `sleap`, as (tracks, 2, nodes, frames)."""
     tracks = np.full((1, 2, 2, FIRST + FRAMES), np.nan)
     tracks[0, :, :, FIRST:] = VIEWS[side].transpose(2, 1, 0)
     tracks[0, :, 1, FIRST + 2] = np.nan
     scores = np.where(np.isnan(tracks[:, 0]), np.nan, 0.9)
-    arrays = {
-        "tracks": tracks,
-        "node_names": [b"nose", b"tail"],
-        "track_names": [b"track_0"],
-        "point_scores": scores,
-        **more,
-    }
-    return hdf5(**arrays)
+    names = {"node_names": [b"nose", b"tail"], "track_names": [b"track_0"]}
+    return hdf5(tracks=tracks, point_scores=scores, **names)
 
 
 def deeplabcut(side: int) -> bytes:
@@ -149,9 +143,8 @@ def pixels(content: bytes, side: int) -> pd.DataFrame:
     """The points of one camera with the answers that are proposed first."""
     layout = layout_of(content, "points")
     first = first_answers(layout, side, HEIGHTS[side])
-    return read_points(
-        content, answered(layout, first, content, "points"), first.camera, HEIGHTS[side], "points"
-    )
+    layout = answered(layout, first, content, "points")
+    return read_points(content, layout, first.camera, HEIGHTS[side], "points")
 
 
 class TestWhoWroteIt:
@@ -233,7 +226,7 @@ class TestNumbers:
     def test_argus_with_one_track_and_two_cameras(self) -> None:
         """Four columns, which were taken for both ends of a bar in one camera."""
         rows = [row[:4] for row in rig_columns(lower_left)]
-        content = csv("Track 1_cam_1_x,Track 1_cam_1_y,Track 1_cam_2_x,Track 1_cam_2_y", rows)
+        content = csv(",".join(f"Track 1_cam_{c}_{a}" for c in (1, 2) for a in "xy"), rows)
         layout = layout_of(content, "points")
         assert (layout.program, layout.points) == ("Argus", ("Track 1",))
         assert layout.cameras == ("cam1", "cam2")
@@ -307,15 +300,14 @@ class TestHdf5:
 
     def test_deeplabcuts_is_named_and_never_read(self, tmp_path: Path) -> None:
         content = hdf5(**{"df_with_missing/table": np.zeros(3)})
+        store = ProjectApplication(Project.create(tmp_path))
         for read in (
-            lambda: point_text(content, "dlc.h5"),
-            lambda: layout_of(content, "dlc.h5"),
-            lambda: ProjectApplication(Project.create(tmp_path)).offer_points(
-                "primary", "dlc.h5", content
-            ),
+            point_text,
+            layout_of,
+            lambda own, name: store.offer_points("primary", name, own),
         ):
             with pytest.raises(StereocalError, match=r"dlc\.h5.*DeepLabCut.*CSV"):
-                read()
+                read(content, "dlc.h5")
 
     def test_without_h5py(self, monkeypatch: pytest.MonkeyPatch) -> None:
         content = sleap_h5(0)
@@ -381,9 +373,7 @@ class TestCommandLine:
         def theirs(view: FloatArray, height: int) -> FloatArray:
             return np.stack([view[..., 0] + 0.5, height + 1 - view[..., 1]], axis=-1)
 
-        swapped = [
-            [x for k in (2, 3, 0, 1, 6, 7, 4, 5) for x in [row[k]]] for row in rig_columns(theirs)
-        ]
+        swapped = [[row[k] for k in (2, 3, 0, 1, 6, 7, 4, 5)] for row in rig_columns(theirs)]
         content = csv(ARGUS.decode().splitlines()[0], swapped)
         more = ("--cameras", "2,1", "--flip", "h+1", "--first-pixel", "0.5")
         assert run_match(tmp_path, (content, content), "--layout", "argus", *more) == 0

@@ -24,11 +24,7 @@ WAND = b"\n".join(b"1.5,2.5,3.5,4.5,5.5,6.5,7.5,8.5" for _ in range(4))
 @pytest.mark.parametrize(
     ("name", "content", "kind"),
     [
-        *(
-            (f"a{suffix}", encoded(GREY, suffix), "photograph")
-            for suffix in (".png", ".JPG", ".tif")
-        ),
-        *((f"a{suffix}", encoded(GREY, suffix), "photograph") for suffix in (".bmp", ".pgm")),
+        *((f"a{suffix}", encoded(GREY, suffix), "photograph") for suffix in SUFFIXES),
         ("named like a table.csv", encoded(GREY, ".png"), "photograph"),
         ("without an ending", encoded(GREY, ".jpg"), "photograph"),
         ("cut off.png", b"no photograph", "photograph"),  # its reader says what is wrong
@@ -52,11 +48,7 @@ WAND = b"\n".join(b"1.5,2.5,3.5,4.5,5.5,6.5,7.5,8.5" for _ in range(4))
         ("table.xlsx", zipped({"[Content_Types].xml": b""}), None),
         ("plan.json", b'{"format": "stereocal-plan/1"}', None),
         ("notes.md", b"bring the bar", None),
-        (
-            "Calib.qca.txt",
-            b"<?xml version='1.0'?>\n<calibration a='1' b='2'>\n<camera c='3' d='4'/>",
-            None,
-        ),
+        ("Calib.qca.txt", b"<?xml version='1.0'?>\n<calibration a='1'>\n<camera c='3'/>", None),
         ("table.csv", b"<html><body>a,b\n1,2\n</body></html>", None),
         ("empty.png", b"", None),
     ],
@@ -121,10 +113,8 @@ def test_files_of_both_cameras_with_the_same_names() -> None:
     files = [("IMG_1.png", one), ("lens.json", b"{}"), ("IMG_1.png", other), ("IMG_1.png", one)]
     found = sort_files(files, lambda _, content: content)
     assert found.photographs == {"IMG_1.png": one, "other/IMG_1.png": other}
-    assert [series.names for series in which_camera(found.photographs).open] == [
-        ("IMG_1.png",),
-        ("other/IMG_1.png",),
-    ]
+    open_series = [series.names for series in which_camera(found.photographs).open]
+    assert open_series == [("IMG_1.png",), ("other/IMG_1.png",)]
 
 
 def test_a_photograph_of_another_size_is_named_with_what_to_do() -> None:

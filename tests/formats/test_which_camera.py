@@ -26,6 +26,11 @@ def read(files: Mapping[str, bytes], cameras: str = "") -> Archive:
     return gather(files, ExchangeOptions(cameras=(first, second) if cameras else None, unit="m"))
 
 
+def lens(focal_px: float, size: tuple[int, int]) -> bytes:
+    centre = 0.5 * np.array([[0, 0, size[0]], [0, 0, size[1]], [0, 0, 0]])
+    return write_camera(Camera(np.diag([focal_px, focal_px, 1]) + centre, np.zeros(5), size))
+
+
 @pytest.mark.parametrize(
     ("wanted", "names", "expected"),
     [
@@ -104,12 +109,7 @@ def test_lenses_whose_files_have_the_cameras_names_in_their_own(cameras: str) ->
         for k, target in enumerate((b"A", b"B"))
     )
     focals = {"left": 500.0, "right": 600.0}
-    files = {
-        f"calib_{name}.json": write_camera(
-            Camera(np.array([[f, 0, 320], [0, f, 240], [0, 0, 1]]), np.zeros(5), (640, 480))
-        )
-        for name, f in focals.items()
-    }
+    files = {f"calib_{name}.json": lens(f, (640, 480)) for name, f in focals.items()}
     order = cameras.split(",") if cameras else ["right", "left"]
     found = read({"points.csv": table, **files}, cameras)
     assert focal(found) == tuple(focals[name] for name in order)
@@ -117,10 +117,7 @@ def test_lenses_whose_files_have_the_cameras_names_in_their_own(cameras: str) ->
 
 def test_files_of_single_cameras_by_their_names() -> None:
     table = case("table_names_other_cameras", "xypts.csv")
-    lenses = {
-        k: write_camera(Camera(np.diag([1000.0 + k, 1000.0 + k, 1]), np.empty(0), (1920, 1080)))
-        for k in (3, 2, 9)
-    }
+    lenses = {k: lens(1000.0 + k, (1920, 1080)) for k in (3, 2, 9)}
     named, other = ({f"{of}{k}.json": lenses[k] for k in (3, 2)} for of in ("cam", "lens"))
     assert focal(read(table | named)) == (1002.0, 1003.0)
     assert focal(read(table | other)) == (1003.0, 1002.0)
@@ -165,12 +162,9 @@ def test_a_camera_profile_of_argus() -> None:
     files = case("argus_camera_profile", "wand-clicker_profile.txt", "cameras.csv")
     found = read(WAND | {"p.txt": files["wand-clicker_profile.txt"]})
     assert focal(found) == (1500.0, 1510.0)
-    assert found.secondary is not None
-    assert found.secondary.distortion.tolist() == [-0.1, 0.05, 0.0005, -0.0004, 0.0]
-    assert (found.secondary.K[:2, 2].tolist(), found.secondary.image_size) == (
-        [966.5, 534.5],
-        (1920, 1080),
-    )
+    assert (camera := found.secondary) is not None
+    assert camera.distortion.tolist() == [-0.1, 0.05, 0.0005, -0.0004, 0.0]
+    assert (camera.K[:2, 2].tolist(), camera.image_size) == ([966.5, 534.5], (1920, 1080))
     assert focal(read(WAND | {"p.txt": files["wand-clicker_profile.txt"]}, "2,1")) == (1510, 1500)
     assert focal(read(WAND | {"cameras.csv": files["cameras.csv"]})) == (1500.0, 1500.0)
 

@@ -66,13 +66,9 @@ class TestTables:
     def test_lines(self) -> None:
         found = read_observed(LINES.encode(), "p.csv")
         assert isinstance(found, tuple)
-        assert [(line.name, line.kind) for line in found] == [
-            ("a", "plumb"),
-            ("sea", "horizon"),
-            ("b", "plumb"),
-        ]
-        assert [len(side) for side in found[0].pixels] == [2, 1]
-        assert [len(side) for side in found[1].pixels] == [1, 0]
+        kinds = {line.name: line.kind for line in found}
+        assert kinds == {"a": "plumb", "sea": "horizon", "b": "plumb"}
+        assert [len(side) for line in found[:2] for side in line.pixels] == [2, 1, 1, 0]
 
     def test_a_throw(self) -> None:
         found = read_observed(THROW.encode(), "t.csv", 50.0)
