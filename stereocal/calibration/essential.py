@@ -12,20 +12,23 @@ from typing import Literal
 
 import cv2
 import numpy as np
+from scipy.optimize import least_squares
 
 from stereocal.calibration.montecarlo import MethodResult
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray, clock, compiled, internal
-from stereocal.rig.decompositions import is_finite, solve_positive, triangle
-from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, midpoint
+from stereocal.rig.compiled import FloatArray, clock
+from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, triangulate_rays
 from stereocal.system.numbers import count
 
 Solver = Literal["constrained", "linear"]
 MINIMUM_PAIRS = 5
 LINEAR_PAIRS = 8
 MAXIMUM_EVALUATIONS = 200
-SMALLEST_STEP = 1e-7
-"""rad. If a smaller step does not lower the cost, the difference is rounding."""
+TOLERANCE = 1e-14
+"""Of step, cost and gradient: below it, the difference is rounding."""
+_UNDETERMINED = np.full((3, 3), np.nan)
+_QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+_ALONG = np.diag([0.0, 0.0, 1.0])
 
 
 def calibrate_essential(
@@ -142,94 +145,51 @@ def _five_point(rays: FloatArray) -> list[FloatArray]:
     return candidates
 
 
-@compiled
 def linear_essential(rays: FloatArray) -> FloatArray:
     """The 8-point estimate with Hartley's normalisation, projected to an essential matrix (3, 3).
 
     NaN if the points do not determine it.
     """
-    normalised, middle, scale = np.empty(rays.shape), np.zeros(4), np.empty(4)
-    _normalise(rays, normalised, middle, scale)
-    r, E = triangle(_coefficients(normalised)), np.full((3, 3), np.nan)
-    if not is_finite(r):
-        return E
+    if not np.isfinite(rays).all():
+        return _UNDETERMINED
+    # Mean 0, and mean square 1 along each axis of a camera.
+    middle = rays.mean(axis=1)
+    centred = rays - middle[:, None]
+    spread = np.repeat(np.sqrt((centred**2).reshape(2, -1).mean(axis=1)), 2)
+    if not spread.all():
+        return _UNDETERMINED
+    r = _triangle(centred / spread[:, None])
     _, singular, vt = np.linalg.svd(r)
     if singular[7] < 1e-12 * singular[0]:
-        return E
-    # Undo the normalisation: F = N_secondary^T G N_primary.
-    F = np.empty((3, 3))
-    for i in range(3):
-        for j in range(2):
-            F[i, j] = scale[j] * vt[8, 3 * i + j]
-        F[i, 2] = vt[8, 3 * i + 2] - middle[0] * F[i, 0] - middle[1] * F[i, 1]
-    for j in range(3):
-        F[0, j] *= scale[2]
-        F[1, j] *= scale[3]
-        F[2, j] -= middle[2] * F[0, j] + middle[3] * F[1, j]
-    u, singular, vt = np.linalg.svd(F)
-    if singular[1] < 1e-12 * singular[0]:
-        return E
-    for i in range(3):
-        for j in range(3):
-            E[i, j] = u[i, 0] * vt[0, j] + u[i, 1] * vt[1, j]
-    return E
+        return _UNDETERMINED
+    primary, secondary = np.diag([*1.0 / spread[:2], 1.0]), np.diag([*1.0 / spread[2:], 1.0])
+    primary[:2, 2], secondary[:2, 2] = (-middle / spread).reshape(2, 2)
+    u, singular, vt = np.linalg.svd(secondary.T @ vt[8].reshape(3, 3) @ primary)
+    return _UNDETERMINED if singular[1] < 1e-12 * singular[0] else u[:, :2] @ vt[:2]
 
 
-@internal
-def _normalise(
-    rays: FloatArray, normalised: FloatArray, middle: FloatArray, scale: FloatArray
-) -> None:
-    """Write `scale * (rays - middle)`: mean 0, and mean square 1 along each axis of a camera."""
-    n = rays.shape[1]
-    for camera in range(2):
-        square = 0.0
-        for row in range(2 * camera, 2 * camera + 2):
-            for k in range(n):
-                middle[row] += rays[row, k] / n
-            for k in range(n):
-                square += (rays[row, k] - middle[row]) ** 2
-        for row in range(2 * camera, 2 * camera + 2):
-            scale[row] = 1.0 / np.sqrt(0.5 * square / n)
-            for k in range(n):
-                normalised[row, k] = scale[row] * (rays[row, k] - middle[row])
-
-
-@compiled
 def choose_pose(E: FloatArray, rays: FloatArray) -> tuple[FloatArray, FloatArray, int]:
     """The one of E's four poses with the most points in front of both cameras.
 
     Returns R (3, 3), the unit vector t (3,), and the number of points in front.
     """
+    poses = _poses(E)
+    in_front = [
+        int(np.count_nonzero(np.isfinite(triangulate_rays(R, t, rays)[:, 2]))) for R, t in poses
+    ]
+    best = int(np.argmax(in_front))
+    return *poses[best], in_front[best]
+
+
+def _poses(E: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+    """The four poses (R, t) of an essential matrix `u diag(1, 1, 0) vt`."""
     u, _, vt = np.linalg.svd(E)
-    for i in range(3):  # the third vectors as cross products: both matrices are right-handed
-        j, k = (i + 1) % 3, (i + 2) % 3
-        u[i, 2] = u[j, 0] * u[k, 1] - u[k, 0] * u[j, 1]
-        vt[2, i] = vt[0, j] * vt[1, k] - vt[0, k] * vt[1, j]
-    R, t, best, most = np.empty((3, 3)), np.empty(3), 0, -1
-    for pose in range(5):  # the four, and the best of them again
-        fill_candidate(u, vt, pose if pose < 4 else best, R, t)
-        in_front = 0
-        for k in range(rays.shape[1]):
-            z = midpoint(R, t, rays[0, k], rays[1, k], rays[2, k], rays[3, k])[2]
-            in_front += 0 if np.isnan(z) else 1
-        if in_front > most:
-            best, most = pose, in_front
-    return R, t, most
+    # The third vectors as cross products: both matrices are right-handed.
+    u[:, 2], vt[2] = np.cross(u[:, 0], u[:, 1]), np.cross(vt[0], vt[1])
+    turns = [sign * _QUARTER_TURN + _ALONG for sign in (1.0, -1.0)]
+    return [(u @ turn @ vt, sign * u[:, 2]) for turn in turns for sign in (1.0, -1.0)]
 
 
-@internal
-def fill_candidate(
-    u: FloatArray, vt: FloatArray, number: int, R: FloatArray, t: FloatArray
-) -> None:
-    """Write one of the four poses of an essential matrix `u diag(1, 1, 0) vt`."""
-    turn, sign = 1.0 - (number & 2), 1.0 - 2.0 * (number & 1)
-    for i in range(3):
-        t[i] = sign * u[i, 2]
-        for j in range(3):
-            R[i, j] = turn * (u[i, 1] * vt[0, j] - u[i, 0] * vt[1, j]) + u[i, 2] * vt[2, j]
-
-
-@compiled
 def constrain(start: FloatArray, rays: FloatArray) -> tuple[FloatArray, int, bool]:
     """Minimise the sum of squared residuals over the five angles (Levenberg-Marquardt).
 
@@ -239,84 +199,52 @@ def constrain(start: FloatArray, rays: FloatArray) -> tuple[FloatArray, int, boo
 
     Args:
         start: (5,), the initial angles in radians.
-        rays: (4, n).
+        rays: (4, n), n >= 5.
 
     Returns:
         The angles (5,), the number of evaluations, and whether the minimisation converged.
     """
-    r = triangle(_coefficients(rays))
-    angles, trial, step = start.copy(), start.copy(), np.empty(5)
-    errors, tried, J, A = np.empty(9), np.empty(9), np.empty((5, 9)), np.empty((5, 5))
-    cost, damping, evaluations = _fill_errors(r, angles, errors), 1e-4, 1
-    _fill_jacobian(r, angles, J)
-    while evaluations < MAXIMUM_EVALUATIONS and damping < 1e12:
-        for i in range(5):
-            step[i] = 0.0
-            for k in range(9):
-                step[i] -= J[i, k] * errors[k]
-            for j in range(5):
-                A[i, j] = 0.0
-                for k in range(9):
-                    A[i, j] += J[i, k] * J[j, k]
-            A[i, i] *= 1.0 + damping
-        solved = solve_positive(A, step)
-        largest = 0.0
-        for i in range(5):
-            trial[i] = angles[i] + step[i]
-            largest = max(largest, abs(step[i]))
-        found = _fill_errors(r, trial, tried)
-        evaluations += 1
-        if solved and found < cost:
-            angles, trial, errors, tried, cost = trial, angles, tried, errors, found
-            _fill_jacobian(r, angles, J)
-            damping *= 0.1
-        elif solved and largest < SMALLEST_STEP:
-            return angles, evaluations, True
-        else:
-            damping *= 10.0
-    return angles, evaluations, False
+    r = _triangle(rays)
+
+    def errors(angles: FloatArray) -> FloatArray:
+        return np.asarray(r @ _essential(angles))
+
+    def slopes(angles: FloatArray) -> FloatArray:
+        return np.asarray(r @ essential_slopes(angles))
+
+    found = least_squares(
+        errors,
+        start,
+        slopes,
+        method="lm",
+        max_nfev=MAXIMUM_EVALUATIONS,
+        xtol=TOLERANCE,
+        ftol=TOLERANCE,
+        gtol=TOLERANCE,
+    )
+    return np.asarray(found.x), int(found.nfev), found.status > 0
 
 
-@internal
-def _fill_jacobian(r: FloatArray, angles: FloatArray, J: FloatArray) -> None:
-    """Write the derivatives of the 9 errors by the five angles, (5, 9).
+def essential_slopes(angles: FloatArray) -> FloatArray:
+    """The derivatives of vec(E) by the five angles, (9, 5).
 
     As a function of one angle a, each entry of E has the form A sin(a) + B cos(a) + C. Its exact
     derivative is half the difference between its values at a + pi/2 and a - pi/2.
     """
-    turned, ahead, back = angles.copy(), np.empty(9), np.empty(9)
-    for i in range(5):
-        turned[i] = angles[i] + 0.5 * np.pi
-        _fill_errors(r, turned, ahead)
-        turned[i] = angles[i] - 0.5 * np.pi
-        _fill_errors(r, turned, back)
-        turned[i] = angles[i]
-        for k in range(9):
-            J[i, k] = 0.5 * (ahead[k] - back[k])
+    turns = 0.5 * np.pi * np.eye(5)
+    return np.column_stack(
+        [0.5 * (_essential(angles + turn) - _essential(angles - turn)) for turn in turns]
+    )
 
 
-@internal
-def _fill_errors(r: FloatArray, angles: FloatArray, errors: FloatArray) -> float:
-    """Write the errors `r @ E.ravel()` (9,) of an upper triangle r; return their sum of squares."""
+def _essential(angles: FloatArray) -> FloatArray:
+    """(9,): the entries of E at five angles."""
     R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     fill_pose(angles, 1.0, R, T)
     fill_essential(R, T, E)
-    square = 0.0
-    for i in range(9):
-        errors[i] = 0.0
-        for j in range(i, 9):
-            errors[i] += r[i, j] * E[j // 3, j % 3]
-        square += errors[i] * errors[i]
-    return square
+    return E.ravel()
 
 
-@internal
-def _coefficients(rays: FloatArray) -> FloatArray:
-    """As `_residual_coefficients`, in compiled code."""
-    coefficients = np.empty((9, rays.shape[1]))
-    for k in range(rays.shape[1]):
-        for i in range(3):
-            row = rays[2 + i, k] if i < 2 else 1.0
-            for j in range(3):
-                coefficients[3 * i + j, k] = row * (rays[j, k] if j < 2 else 1.0)
-    return coefficients
+def _triangle(rays: FloatArray) -> FloatArray:
+    """(min(n, 9), 9): r with `r.T @ r = C @ C.T`, C of `_residual_coefficients`."""
+    return np.asarray(np.linalg.qr(_residual_coefficients(rays).T, mode="r"))

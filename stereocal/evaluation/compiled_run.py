@@ -1,22 +1,9 @@
-"""One validation run (paper, Section 6), compiled: calibrate on some rays, count on the others.
-
-It is compiled as a whole so that runs in several threads use several cores, because compiled code
-releases the interpreter lock.
-"""
+"""The test of a validation run (paper, Section 6), compiled: count the errors of all pairs."""
 
 import numpy as np
 
-from stereocal.calibration.essential import LINEAR_PAIRS, choose_pose, constrain, linear_essential
-from stereocal.calibration.montecarlo import Problem, Steps, search
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled, internal
-from stereocal.rig.geometry import (
-    angles_of,
-    bar_length,
-    fill_essential,
-    fill_pose,
-    is_degenerate,
-    reprojection_shift,
-)
+from stereocal.rig.geometry import bar_length, fill_essential, fill_pose, reprojection_shift
 
 LOWEST, HIGHEST, BIN_WIDTH = -12.0, 6.0, 0.02
 """Range of the bins in log10, and their width."""
@@ -25,61 +12,6 @@ UNDERFLOW, OVERFLOW = BINS, BINS + 1
 """Two more counters: for values below the range or 0, and for values above it or NaN."""
 RESIDUAL, REPROJECTION = 0, 1
 WRONG, CORRECT = 0, 1
-
-
-@compiled
-def calibrate_rays(
-    angles: FloatArray,
-    baseline: float,
-    constrained: bool,
-    matching: Problem,
-    measuring: Problem,
-    of_2d: np.random.Generator,
-    of_3d: np.random.Generator,
-    steps: Steps,
-) -> bool:
-    """Calibrate with the three methods.
-
-    Args:
-        angles: (3, 5), written: essential, 2D, 3D; in radians.
-        constrained: whether to use the constrained essential solver.
-        matching, measuring: the 2D and the 3D problem, of_2d, of_3d: their random generators.
-        steps: settings of the searches.
-
-    Returns:
-        False for fewer than 8 pairs, or points that do not determine the pose.
-    """
-    rays = matching.rays
-    if rays.shape[1] < LINEAR_PAIRS:
-        return False
-    E = linear_essential(rays)
-    if np.isnan(E[0, 0]):
-        return False
-    R, T, in_front = choose_pose(E, rays)
-    if in_front == 0 or is_degenerate(R, T):
-        return False
-    start, no_trace = np.empty(5), np.empty((3, 0))
-    fill_angles(R, T, start)
-    if constrained:
-        start = constrain(start, rays)[0]
-    fill_pose(start, baseline, R, T)
-    if is_degenerate(R, T):
-        return False
-    for method in range(3):
-        # Recomputed from the pose, so that pitch and delta are within +-90 degrees.
-        fill_angles(R, T, angles[method])
-        if method > 0:
-            problem, rng = (matching, of_2d) if method == 1 else (measuring, of_3d)
-            cost, _, _ = search(problem, angles[method], baseline, rng, steps, no_trace)
-            if not np.isfinite(cost):
-                return False
-    return True
-
-
-@internal
-def fill_angles(R: FloatArray, T: FloatArray, angles: FloatArray) -> None:
-    """Write the five angles of a pose to `angles` (5,)."""
-    angles[0], angles[1], angles[2], angles[3], angles[4] = angles_of(R, T)
 
 
 @compiled

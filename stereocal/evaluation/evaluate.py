@@ -24,10 +24,10 @@ import numpy as np
 
 from stereocal.calibration.checks import check_enough_points
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.calibration.methods import METHODS, CalibrationSettings
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import minimise, reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.evaluation.compiled_run import BINS, calibrate_rays, validate_rays
+from stereocal.evaluation.compiled_run import BINS, validate_rays
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import undistort_rays
@@ -188,21 +188,12 @@ def paper_angles(
     """The angles (3, 5) of the three methods, calibrated with the rows in the mask `rows` (n,)."""
     matching = reprojection_problem(dataset, rows)
     measuring = reconstruction_problem(dataset, settings.known_points, rows)
-    search, angles = settings.search, np.empty((len(METHODS), 5))
-    one, other = (np.random.Generator(np.random.PCG64(seed)) for seed in (of_2d, of_3d))
-    constrained = settings.essential == "constrained"
-    if calibrate_rays(
-        angles, dataset.baseline_m, constrained, matching, measuring, one, other, search.steps
-    ):
-        return angles
-    # Fewer than 8 pairs, or a failure: the functions that raise errors with the reason.
     start = calibrate_essential(
         matching.rays, dataset.baseline_m, settings.essential, measuring.cost
     ).pose
-    angles[0] = start.angles
-    angles[1] = minimise(matching, start, search, of_2d).pose.angles
-    angles[2] = minimise(measuring, start, search, of_3d).pose.angles
-    return angles
+    searched = ((matching, of_2d), (measuring, of_3d))
+    found = (minimise(problem, start, settings.search, seed).pose for problem, seed in searched)
+    return np.array([start.angles, *(pose.angles for pose in found)])
 
 
 def split(

@@ -99,7 +99,7 @@ for one in gc.get_objects():
             print(one.py_func.__name__, len(kinds))
 """
 OF_BOTH_LENSES = {
-    *("_fill_errors", "calibrate_rays", "cost", "count_pairs", "reprojection_cost"),
+    *("_fill_errors", "cost", "count_pairs", "reprojection_cost"),
     *("reprojection_shift", "search", "validate_rays"),
 }
 """A fisheye has a scale of the pixels at each point."""
