@@ -59,11 +59,15 @@ def from_bottom(points: FloatArray, camera: Camera) -> FloatArray:
     return np.asarray(points @ matrix[:2, :2].T + matrix[:2, 2])
 
 
+def in_both(points: FloatArray) -> list[FloatArray]:
+    """The images of points in both cameras, from the bottom."""
+    cameras = zip(images(points), (PRIMARY, SECONDARY), strict=True)
+    return [from_bottom(side, camera) for side, camera in cameras]
+
+
 def wand_table(frames: int, more_cameras: int = 0) -> FloatArray:
     """(frames, 4 cameras): end A in all cameras, then end B; frame 3 lacks B in the secondary."""
-    points = bar_ends(frames)
-    primary, secondary = images(points)
-    sides = [from_bottom(primary, PRIMARY), from_bottom(secondary, SECONDARY)]
+    sides = in_both(bar_ends(frames))
     sides += [np.full_like(sides[0], np.nan)] * more_cameras
     table = np.hstack([side[0::2] for side in sides] + [side[1::2] for side in sides])
     second_end = 2 * len(sides) + 2
@@ -73,32 +77,32 @@ def wand_table(frames: int, more_cameras: int = 0) -> FloatArray:
 
 def easywand_fields(frames: int = 12, more_cameras: int = 0) -> dict[str, Any]:
     """The fields of the struct, as the program's documentation names them."""
-    count = 2 + more_cameras
-    lenses = [lens(camera) for camera in (PRIMARY, SECONDARY, *[PRIMARY] * more_cameras)]
-    static = [
-        from_bottom(side, camera)
-        for side, camera in zip(images(BACKGROUND), (PRIMARY, SECONDARY), strict=True)
-    ] + [np.full((len(BACKGROUND), 2), np.nan)] * more_cameras
-    options = ExchangeOptions(corner="lower-left")
+    cameras = [PRIMARY, SECONDARY, *[PRIMARY] * more_cameras]
+    focal, centres, lenses = zip(*map(lens, cameras), strict=True)
+    width, height = np.array([camera.image_size for camera in cameras], np.float64).T
+    static = in_both(BACKGROUND) + [np.full((len(BACKGROUND), 2), np.nan)] * more_cameras
+    poses, options = (
+        [WORLD, RIG @ WORLD, *[WORLD] * more_cameras],
+        ExchangeOptions(corner="lower-left"),
+    )
     coefficients = [
-        dlt_coefficients(easywand_camera(PRIMARY), WORLD, options),
-        dlt_coefficients(easywand_camera(SECONDARY), RIG @ WORLD, options),
-    ] + [dlt_coefficients(PRIMARY, WORLD, options)] * more_cameras
-    sizes = [PRIMARY.image_size, SECONDARY.image_size, *[PRIMARY.image_size] * more_cameras]
+        dlt_coefficients(easywand_camera(camera), pose, options)
+        for camera, pose in zip(cameras, poses, strict=True)
+    ]
     return {
         "wandPts": wand_table(frames, more_cameras),
         "backgroundPts": np.hstack(static),
         "axisPts": np.zeros((0, 0)),
         "gravityFreq": np.zeros((0, 0)),
         "wandLen": BAR_M,
-        "focalLengths": np.array([f for f, _, _ in lenses]),
-        "principalPoints": np.concatenate([c for _, c, _ in lenses]),
-        "imageWidth": np.array([w for w, _ in sizes], dtype=np.float64),
-        "imageHeight": np.array([h for _, h in sizes], dtype=np.float64),
-        "nlin": np.array([k for _, _, k in lenses]),
+        "focalLengths": np.array(focal),
+        "principalPoints": np.concatenate(centres),
+        "imageWidth": width,
+        "imageHeight": height,
+        "nlin": np.array(lenses),
         "coefs": np.column_stack(coefficients),
-        "rotationMatrices": np.zeros((3, 3, count)),
-        "translationVector": np.zeros((1, 3, count)),
+        "rotationMatrices": np.zeros((3, 3, len(cameras))),
+        "translationVector": np.zeros((1, 3, len(cameras))),
         "wandScore": 0.6,
         "dwand": np.full(frames, BAR_M),
     }
@@ -157,10 +161,8 @@ def toml_row(values: Any) -> str:
 
 
 def caliscope(names: tuple[str, ...], rotation: Any) -> bytes:
-    text = ""
-    for name, camera, pose in zip(
-        names, (PRIMARY, PRIMARY, SECONDARY), (RIG.inverse(), RIG @ RIG, RIG), strict=True
-    ):
+    text, cameras, poses = "", (PRIMARY, PRIMARY, SECONDARY), (RIG.inverse(), RIG @ RIG, RIG)
+    for name, camera, pose in zip(names, cameras, poses, strict=True):
         text += (
             f"[{name}]\nsize = {list(camera.image_size)}\nrotation_count = 0\n"
             f"matrix = {toml_row(camera.K)}\n"

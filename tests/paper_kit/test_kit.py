@@ -43,12 +43,8 @@ def test_a_kit_holds_all_parts(monkeypatch: pytest.MonkeyPatch) -> None:
         with zipfile.ZipFile(io.BytesIO(kit.read("archive.zip"))) as archive:
             archived = set(archive.namelist())
     drawn = ("validation", "validation_with_refined", "errors_by_frame", "rig")
-    figures = {
-        f"figures/{name}_{width}mm.{form}"
-        for name in drawn
-        for width in (88, 180)
-        for form in ("svg", "pdf")
-    }
+    ends = [f"{width}mm.{form}" for width in (88, 180) for form in ("svg", "pdf")]
+    figures = {f"figures/{name}_{end}" for name in drawn for end in ends}
     assert names == {"methods.md", "references.bib", "table.csv", "archive.zip", *figures}
     assert {"dataset.json", "correspondences.csv", "reproduce.json"} < archived
     assert {f"parameters_{method}.json" for method in ("2d", "3d", "refined")} < archived
@@ -72,18 +68,9 @@ def test_the_methods_say_the_figures_of_the_result() -> None:
     assert use.threshold_px is not None and use.method == "refined"
     assert f"the refined set below {digits(use.threshold_px, 2)} px is recommended" in text
     for words in (
-        "25 frames",
-        "50 pairs",
-        "25 bars",
-        "0.9 m apart",
-        "baseline was 4.5 m",
-        "seed 0",
+        *("25 frames", "50 pairs", "25 bars", "0.9 m apart", "baseline was 4.5 m", "seed 0"),
         "In each of 8 runs, 20 frames drawn at random calibrated the system and the other 5",
-        f"[@{PAPER}]",
-        f"[@{PROGRAM}]",
-        "2336 × 1728 px",
-        "10⁻⁶ rad",
-        "the refined set",
+        *(f"[@{PAPER}]", f"[@{PROGRAM}]", "2336 × 1728 px", "10⁻⁶ rad", "the refined set"),
     ):
         assert words in text, words
     for words in ("left out", "  ", "..", "points were matched", "were reconstructed"):
@@ -107,19 +94,17 @@ def test_the_references_are_those_of_the_citation_file() -> None:
 IDENTICAL = [f"parameters_{method}.json: identical" for method in ("2d", "3d", "refined")]
 
 
-def archive(tmp_path: Path, edit: Callable[[dict[str, bytes]], None] = lambda _: None) -> str:
-    """The archive of the field sample, with other files in it."""
-    files = archive_files(of_field())
+def archive(
+    tmp_path: Path,
+    edit: Callable[[dict[str, bytes]], None] = lambda _: None,
+    run: Run | None = None,
+) -> str:
+    """The archive of a result, or the field sample's, with other files in it."""
+    files = archive_files(run or of_field())
     edit(files)
     path = tmp_path / "archive.zip"
     path.write_bytes(pack_zip(files))
     return str(path)
-
-
-def stated(files: dict[str, bytes], edit: Callable[[Any], None]) -> None:
-    content = json.loads(files["reproduce.json"])
-    edit(content)
-    files["reproduce.json"] = json.dumps(content).encode()
 
 
 def reproduce(path: str, tmp_path: Path) -> int:
@@ -128,10 +113,9 @@ def reproduce(path: str, tmp_path: Path) -> int:
 
 @pytest.mark.parametrize("answer", [of_field, pytest.param(of_recording, marks=pytest.mark.soak)])
 def test_another_process_gives_the_same_digests(answer: Callable[[], Run], tmp_path: Path) -> None:
-    files = archive_files(answer())
-    path, again = tmp_path / "archive.zip", tmp_path / "again"
-    path.write_bytes(pack_zip(files))
-    command = [sys.executable, "-m", "stereocal", "reproduce", str(path), "--out", str(again)]
+    files, again = archive_files(answer()), tmp_path / "again"
+    path = archive(tmp_path, run=answer())
+    command = [sys.executable, "-m", "stereocal", "reproduce", path, "--out", str(again)]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     assert all(line in run.stdout for line in IDENTICAL)
@@ -147,10 +131,8 @@ def test_settings_and_a_replaced_file_come_along(
     dataset = of_field().calibration.dataset
     found = run_of(dataset, settings, runs=2, refined=RefineSettings())
     sets: dict[Method, RigParameters] = {"2d": found.sets["refined"], "3d": found.sets["3d"]}
-    path = tmp_path / "archive.zip"
     vars(found)["sets"] = sets
-    path.write_bytes(pack_zip(archive_files(found)))
-    assert reproduce(str(path), tmp_path) == 0
+    assert reproduce(archive(tmp_path, run=found), tmp_path) == 0
     printed = capsys.readouterr().out
     assert all(line in printed for line in IDENTICAL[:2])
     again = json.loads((tmp_path / "again" / "parameters_2d.json").read_text())
@@ -179,13 +161,10 @@ def test_a_forged_archive_cannot_bring_its_own_tolerance(
         forged["baseline_m"] *= 1.5
         forged["predicted"]["median_error_3d"]["value"] *= 0.5
         files["parameters_refined.json"] = json.dumps(forged).encode()
-
-        def own(content: Any) -> None:
-            entry = content["files"]["parameters_refined.json"]
-            entry["sha256"] = digest_of(forged)
-            entry["tolerance"] = {"parameters": 0.99, "figures": 0.99}
-
-        stated(files, own)
+        content = json.loads(files["reproduce.json"])
+        entry = content["files"]["parameters_refined.json"]
+        entry |= {"sha256": digest_of(forged), "tolerance": {"parameters": 0.99, "figures": 0.99}}
+        files["reproduce.json"] = json.dumps(content).encode()
 
     assert reproduce(archive(tmp_path, edit), tmp_path) == 1
     printed = capsys.readouterr().out

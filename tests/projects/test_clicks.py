@@ -50,17 +50,12 @@ def test_other_programs_tables_have_the_same_points(tmp_path: Path) -> None:
     clicks = store.clicks
     for which, camera in enumerate(CAMERAS, 1):
         own = clicks.tables(CAMERAS)[camera]
-        content = dltdv_table(clicks, CAMERAS).encode()
-        layout = propose_layout(content, "xypts.csv")
-        assert layout.program == "DLTdv8"
-        found = read_points(content, layout, f"cam{which}", None, "xypts.csv")
-        assert (
-            found[["frame", "u", "v"]].to_numpy().tolist()
-            == own[["frame", "u", "v"]].to_numpy().tolist()
-        )
-        content = sleap_table(clicks, camera).encode()
-        layout = propose_layout(content, "sleap.csv")
-        assert layout.program == "SLEAP"
-        read = read_points(content, layout, "cam1", None, "sleap.csv")
-        columns = ["frame", "track", "u", "v"]
-        assert sorted(read[columns].to_numpy().tolist()) == sorted(own[columns].to_numpy().tolist())
+        for text, program, its_name, columns in (
+            (dltdv_table(clicks, CAMERAS), "DLTdv8", f"cam{which}", ["frame", "u", "v"]),
+            (sleap_table(clicks, camera), "SLEAP", "cam1", ["frame", "track", "u", "v"]),
+        ):
+            layout = propose_layout(text.encode(), "points.csv")
+            assert layout.program == program
+            read = read_points(text.encode(), layout, its_name, None, "points.csv")
+            rows = [sorted(each[columns].to_numpy().tolist()) for each in (read, own)]
+            assert rows[0] == rows[1]

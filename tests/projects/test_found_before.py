@@ -32,11 +32,8 @@ def bits(value: object) -> object:
 
 def test_detections_come_back_to_the_last_bit() -> None:
     image = read_photograph(SAMPLES / "primary" / "0001.jpg")
-    for found in (
-        detect_targets(image),
-        detect_targets(image[:400, :400]),
-        refusal((3, 2), "blurred", "x"),
-    ):
+    detected = detect_targets(image), detect_targets(image[:400, :400])
+    for found in (*detected, refusal((3, 2), "blurred", "x")):
         packed = pack_detection(found)
         assert packed is not None
         back = unpack_detection(packed)

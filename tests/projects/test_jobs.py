@@ -11,13 +11,8 @@ from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.home import duplicate
-from stereocal.projects.project import Project
+from tests.projects.test_database import database as database
 from tests.projects.test_project import filled
-
-
-@pytest.fixture
-def database(tmp_path: Path) -> Store:
-    return Project.create(tmp_path).database
 
 
 def found(database: Store) -> jobs.FoundBefore[str]:

@@ -8,12 +8,12 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
+from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.formats.point_answers import first_answers, layout_of
 from stereocal.library.calibrations import calibrate
 from stereocal.projects import application
 from stereocal.projects.application import ProjectApplication
-from stereocal.projects.inputs import Slot
-from stereocal.projects.project import KEPT, Project
+from stereocal.projects.project import KEPT, NAMES, Project
 from stereocal.projects.server_settings import default_home
 from stereocal.workflow import Run
 
@@ -23,12 +23,8 @@ FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 
 def filled(home: Path) -> Project:
     project = Project.create(home)
-    table = ("points.csv", (FIELD / "correspondences.csv").read_bytes())
-    first, second = (
-        (name, (FIELD / name).read_bytes()) for name in ("primary.json", "secondary.json")
-    )
-    files: dict[Slot, tuple[str, bytes]] = {"primary": first, "secondary": second}
-    project.give(files | {"correspondences": table}, baseline_m=4.5, target_distance_m=0.9)
+    files = {slot: (name, (FIELD / name).read_bytes()) for slot, name in NAMES.items()}
+    project.give(files, baseline_m=4.5, target_distance_m=0.9)
     return project
 
 
@@ -76,11 +72,7 @@ def test_a_planned_length_is_missing_until_it_is_measured(tmp_path: Path) -> Non
     [
         ("primary", b"", "the file is empty"),
         ("correspondences", b"frame,target\n1,A\n", "missing"),
-        (
-            "correspondences",
-            b"frame,target,u_primary,v_primary,u_secondary,v_secondary\n1,A,9999,1,1,1\n",
-            "outside",
-        ),
+        ("correspondences", TEMPLATE.replace("1012.31", "9999").encode(), "outside"),
     ],
 )
 def test_bad_file_leaves_the_project_as_it_was(

@@ -72,8 +72,7 @@ def test_removed_photographs_make_room_at_once_and_nothing_else_goes(tmp_path: P
     ProjectLens(project, "primary").clear()
     assert path.stat().st_size < before - 140_000
     assert project.dataset is not None and project.calibration is not None
-    with project.database.reading():
-        assert {PAIRS, POINTS} <= project.database.files(APPLIED).keys()
+    assert {PAIRS, POINTS} <= project.database.files(APPLIED).keys()
     assert len(ProjectPhotographs(twin).photographs) == 12
 
 

@@ -83,8 +83,7 @@ def test_the_files_of_fisheyes_state_that_they_are(tmp_path: Path) -> None:
 
 def test_other_projects_have_no_rig_page(tmp_path: Path) -> None:
     project = Project.create(tmp_path)
-    assert not ProjectRecording(project).is_given
-    assert ProjectRecording(project).read() is None
+    assert not ProjectRecording(project).is_given and ProjectRecording(project).read() is None
     assert "rig" not in page_states(project)
 
 

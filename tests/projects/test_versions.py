@@ -19,9 +19,8 @@ STORED = Path(__file__).parent / "version_1.sqlite"
 
 @pytest.fixture
 def old(tmp_path: Path) -> Path:
-    folder = tmp_path / "projects"
-    folder.mkdir()
-    return Path(shutil.copy(STORED, folder / f"{'0' * 32}.sqlite"))
+    (tmp_path / "projects").mkdir()
+    return Path(shutil.copy(STORED, tmp_path / "projects" / f"{'0' * 32}.sqlite"))
 
 
 def version_of(path: Path) -> int:

@@ -168,8 +168,6 @@ class EndsLate(Future[object]):
 
 
 class Late(Executor):
-    """One worker, whose futures end between two looks."""
-
     _max_workers = 1
 
     def submit(self, function, /, *arguments, **named):  # type: ignore[no-untyped-def]
