@@ -45,11 +45,7 @@ OPTIONS: Options = {
     "--known-points": "3D cost: known points (columns x_m, y_m, z_m, or the corners of a board) "
     "instead of distances",
     "--runs N": "random splits of the validation; 0 for none (default: 100)",
-    "--no-refined": {
-        "help": "the two sets of the paper only",
-        "dest": "refined",
-        "action": "store_false",
-    },
+    "--no-refined": "the two sets of the paper only",
     "--free-distortion CAMERA...": {
         "help": "refined set: estimate the distortion of primary, secondary, or both",
         "choices": CAMERAS,

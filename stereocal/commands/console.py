@@ -14,14 +14,17 @@ Show = Callable[[int, int], None]
 Options = Mapping[str, Any]
 """Options as the help spells them, with their help, or with all that argparse is told.
 
-`--frames N` takes a value, `--kit` is a switch, and `plan` a file; `FILE...` stands for one or
-more. Under `ONE_OF` are options of which one must be given, under a name with a colon a group.
+`--frames N` takes a value, `--kit` is a switch, `--no-drag` one that makes `drag` false, and `plan`
+a file; `FILE...` stands for one or more. Under `ONE_OF` are options of which one must be given,
+under a name with a colon a group.
 """
 ONE_OF = "one of"
 KINDS: Mapping[str, Callable[[str], Any]] = {
     **dict.fromkeys(("K", "N"), int),
     **dict.fromkeys(("D", "DEG", "FAR", "FPS", "FRACTION", "M", "NEAR", "P", "PX", "S"), float),
-    **dict.fromkeys(("ADDRESS", "B", "CAMERA", "DICT", "FRAME", "KIND", "NAME"), str),
+    **dict.fromkeys(
+        ("ADDRESS", "B", "CAMERA", "COLUMN", "DICT", "FRAME", "KIND", "NAME", "ROLES"), str
+    ),
     **dict.fromkeys(("LEFT-RIGHT", "P,S", "WxH", "18x12"), str),
 }
 """What a value is, by its name in the help; else a file."""
@@ -38,6 +41,8 @@ def take(to: argparse._ActionsContainer, options: Options) -> None:
             continue
         name, *values = spelled.removesuffix("...").split()
         about: dict[str, Any] = {"required": True} if name == "--out" else {}
+        if name.startswith("--no-"):
+            about |= {"dest": name.removeprefix("--no-"), "action": "store_false"}
         about |= {"nargs": "+"} if spelled.endswith("...") else {}
         about |= {"help": told} if isinstance(told, str) else told
         if len(values) > 1:

@@ -32,11 +32,7 @@ OPTIONS: Options = {
     **LENSES_AND_LENGTHS,
     **PAIR,
     "--known-points": "as for calibrate",
-    "--no-refined": {
-        "help": "the paper's three methods only",
-        "dest": "refined",
-        "action": "store_false",
-    },
+    "--no-refined": "the paper's three methods only",
     **WORKERS,
 }
 

@@ -47,7 +47,7 @@ OPTIONS: Options = {
         "choices": [name for name in LAYOUTS if name in OF_BARS],
         "help": "which program wrote the table",
     },
-    "--roles ROLES": {"type": str, "help": ROLES_HELP},
+    "--roles ROLES": ROLES_HELP,
     **questions(*ORIGIN),
     **LENSES_AND_LENGTHS,
 }

@@ -67,12 +67,9 @@ OPTIONS: Options = {
     "their column sigma_px, or estimated from their epipolar errors; with --rig always estimated, "
     "from their errors in all cameras)",
     "--depth NEAR FAR": "only pairs at this depth in front of the primary camera, in metres",
-    "--names COLUMN": {
-        "type": str,
-        "help": "the column of all tables that names their points (several: with commas); only "
-        'points of one name belong together. "auto" (default): point, bodypart, node, track and '
-        'the like, if the images agree; "none": names are not used',
-    },
+    "--names COLUMN": "the column of all tables that names their points (several: with commas); "
+    'only points of one name belong together. "auto" (default): point, bodypart, node, track and '
+    'the like, if the images agree; "none": names are not used',
     "--unmatched FILE": "write the points without a partner here",
     **WORKERS,
     "point files of other programs:": {
@@ -84,17 +81,15 @@ OPTIONS: Options = {
         "--cameras P,S": "primary and secondary camera in the file: 1,2 or names",
         "--columns FRAME U V": "columns by name or number (from 1), with --layout columns or "
         'table; "-" as FRAME counts the rows',
-        "--roles ROLES": {"type": str, "help": ROLES_HELP},
+        "--roles ROLES": ROLES_HELP,
         **questions(*ORIGIN),
         "--px-per-unit N": {"type": float, "help": "pixels in one unit"},
         "--least-likelihood P": "leave out less likely points",
     },
 }
-WITH_LAYOUT = {
-    **{name: f"--{name}" for name in ("cameras", "columns", "roles")},
-    **{name: QUESTIONS[name].option for name in ORIGIN},
-    **{name: f"--{name.replace('_', '-')}" for name in ("px_per_unit", "least_likelihood")},
-}
+OF_LAYOUT = ("cameras", "columns", "roles", "px_per_unit", "least_likelihood")
+WITH_LAYOUT = {name: f"--{name.replace('_', '-')}" for name in OF_LAYOUT}
+WITH_LAYOUT |= {name: QUESTIONS[name].option for name in ORIGIN}
 
 
 def run(parsed: argparse.Namespace) -> None:

@@ -40,9 +40,9 @@ def run(parsed: argparse.Namespace) -> None:
     """Find the world frame, write it, print what it rests on."""
     (content,) = contents([parsed.observed]).values()
     source, rate = str(parsed.observed), parsed.frame_rate
-    axes, drag = Axes(parsed.origin, parsed.x_axis, parsed.heading), not parsed.no_drag
+    axes = Axes(parsed.origin, parsed.x_axis, parsed.heading)
     noise = parsed.sigma_px, parsed.survey_sigma
-    settings = WorldSettings(axes, *noise, drag, parsed.upside_down)
+    settings = WorldSettings(axes, *noise, parsed.drag, parsed.upside_down)
     rig: RigParameters | RigFile
     if parsed.rig is not None:
         rig = RigFile.load(parsed.rig)

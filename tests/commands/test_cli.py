@@ -45,20 +45,15 @@ def test_calibrate_prints_the_methods_and_writes_three_files(
     assert "One set does both jobs here (more than 99 % sure)" in printed
     assert "Forecast for similar bars" in printed
     assert "Checked on held-out frames" not in printed  # said where it does not hold
-    assert sorted(path.name for path in out.iterdir()) == [
-        "parameters_2d.json",
-        "parameters_3d.json",
-        "parameters_refined.json",
-    ]
-    for method, purpose in (("2d", "matching"), ("3d", "reconstruction"), ("refined", "both")):
-        path = out / f"parameters_{method}.json"
-        assert RigParameters.load(path).purpose == purpose
+    names = [f"parameters_{method}.json" for method in ("2d", "3d", "refined")]
+    assert sorted(path.name for path in out.iterdir()) == names
+    files = [RigParameters.load(out / name) for name in names]
+    assert [own.purpose for own in files] == ["matching", "reconstruction", "both"]
     assert json.loads((out / "parameters_3d.json").read_text())["settings"]["delta"] == 1e-3
     in_files = {}
-    for method in ("2d", "3d", "refined"):
-        threshold = RigParameters.load(out / f"parameters_{method}.json").matching_threshold_px
-        assert threshold is not None
-        in_files[method] = digits(threshold, 2)
+    for own in files:
+        assert own.matching_threshold_px is not None
+        in_files[own.method] = digits(own.matching_threshold_px, 2)
     told = dict(re.findall(r"^(\w+) .*, threshold ([\d.]+) px$", printed, re.MULTILINE))
     assert told == in_files  # and no other threshold of a file
     assert f"for both: match below {in_files['refined']} px" in printed
@@ -88,15 +83,8 @@ def test_same_seed_same_bytes_but_for_the_date(field: Path, tmp_path: Path) -> N
 
 
 def test_settings_reach_the_result(field: Path, tmp_path: Path) -> None:
-    expected = {
-        "delta": 0.002,
-        "delta_min": 1e-5,
-        "acceptance": 0.3,
-        "shrink": 0.5,
-        "minimum_moves": 1,
-        "essential": "linear",
-        "calibration_frames": 20,
-    }
+    expected: dict[str, object] = {"delta": 0.002, "delta_min": 1e-5, "acceptance": 0.3}
+    expected |= {"shrink": 0.5, "minimum_moves": 1, "essential": "linear", "calibration_frames": 20}
     flat = [word for k, v in expected.items() for word in (f"--{k.replace('_', '-')}", str(v))]
     command = ["calibrate", str(field), "--out", str(tmp_path), "--runs", "0", *flat]
     assert main(command) == 0

@@ -110,10 +110,8 @@ def test_each_set_measures_and_matches(
     rng = np.random.default_rng(4)
     ends = rng.uniform([-0.5, -0.4, 2.4], [0.5, 0.4, 4.2], (200, 3))
     others = ends + BAR_M * rng.permuted(np.tile([1.0, 0.0, 0.0], (200, 1)), axis=1)
-    pixels = [
-        (RIG.primary.project(at), RIG.secondary.project(RIG.pose.apply(at)))
-        for at in (ends, others)
-    ]
+    both = ends, others
+    pixels = [(RIG.primary.project(p), RIG.secondary.project(RIG.pose.apply(p))) for p in both]
     first, second = (found.reconstruct(*seen) for seen in pixels)
     lengths = np.linalg.norm(first - second, axis=1)
     assert np.abs(lengths / BAR_M - 1).max() < length
@@ -129,9 +127,8 @@ def test_ordinary_names_are_paired_by_the_times_of_the_files(
     packed: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The secondary's clock is 100 s ahead, and it did not take the third photograph."""
-    given, names = tmp_path / "data", {}
-    for name in ("dataset.json", "primary.json", "secondary.json"):
-        names[name] = SAMPLE / name
+    given, described = tmp_path / "data", ("dataset.json", "primary.json", "secondary.json")
+    names = {name: SAMPLE / name for name in described}
     moments = {}
     for frame in (*FRAMES, 7):
         for which, new, ahead in (("primary", "IMG_10", 0), ("secondary", "DSC_02", 100)):
@@ -151,9 +148,8 @@ def test_ordinary_names_are_paired_by_the_times_of_the_files(
     assert main(detect) == 0
     said = capsys.readouterr().err
     assert "6 pairs by the time of the files; the clocks are 100 s apart" in said
-    assert "IMG_1003 has no partner: one photograph is missing in the secondary after DSC_0202" in (
-        said
-    )
+    alone = "IMG_1003 has no partner: one photograph is missing in the secondary after DSC_0202"
+    assert alone in said
     rows = read_table(out.read_bytes(), "table").correspondences
     assert sorted({*rows.frame.tolist()}) == [1001, 1002, 1004, 1005, 1006, 1007]
     # In order they would be wrong from the third on, and by name there are none.
@@ -178,7 +174,7 @@ def test_targets_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     truth = json.loads((SAMPLE / "truth.json").read_text())["frames"]
     for row, (frame, target) in enumerate(zip(rows.frame, rows.target, strict=True)):
         true = truth[int(frame) - 1]
-        ends = [true[f"pixels_{which}"] for which in ("primary", "secondary")]
+        ends = [true[f"pixels_{which}"] for which in CAMERAS]
         found = np.array([rows.primary[row], rows.secondary[row]])
         # A and B of the detection may be exchanged, alike in both cameras.
         errors = [np.abs(found - [end[name] for end in ends]).max() for name in "AB"]

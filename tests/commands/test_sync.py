@@ -1,6 +1,7 @@
 """`stereocal sync`, and data sets whose cameras count their own frames."""
 
 import json
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -79,9 +80,7 @@ def test_a_table_for_each_camera_is_read(by_hand: Path, tmp_path: Path) -> None:
     described = json.loads((by_hand / "dataset.json").read_text())
     for number, rows in table.groupby("camera"):
         rows.drop(columns="camera").to_csv(tmp_path / f"of_{number}.csv", index=False)
-        (tmp_path / f"camera_{number}.yaml").write_bytes(
-            (by_hand / f"camera_{number}.yaml").read_bytes()
-        )
+        shutil.copy(by_hand / f"camera_{number}.yaml", tmp_path)
     described["points"] = {"1": "of_1.csv", "2": "of_2.csv"}
     (tmp_path / "dataset.json").write_text(json.dumps({**described, "start_frames": {"1": 0}}))
     with pytest.raises(ValueError, match="whole number of each camera"):
@@ -97,12 +96,11 @@ def test_a_table_for_each_camera_is_read(by_hand: Path, tmp_path: Path) -> None:
 def test_frame_rates_that_are_stated_are_used(by_hand: Path, tmp_path: Path) -> None:
     """Camera 2 took every second frame; the common count is its own."""
     for name in ("camera_1.yaml", "camera_2.yaml"):
-        (tmp_path / name).write_bytes((by_hand / name).read_bytes())
+        shutil.copy(by_hand / name, tmp_path)
     table = pd.read_csv(by_hand / "points.csv")
     counted, second = table["camera_frame"], table["camera"] == 2
-    table = table[~second | (counted % 2 == 1)].assign(
-        camera_frame=counted.where(~second, counted // 2)
-    )
+    own = counted.where(~second, counted // 2)
+    table = table[~second | (counted % 2 == 1)].assign(camera_frame=own)
     table.to_csv(tmp_path / "points.csv", index=False)
     described = json.loads((by_hand / "dataset.json").read_text())
     stated = {"frame_rates": {"1": 60, "2": 30}, "start_frames": {"1": 0, "2": 21}}

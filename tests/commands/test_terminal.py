@@ -5,6 +5,7 @@ import signal
 import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,34 +13,24 @@ from stereocal.__main__ import CLOSED_PIPE, INTERRUPTED
 from tests.terminal import FIELD, LONGEST_S, ROOT, command, sentences, started, tables
 
 PHOTOGRAPHS = ROOT / "sample_data" / "photographs"
-INTERRUPTED_COMMANDS: dict[str, tuple[str, bool, str]] = {
-    # What it says when it has begun, whether nothing is compiled yet, and the command.
-    "calibrate": ("Compiling", True, f"calibrate {FIELD} --out OUT"),
-    "evaluate": ("Compiling", True, f"evaluate {FIELD} --out OUT"),
-    "evaluate in processes": (
-        "/100000 runs",
-        False,
-        f"evaluate {FIELD} --out OUT --workers 2 --runs 100000",
-    ),
-    "detect": ("Compiling", True, f"detect {PHOTOGRAPHS} --out OUT/table.csv"),
-    "intrinsics": (
-        "photographs searched",
-        False,
-        f"intrinsics {PHOTOGRAPHS / 'boards_primary'} --board 18x12 --square 0.03 "
-        "--out OUT/camera.json --repeats 10000",
-    ),
+BOARDS = f"{PHOTOGRAPHS / 'boards_primary'} --board 18x12 --square 0.03"
+INTERRUPTED_COMMANDS: dict[str, tuple[str, str]] = {
+    # The command, and what it says when it has begun; compiling, nothing is compiled yet.
+    "calibrate": (f"calibrate {FIELD} --out OUT", "Compiling"),
+    "evaluate": (f"evaluate {FIELD} --out OUT", "Compiling"),
+    "in processes": (f"evaluate {FIELD} --out OUT --workers 2 --runs 100000", "/100000 runs"),
+    "detect": (f"detect {PHOTOGRAPHS} --out OUT/table.csv", "Compiling"),
+    "intrinsics": (f"intrinsics {BOARDS} --out OUT/c.json --repeats 10000", "photographs searched"),
     "match": (
-        "Compiling",
-        True,
         "match IN/primary.csv IN/secondary.csv --parameters IN/parameters_2d.json --threshold 1 "
         "--out OUT/pairs.csv --unmatched OUT/unmatched.csv",
+        "Compiling",
     ),
     "reconstruct": (
-        "Compiling",
-        True,
         "reconstruct IN/pairs.csv --parameters IN/parameters_2d.json --out OUT/points.csv",
+        "Compiling",
     ),
-    "compile": ("functions compiled", True, "compile"),
+    "compile": ("compile", "functions compiled"),
 }
 FEW = ("calibrate", "match")
 """One that computes, one with processes of its own, one with half a file; the rest in the soak."""
@@ -83,7 +74,8 @@ def files_below(*folders: Path) -> list[Path]:
     ],
 )
 def test_ctrl_c_is_one_line_and_leaves_nothing(name: str, given: Path, tmp_path: Path) -> None:
-    words, cold, arguments = INTERRUPTED_COMMANDS[name]
+    arguments, words = INTERRUPTED_COMMANDS[name]
+    cold = "compil" in words.lower()
     out, temporary, cache = (tmp_path / folder for folder in ("out", "temporary", "cache"))
     temporary.mkdir()
     own = [word.replace("OUT", f"{out}").replace("IN/", f"{given}/") for word in arguments.split()]
@@ -119,15 +111,9 @@ def test_a_pipe_that_nobody_reads(arguments: str, both: bool, tmp_path: Path) ->
         words = ["calibrate", f"{FIELD}", "--out", f"{tmp_path}", "--runs", "0"]
     reader, writer = os.pipe()
     os.close(reader)
-    ended = subprocess.run(
-        command(*words),
-        cwd=ROOT,
-        stdout=writer,
-        stderr=writer if both else subprocess.PIPE,
-        check=False,
-        timeout=LONGEST_S,
-        env={**os.environ, "PYTHONUNBUFFERED": ""},
-    )
+    errors, env = writer if both else subprocess.PIPE, {**os.environ, "PYTHONUNBUFFERED": ""}
+    how: dict[str, Any] = {"cwd": ROOT, "env": env, "check": False, "timeout": LONGEST_S}
+    ended = subprocess.run(command(*words), stdout=writer, stderr=errors, **how)
     os.close(writer)
     assert ended.returncode == CLOSED_PIPE, ended.stderr
     assert sentences((ended.stderr or b"").decode()) == []

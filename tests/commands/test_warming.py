@@ -74,13 +74,8 @@ print(sorted(compiled() - before))
 
 
 def test_nothing_that_a_page_does_compiles_anything_more() -> None:
-    run = subprocess.run(
-        [sys.executable, "-c", WORK, str(ROOT / "sample_data")],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=ROOT,
-    )
+    words = [sys.executable, "-c", WORK, str(ROOT / "sample_data")]
+    run = subprocess.run(words, capture_output=True, text=True, check=False, cwd=ROOT)
     assert run.stdout == "[]\n", run.stdout + run.stderr
 
 
@@ -108,14 +103,8 @@ OF_BOTH_LENSES = {
 @pytest.mark.soak
 def test_each_function_is_compiled_once_and_all_are(tmp_path: Path) -> None:
     """But those that two processes compile at the same time: at most a tenth."""
-    run = subprocess.run(
-        [sys.executable, "-c", COUNT],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=ROOT,
-        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
-    )
+    words, empty = [sys.executable, "-c", COUNT], {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    run = subprocess.run(words, capture_output=True, text=True, check=True, cwd=ROOT, env=empty)
     beyond, *others = run.stdout.splitlines()
     assert abs(int(beyond)) <= 12
     assert sorted(others) == sorted(f"{name} 2" for name in OF_BOTH_LENSES)

@@ -58,13 +58,8 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     }
 
 
-OUT = {
-    "evaluate": "out",
-    "detect": "table.csv",
-    "intrinsics": "camera.yml",
-    "match": "pairs.csv",
-    "reconstruct": "points.csv",
-}
+OUT = {"evaluate": "out", "detect": "table.csv", "intrinsics": "camera.yml"}
+OUT |= {"match": "pairs.csv", "reconstruct": "points.csv"}
 
 
 def one_of_all(usual: str) -> list[Any]:
