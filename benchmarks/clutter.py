@@ -66,8 +66,8 @@ def detected(seed: int, number: int) -> tuple[Found, Truth, list[float]]:
 def labelled(found: Found, cameras: tuple[Camera, Camera]) -> list[Frame]:
     """The frames of the detections."""
     pairs = [Pair(frame, f"primary {frame}", f"secondary {frame}") for frame in found[0]]
-    seen = {f"primary {frame}": one for frame, one in found[0].items()}
-    seen |= {f"secondary {frame}": one for frame, one in found[1].items()}
+    seen = {f"primary {frame}": one.sighting for frame, one in found[0].items()}
+    seen |= {f"secondary {frame}": one.sighting for frame, one in found[1].items()}
     return label_frames(pairs, seen, cameras, BAR)
 
 

@@ -8,9 +8,7 @@ import numpy as np
 from stereocal.detection.fit import Corner
 from stereocal.detection.intensity import GreyImage, Intensity
 
-Reason = Literal[
-    "too few candidates", "ambiguous", "saturated", "blurred", "cut by the border", "unreadable"
-]
+Reason = Literal["too few candidates", "ambiguous", "saturated", "blurred", "cut by the border"]
 
 RUNNER_UP_DOUBTFUL, RUNNER_UP_AMBIGUOUS = 0.6, 0.9
 BLUR_DOUBTFUL, BLUR_REFUSED = 0.1, 0.16

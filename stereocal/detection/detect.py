@@ -26,7 +26,7 @@ from stereocal.detection.checks import (
 from stereocal.detection.corner_model import ALL
 from stereocal.detection.fit import Corner, fit_corner
 from stereocal.detection.intensity import Intensity, normalise_intensity
-from stereocal.detection.target import in_reading_order
+from stereocal.detection.target import Sighting, Spot, in_reading_order
 from stereocal.rig.compiled import FloatArray
 
 State = Literal["found", "doubtful", "refused"]
@@ -76,6 +76,19 @@ class Detection:
         if self.targets is None:
             return "refused"
         return "doubtful" if self.doubts else "found"
+
+    @property
+    def sighting(self) -> Sighting:
+        """The same, as of other targets; all doubts stand at the first."""
+        others = tuple(one.sighting for one in self.alternatives)
+        if self.targets is None:
+            return Sighting((None, None), self.sentence, alternatives=others)
+        first, second = (
+            Spot(float(one.centre[0]), float(one.centre[1]), one.sigma_px, 0.5 * one.board_px)
+            for one in self.targets
+        )
+        first = replace(first, doubts=(self.sentence,) if self.doubts else ())
+        return Sighting((first, second), "", alternatives=others)
 
 
 def detect_targets(image: npt.NDArray[Any]) -> Detection:

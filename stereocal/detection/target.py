@@ -3,7 +3,7 @@ targets that a photograph shows, where each has its own name: balls and tags."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import cv2
@@ -100,6 +100,17 @@ class Sighting:
     """The photograph could not be read."""
     candidates: tuple[tuple[Spot, ...], ...] = ()
     """All that may be the target, best first: for A and B, or once for balls of one colour."""
+    alternatives: "tuple[Sighting, ...]" = ()
+    """Of more than two boards the possible pairs, as of `detect.Detection`."""
+
+    @property
+    def doubts(self) -> list[str]:
+        """About both targets."""
+        return [doubt for spot in self.spots if spot for doubt in spot.doubts]
+
+    def turned(self, exchanged: bool) -> "Sighting":
+        """With the other names of both targets, if they are exchanged."""
+        return replace(self, spots=self.spots[::-1]) if exchanged else self
 
 
 Target = Bar2x2 | Balls | Tags

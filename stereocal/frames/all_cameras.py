@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import PurePosixPath
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -140,7 +139,7 @@ def find_in_all_cameras(
     executor: Executor,
     begin: Callable[[str], None],
     progress: Progress,
-    earlier: Earlier[Any] | None = None,
+    earlier: Earlier[Sighting] | None = None,
 ) -> FoundRecording:
     """Find the bar in the photographs of all cameras, as `detect_frames`, and name its ends alike
     in all: the recording of a bar of 1 m."""
@@ -160,10 +159,7 @@ def find_in_all_cameras(
         late = motion.late[other] - motion.late[one]
         both = label_frames(pairs, seen, lenses, target, motion.exchanged, late)
         found[one, other] = {frame.frame: _points(frame) for frame in both if frame.use}
-    why = {
-        name: one.missing if isinstance(one, Sighting) else one.sentence
-        for name, one in seen.items()
-    }
+    why = {name: one.missing or " ".join(one.doubts) for name, one in seen.items()}
     return replace(put_together(moments, found, ways, cameras, bar, why), told=told)
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.detection.detect import Detection
+from stereocal.detection.target import Sighting
 from stereocal.errors import StereocalError
 from stereocal.frames.epipolar_labels import SMALLEST_EXCESS_PX, frame_focal_px
 from stereocal.refined.outliers import MAD_TO_SIGMA
@@ -41,15 +41,15 @@ STEP = 1e-6
 class ChosenBoards:
     """The detections of a frame with too many boards."""
 
-    primary: Detection
-    secondary: Detection
+    primary: Sighting
+    secondary: Sighting
     sentence: str
     """What was chosen, or why nothing was."""
 
 
 def choose_boards(
     sure: FloatArray,
-    open_frames: Mapping[int, tuple[Detection, Detection]],
+    open_frames: Mapping[int, tuple[Sighting, Sighting]],
     cameras: tuple[Camera, Camera],
 ) -> dict[int, ChosenBoards]:
     """The chosen detections of frames with alternatives; the original ones if undecided.
@@ -151,13 +151,13 @@ def _expect(rays: FloatArray, focal_px: float) -> _Expected | None:
 def _choose(
     expected: _Expected | None,
     sure: int,
-    both: tuple[Detection, Detection],
+    both: tuple[Sighting, Sighting],
     cameras: tuple[Camera, Camera],
     elsewhere: list[FloatArray],
 ) -> ChosenBoards:
     """Decide on one frame; `elsewhere`: for each camera, boards (m, 2) of the other frames, px."""
     pairs = [one.alternatives or (one,) for one in both]
-    if not all(one.targets for one in (*pairs[0], *pairs[1])):
+    if not all(all(one.spots) for one in (*pairs[0], *pairs[1])):
         return ChosenBoards(*both, "")  # one photograph shows no pair at all
     if expected is None:
         few = f": {sure} found, {MINIMUM_SURE} needed" if sure < MINIMUM_SURE else ""
@@ -205,8 +205,8 @@ def _choose(
 
 
 def _left_over(
-    both: tuple[Detection, Detection],
-    chosen: tuple[Detection, Detection],
+    both: tuple[Sighting, Sighting],
+    chosen: tuple[Sighting, Sighting],
     elsewhere: list[FloatArray],
     cameras: tuple[Camera, Camera],
 ) -> list[FloatArray]:
@@ -224,15 +224,15 @@ def _is_still(centres: FloatArray, elsewhere: FloatArray) -> BoolArray:
     return np.asarray(away < SAME_POSITION_PX)
 
 
-def _all_centres(detection: Detection) -> FloatArray:
+def _all_centres(seen: Sighting) -> FloatArray:
     """(m, 2): raw pixels of all boards that may be targets."""
-    found = [_centres(one) for one in (detection, *detection.alternatives)]
+    found = [_centres(one) for one in (seen, *seen.alternatives)]
     return np.unique(np.concatenate(found), axis=0)
 
 
-def _centres(pair: Detection) -> FloatArray:
+def _centres(pair: Sighting) -> FloatArray:
     """(2, 2): raw pixels of the two boards; (0, 2) if none were found."""
-    return np.array([corner.centre for corner in pair.targets or ()]).reshape(-1, 2)
+    return np.array([spot.centre for spot in pair.spots if spot]).reshape(-1, 2)
 
 
 def _undistorted(camera: Camera, pixels: FloatArray) -> FloatArray:

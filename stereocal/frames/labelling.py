@@ -10,16 +10,14 @@ are named by it.
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from stereocal.detection.balls import CERTAIN, choose_balls
-from stereocal.detection.detect import Detection, State
-from stereocal.detection.fit import Corner
-from stereocal.detection.target import Balls, Bar2x2, Sighting, Spot, Target
+from stereocal.detection.detect import State
+from stereocal.detection.target import Balls, Sighting, Spot, Target
 from stereocal.frames.choosing import choose_boards
 from stereocal.frames.epipolar_labels import FrameLabels, decide_labels
 from stereocal.frames.frame import Centre, CentrePair, Frame
@@ -36,37 +34,8 @@ LEAST, SHARE = 3, 0.15
 """Other photographs with a candidate at the same place, and their share of all."""
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """What one photograph shows, of whatever target."""
-
-    targets: tuple[Corner | Spot | None, Corner | Spot | None]
-    doubts: tuple[tuple[str, ...], tuple[str, ...]]
-    """Of each target."""
-    missing: str = ""
-    """Why a target is missing."""
-    unreadable: bool = False
-
-    @classmethod
-    def of(cls, found: Detection | Sighting) -> "_Seen":
-        """What was found."""
-        if isinstance(found, Sighting):
-            a, b = found.spots
-            doubts = a.doubts if a else (), b.doubts if b else ()
-            return cls(found.spots, doubts, found.missing, found.unreadable)
-        if found.targets is None:
-            return cls((None, None), ((), ()), found.sentence, found.reason == "unreadable")
-        return cls(found.targets, ((found.sentence,) if found.doubts else (), ()))
-
-    def turned(self, exchanged: bool) -> "_Seen":
-        """With the other names of both targets, if they are exchanged."""
-        if not exchanged:
-            return self
-        return replace(self, targets=self.targets[::-1], doubts=self.doubts[::-1])
-
-
 def points_by_photograph(
-    names: Mapping[str, Sequence[str]], seen: Mapping[str, Any], target: Target
+    names: Mapping[str, Sequence[str]], seen: Mapping[str, Sighting], target: Target
 ) -> dict[str, FloatArray]:
     """(2, 2) pixels of A and B in each photograph of all cameras, NaN where not seen."""
     points = dict[str, FloatArray]()
@@ -75,14 +44,14 @@ def points_by_photograph(
         if isinstance(target, Balls):
             found = without_still(found)
         for name, own in zip(of_camera, found, strict=True):
-            places = [one.centre if one else (np.nan, np.nan) for one in _Seen.of(own).targets]
+            places = [one.centre if one else (np.nan, np.nan) for one in own.spots]
             points[name] = np.array(places)
     return points
 
 
 def label_frames(
     pairs: Sequence[Pair],
-    seen: Mapping[str, Any],
+    seen: Mapping[str, Sighting],
     cameras: tuple[Camera, Camera],
     target: Target,
     exchanged: Collection[str] = (),
@@ -99,8 +68,7 @@ def label_frames(
     open_frames = {
         pair.frame: (seen[pair.primary], seen[pair.secondary])
         for pair in pairs
-        if isinstance(target, Bar2x2)
-        and any(seen[name].alternatives for name in (pair.primary, pair.secondary))
+        if any(seen[name].alternatives for name in (pair.primary, pair.secondary))
     }
     if not open_frames:
         return frames
@@ -120,7 +88,7 @@ def label_frames(
 
 def _labelled(
     pairs: Sequence[Pair],
-    seen: Mapping[str, Any],
+    seen: Mapping[str, Sighting],
     cameras: tuple[Camera, Camera],
     target: Target,
     exchanged: Collection[str],
@@ -132,15 +100,15 @@ def _labelled(
         sides = [without_still(found) for found in sides]
     both = {
         pair.frame: (
-            _Seen.of(first).turned(pair.primary in exchanged),
-            _Seen.of(second).turned(pair.secondary in exchanged),
+            first.turned(pair.primary in exchanged),
+            second.turned(pair.secondary in exchanged),
         )
         for pair, first, second in zip(pairs, *sides, strict=True)
     }
     centres = {
-        frame: np.array([[one.centre for one in own.targets if one] for own in found])
+        frame: np.array([[one.centre for one in own.spots if one] for own in found])
         for frame, found in sorted(both.items())
-        if all(all(own.targets) for own in found)
+        if all(all(own.spots) for own in found)
     }
     if late and centres:
         centres = _at_primary(centres, late)
@@ -162,7 +130,10 @@ def _at_primary(centres: Mapping[int, FloatArray], late: float) -> dict[int, Flo
 
 
 def _frame(
-    pair: Pair, both: tuple[_Seen, _Seen], named: bool, decided: tuple[bool, FrameLabels] | None
+    pair: Pair,
+    both: tuple[Sighting, Sighting],
+    named: bool,
+    decided: tuple[bool, FrameLabels] | None,
 ) -> Frame:
     first, second = both
     reasons = [
@@ -178,7 +149,7 @@ def _frame(
             sure = report.is_sure
             reasons.append(report.sentence)
         else:
-            spots = [one for one in (*first.targets, *second.targets) if one]
+            spots = [one for one in (*first.spots, *second.spots) if one]
             stated = np.sqrt(np.mean([spot.sigma_px**2 for spot in spots]))
             far = report.state == "outlying" and report.residual_px > FAR_SIGMAS * stated
             sure = not exchange and not far
@@ -187,10 +158,9 @@ def _frame(
     doubts = [
         f"In the {camera}: {doubt}"
         for found, camera in zip((first, second), CAMERAS, strict=True)
-        for own in found.doubts
-        for doubt in own
+        for doubt in found.doubts
     ]
-    shared = [a and b for a, b in zip(first.targets, second.targets, strict=True)]
+    shared = [a and b for a, b in zip(first.spots, second.spots, strict=True)]
     state: State = "found" if sure and not doubts else "doubtful"
     if not any(shared) or not (named or all(shared)):
         state = "refused"
@@ -205,10 +175,10 @@ def _frame(
     )
 
 
-def _centres(seen: _Seen) -> CentrePair:
+def _centres(seen: Sighting) -> CentrePair:
     a, b = (
         Centre(float(one.centre[0]), float(one.centre[1]), one.sigma_px) if one else None
-        for one in seen.targets
+        for one in seen.spots
     )
     return a, b
 

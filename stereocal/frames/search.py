@@ -1,19 +1,17 @@
 """Find the targets of all frames: detect in each photograph, then label A and B."""
 
 import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
-from typing import Any
 
 import cv2
 import numpy as np
 
 from stereocal.detection.balls import find_balls
-from stereocal.detection.detect import Detection, detect_targets, refusal
+from stereocal.detection.detect import detect_targets
 from stereocal.detection.tags import find_tags
-from stereocal.detection.target import BAR, Balls, Bar2x2, Sighting, Tags, Target
+from stereocal.detection.target import BAR, Balls, Sighting, Tags, Target
 from stereocal.errors import StereocalError
 from stereocal.frames.by_motion import paired_by_motion
 from stereocal.frames.frame import Frame
@@ -29,24 +27,10 @@ from stereocal.system.photograph import (
     read_photograph,
 )
 from stereocal.system.photograph_files import Photographs, for_worker
-from stereocal.system.records import of_plain, pack
+from stereocal.system.records import pack
 from stereocal.system.tasks import Earlier, Progress, Task, run_tasks
 
 STAGES = ("photographs checked", "photographs searched for targets")
-
-
-def pack_detection(found: Detection | Sighting) -> bytes | None:
-    """A detection; None for an unreadable photograph, so that it is tried again next time."""
-    again = found.unreadable if isinstance(found, Sighting) else found.reason == "unreadable"
-    return None if again else pack(found)
-
-
-def unpack_detection(content: bytes) -> Detection | Sighting:
-    """The exact detection of `pack_detection`; ValueError if the content is damaged."""
-    data = json.loads(content)
-    if not isinstance(data, dict):
-        raise ValueError(content)
-    return of_plain(data, Sighting) if "spots" in data else of_plain(data, Detection)
 
 
 def detect_frames(
@@ -56,7 +40,7 @@ def detect_frames(
     executor: Executor,
     begin: Callable[[str], None],
     progress: Progress,
-    earlier: Earlier[Any] | None = None,
+    earlier: Earlier[Sighting] | None = None,
     target: Target = BAR,
 ) -> tuple[list[Frame], Pairing]:
     """Check the photographs, find the targets, pair them by these if the cameras were started by
@@ -97,14 +81,10 @@ def search_photographs(
     executor: Executor,
     begin: Callable[[str], None],
     progress: Progress,
-    earlier: Earlier[Any] | None,
+    earlier: Earlier[Sighting] | None,
     target: Target,
-) -> dict[str, Any]:
-    """As `detect_frames`, in the photographs (`names`) of each camera, without the labels.
-
-    Returns:
-        By photograph a `Detection` of a bar with 2x2 targets, a `Sighting` of others.
-    """
+) -> dict[str, Sighting]:
+    """As `detect_frames`, in the photographs (`names`) of each camera, without the labels."""
     begin(STAGES[0])
     camera_of = {name: camera for camera, of_camera in names.items() for name in of_camera}
     there = {name: photographs[name] for name in camera_of if name in photographs}
@@ -138,12 +118,10 @@ def search_photographs(
     every = run_tasks(tasks, executor, len(searched), progress, earlier)
     with closing(every) as finished:
         found = dict(zip(searched, (found for _, found in finished), strict=True))
-    return found | {name: _unreadable(target, why) for name, why in problems.items()}
+    return found | {name: _unreadable(why) for name, why in problems.items()}
 
 
-def _search(
-    target: Target, camera: Camera, photograph: PhotographFile, name: str
-) -> Detection | Sighting:
+def _search(target: Target, camera: Camera, photograph: PhotographFile, name: str) -> Sighting:
     """The targets of one photograph: the task of an executor."""
     cv2.setNumThreads(1)  # the executor already uses all cores
     try:
@@ -152,14 +130,12 @@ def _search(
         image = read_photograph(photograph, name)
         if isinstance(target, Tags):
             return find_tags(image, target, camera)
-        return detect_targets(image)
+        return detect_targets(image).sighting
     except StereocalError as error:
-        return _unreadable(target, str(error))
+        return _unreadable(str(error))
 
 
-def _unreadable(target: Target, why: str) -> Detection | Sighting:
-    if isinstance(target, Bar2x2):
-        return refusal((0, 0), "unreadable", why)
+def _unreadable(why: str) -> Sighting:
     return Sighting((None, None), why, unreadable=True)
 
 

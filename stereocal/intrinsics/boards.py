@@ -64,6 +64,15 @@ class Refused(NamedTuple):
     name: str
     reason: str
     image_size: tuple[int, int] | None = None
+    """None: the photograph cannot be read."""
+
+    @property
+    def unreadable(self) -> bool:
+        """Whether it is to be tried again."""
+        return self.image_size is None
+
+
+FoundBoard = BoardView | Refused
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +93,7 @@ class BoardSearch:
         return replace(self, views=tuple(view for view in self.views if view.name not in names))
 
 
-def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> BoardView | Refused:
+def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> FoundBoard:
     """The board in a photograph.
 
     A chessboard must be in view whole, a ChArUco board with at least `MINIMUM_CORNERS` corners.
@@ -131,7 +140,7 @@ def find_boards(
     pattern: BoardPattern,
     executor: Executor,
     progress: Progress | None = None,
-    earlier: Earlier[BoardView | Refused] | None = None,
+    earlier: Earlier[FoundBoard] | None = None,
 ) -> BoardSearch:
     """Find the boards in one camera's photographs; each worker holds one photograph at a time.
 
@@ -146,7 +155,7 @@ def find_boards(
     if not photographs:
         raise StereocalError("There are no photographs of the board.")
     of_pattern = hashlib.sha256(repr(pattern).encode()).hexdigest()[:16]
-    tasks: Iterator[Task[BoardView | Refused]] = (
+    tasks: Iterator[Task[FoundBoard]] = (
         Task(
             _search,
             (for_worker(own, executor), pattern, name),
@@ -154,7 +163,7 @@ def find_boards(
         )
         for name, own in photographs.items()
     )
-    found: dict[str, BoardView | Refused] = {}
+    found: dict[str, FoundBoard] = {}
     every = run_tasks(tasks, executor, len(photographs), progress, earlier)
     with closing(every) as finished:
         for _, result in finished:
@@ -179,7 +188,7 @@ def find_boards(
     return BoardSearch(pattern, views, refused)
 
 
-def _search(photograph: PhotographFile, pattern: BoardPattern, name: str) -> BoardView | Refused:
+def _search(photograph: PhotographFile, pattern: BoardPattern, name: str) -> FoundBoard:
     """The task of an executor."""
     try:
         return find_board(read_photograph(photograph, name), pattern, name)
@@ -187,7 +196,7 @@ def _search(photograph: PhotographFile, pattern: BoardPattern, name: str) -> Boa
         return Refused(name, error.reason.rstrip("."))
 
 
-def _check_sizes(results: Sequence[BoardView | Refused]) -> None:
+def _check_sizes(results: Sequence[FoundBoard]) -> None:
     sized = [(result.image_size, result.name) for result in results if result.image_size]
     sizes = Counter(size for size, _ in sized)
     if len(sizes) < 2:
@@ -202,7 +211,7 @@ def _check_sizes(results: Sequence[BoardView | Refused]) -> None:
 
 
 def _check_size(
-    photographs: Photographs, results: Mapping[str, BoardView | Refused], pattern: BoardPattern
+    photographs: Photographs, results: Mapping[str, FoundBoard], pattern: BoardPattern
 ) -> None:
     """Raise an error if the first two photographs that show the board, or may, show another."""
     views = {name: view for name, view in results.items() if isinstance(view, BoardView)}

@@ -5,7 +5,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from stereocal.intrinsics.calibrate_lens import LensCalibration
 from stereocal.intrinsics.lens_fit import PARAMETERS, LensSettings
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.arrays import read_arrays, shaped
-from stereocal.system.records import of_plain, pack, unpack
+from stereocal.system.records import of_plain
 
 RESULT_FORMAT = "stereocal-lens/1"
 MAXIMUM_PIXELS = 1_000_000
@@ -143,13 +143,3 @@ def _size(size: Any) -> tuple[int, int]:
     if not 0 < width < MAXIMUM_PIXELS > height > 0:
         raise ValueError(size)
     return width, height
-
-
-def pack_board(result: BoardView | Refused) -> bytes | None:
-    """The result of one photograph; None if it was unreadable, so that it is tried again."""
-    return None if result.image_size is None else pack(result)
-
-
-def unpack_board(content: bytes) -> BoardView | Refused:
-    """The exact result of `pack_board`; ValueError if the content is damaged."""
-    return cast(BoardView | Refused, unpack(content, cast(Any, BoardView | Refused)))

@@ -19,7 +19,7 @@ from stereocal.errors import StereocalError
 from stereocal.frames import all_cameras
 from stereocal.frames.by_motion import found_by_motion, paired_by_motion, pairs_of
 from stereocal.frames.pairing import ByHand, Moments, Pair, Pairing, pair_names
-from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_boards
+from stereocal.intrinsics.boards import BoardSearch, BoardView, FoundBoard, Refused, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
 from stereocal.intrinsics.lens_fit import (
     LensSettings,
@@ -124,7 +124,7 @@ def find_stereo_boards(
     executor: Executor,
     begin: Begin = lambda _: None,
     progress: Progress | None = None,
-    earlier: Earlier[BoardView | Refused] | None = None,
+    earlier: Earlier[FoundBoard] | None = None,
     pairing: Pairing | None = None,
     lenses: tuple[Camera, Camera] | None = None,
 ) -> StereoBoards:
@@ -247,7 +247,7 @@ def boards_in_all_cameras(
     executor: Executor,
     begin: Begin,
     progress: Progress | None = None,
-    earlier: Earlier[BoardView | Refused] | None = None,
+    earlier: Earlier[FoundBoard] | None = None,
 ) -> all_cameras.FoundRecording:
     """The boards in the photographs of three cameras and more, as `find_in_all_cameras`."""
     searches: dict[str, BoardSearch] = {}

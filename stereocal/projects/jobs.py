@@ -8,10 +8,9 @@ was interrupted. Jobs are not exported or copied with a project.
 import hashlib
 import sqlite3
 import uuid
-from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
-from typing import Generic, Literal, TypeVar
+from typing import Any, Literal
 
 import cv2
 import numba
@@ -28,57 +27,49 @@ from stereocal.projects.database import (
     translated_errors,
 )
 from stereocal.projects.files import SUFFIX, private_folder
+from stereocal.system.records import pack, unpack
 
-T = TypeVar("T")
 SOFTWARE = " ".join(each.__version__ for each in (stereocal, np, scipy, numba, cv2))
 """Versions that results depend on."""
 _HELD: dict[Path, sqlite3.Connection] = {}
 """The locks of this server, by their paths."""
 
 
-class FoundBefore(Generic[T]):
+class FoundBefore:
     """What an unfinished search has found, photograph by photograph; used by the job's thread. On
     a full disk nothing is stored, and the job continues.
 
     Args:
-        pack: a result as bytes; None for one that is not worth storing.
-        unpack: the inverse; raises one of `DAMAGED` for damaged bytes.
+        of: the results, which are stored as records; those that are `unreadable` are not, so that
+            they are tried again.
     """
 
-    def __init__(
-        self,
-        database: Database,
-        kind: str,
-        pack: Callable[[T], bytes | None],
-        unpack: Callable[[bytes], T],
-    ) -> None:
-        self._database, self._kind = database, database.scope + kind
-        self._pack, self._unpack = pack, unpack
+    def __init__(self, database: Database, kind: str, of: Any) -> None:
+        self._database, self._kind, self._of = database, database.scope + kind, of
         found = database.rows("SELECT key FROM found WHERE kind = ?", self._kind)
         self._keys = {str(key) for (key,) in found}
 
-    def get(self, key: str) -> T | None:
+    def get(self, key: str) -> Any:
         """The result; None if there is none, it is damaged, or of other software."""
         if (own := _digest(key)) not in self._keys:
             return None
         query = "SELECT content FROM found WHERE kind = ? AND key = ?"
         try:
             found = self._database.rows(query, self._kind, own)
-            return self._unpack(bytes(found[0][0]))
+            return unpack(bytes(found[0][0]), self._of)
         except DAMAGED:
             self._keys.discard(own)  # it is stored again
             return None
 
-    def keep(self, key: str, result: T) -> None:
+    def keep(self, key: str, result: Any) -> None:
         """Store a result, unless it is stored."""
         own = _digest(key)
-        if own in self._keys:
+        if own in self._keys or getattr(result, "unreadable", False):
             return
-        if (content := self._pack(result)) is not None:
-            self._keys.add(own)
-            with suppress(StereocalError), self._database.transaction() as db:
-                row = [self._kind, own, content]
-                db.execute("INSERT OR REPLACE INTO found VALUES (?, ?, ?)", row)
+        self._keys.add(own)
+        with suppress(StereocalError), self._database.transaction() as db:
+            row = [self._kind, own, pack(result)]
+            db.execute("INSERT OR REPLACE INTO found VALUES (?, ?, ?)", row)
 
 
 def _digest(key: str) -> str:

@@ -8,7 +8,7 @@ from functools import partial
 import pandas as pd
 import streamlit as st
 
-from stereocal.detection.target import Target
+from stereocal.detection.target import Sighting, Target
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.all_cameras import Gathered, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import is_table
@@ -18,8 +18,8 @@ from stereocal.frames import all_cameras
 from stereocal.frames.by_motion import pairs_of
 from stereocal.frames.pairing import ByHand, Moments, natural
 from stereocal.frames.proposal import by_hand_of
-from stereocal.frames.search import STAGES, pack_detection, unpack_detection
-from stereocal.intrinsics.files import pack_board, unpack_board
+from stereocal.frames.search import STAGES
+from stereocal.intrinsics.boards import FoundBoard
 from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_in_all_cameras
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
@@ -292,10 +292,10 @@ def moment_search(
         control = job.executor, job.begin, job.progress
         photographs = store.photographs
         if isinstance(held, BoardPattern):
-            boards = job.found_before(pack_board, unpack_board)
+            boards = job.found_before(FoundBoard)
             found = boards_in_all_cameras(moments, photographs, cameras, held, *control, boards)
         elif held is not None:
-            seen = job.found_before(pack_detection, unpack_detection)
+            seen = job.found_before(Sighting)
             found = all_cameras.find_in_all_cameras(
                 moments, photographs, cameras, held, *control, seen
             )

@@ -9,7 +9,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.frames.pairing import Pair, Pairing
 from stereocal.intrinsics import stereo_boards
-from stereocal.intrinsics.files import pack_board, unpack_board
+from stereocal.intrinsics.boards import FoundBoard
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import board_corners, thumbnail
@@ -144,7 +144,7 @@ def _find(
     job: jobs.Job,
 ) -> None:
     """Find the boards and the lenses, and store them."""
-    earlier = job.found_before(pack_board, unpack_board)
+    earlier = job.found_before(FoundBoard)
     boards = stereo_boards.find_stereo_boards(
         store.photographs, pattern, job.executor, job.begin, job.progress, earlier, pairing, given
     )

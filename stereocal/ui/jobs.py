@@ -114,11 +114,9 @@ class Job:
         if self.cancelled:
             raise StoppedError
 
-    def found_before(
-        self, pack: Callable[[T], bytes | None], unpack: Callable[[bytes], T]
-    ) -> FoundBefore[T]:
+    def found_before(self, of: Any) -> FoundBefore:
         """What such a search has found if it was not finished."""
-        return FoundBefore(self.work.project.database, self.work.kind, pack, unpack)
+        return FoundBefore(self.work.project.database, self.work.kind, of)
 
 
 @cache

@@ -13,7 +13,7 @@ from stereocal.figures.rig_report import lens_table
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.formats.dropped import sort_files
 from stereocal.intrinsics import files, quality
-from stereocal.intrinsics.boards import find_boards
+from stereocal.intrinsics.boards import FoundBoard, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens, digest_of_draws
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.intrinsics.proposed_board import proposed_board
@@ -227,7 +227,7 @@ def _calibrate(
 ) -> None:
     search = store.search
     if search is None or search.pattern != pattern:
-        boards = job.found_before(files.pack_board, files.unpack_board)
+        boards = job.found_before(FoundBoard)
         search = find_boards(store.photographs, pattern, job.executor, job.progress, boards)
         store.keep_search(search)
     job.begin(STAGES[1])

@@ -4,10 +4,10 @@ from functools import partial
 
 import streamlit as st
 
-from stereocal.detection.target import BAR, Target
+from stereocal.detection.target import BAR, Sighting, Target
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import Pairing
-from stereocal.frames.search import STAGES, detect_frames, pack_detection, unpack_detection
+from stereocal.frames.search import STAGES, detect_frames
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -98,7 +98,7 @@ def _find(
         job.executor,
         job.begin,
         job.progress,
-        earlier=job.found_before(pack_detection, unpack_detection),
+        earlier=job.found_before(Sighting),
         target=target,
     )
     store.project.keep_settings({holding.FOUND: held})

@@ -1,27 +1,26 @@
 """More than two boards in a photograph: the other frames tell which are the targets, or nothing."""
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from stereocal.detection.detect import Detection, refusal
+from stereocal.detection.target import Sighting
 from stereocal.frames.choosing import choose_boards
 from stereocal.rig.compiled import FloatArray
 from tests import known_rig as rig
-from tests.frames.test_labelling import CAMERAS, detection
+from tests.frames.test_labelling import CAMERAS, sighting
 
 NOISE_PX = 0.05
 
 
-def among(boards: FloatArray, doubts: tuple[str, ...] = ()) -> Detection:
+def among(boards: FloatArray) -> Sighting:
     """A photograph with boards (m, 2) that all look like targets, the first two the least."""
     pairs = list(itertools.combinations(boards, 2))[::-1]
-    alternatives = tuple(detection(np.array(pair), doubts) for pair in pairs)
+    alternatives = tuple(sighting(np.array(pair)) for pair in pairs)
     if len(boards) == 2:
         return alternatives[0]
-    return replace(refusal((1600, 1200), "ambiguous", "Too many."), alternatives=alternatives)
+    return Sighting((None, None), "Too many.", alternatives=alternatives)
 
 
 def seen(points: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -54,12 +53,9 @@ def third_board(kind: str, ends: FloatArray, rng: np.random.Generator) -> FloatA
     return place
 
 
-def is_right(one: Detection, pixels: FloatArray) -> bool:
+def is_right(one: Sighting, pixels: FloatArray) -> bool:
     """Whether the chosen boards are the first two of those seen (m, 2)."""
-    assert one.targets is not None
-    return all(
-        any(c.centre is p or np.array_equal(c.centre, p) for p in pixels[:2]) for c in one.targets
-    )
+    return all(spot and [*spot.centre] in pixels[:2].tolist() for spot in one.spots)
 
 
 def right_choices(

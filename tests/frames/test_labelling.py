@@ -4,8 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereocal.detection.detect import Detection
-from stereocal.detection.fit import Corner
+from stereocal.detection.target import Sighting, Spot
 from stereocal.frames.epipolar_labels import FrameLabels, decide_labels
 from tests import known_rig as rig
 
@@ -13,15 +12,9 @@ FRAMES = 20
 CAMERAS = (rig.PRIMARY, rig.SECONDARY)
 
 
-def corner(centre: npt.NDArray[np.float64]) -> Corner:
-    levels = {"contrast": 150.0, "black": 40.0, "white": 190.0, "residual": 2.0, "misfit": 0.0}
-    return Corner(centre, 1e-4 * np.eye(2), np.eye(2), np.full(4, 40.0), 0, 0, 1.0, **levels)
-
-
-def detection(both: npt.NDArray[np.float64], doubts: tuple[str, ...] = ()) -> Detection:
-    return Detection(
-        (1600, 1200), (corner(both[0]), corner(both[1])), 0.9, None, doubts, " ".join(doubts)
-    )
+def sighting(both: npt.NDArray[np.float64]) -> Sighting:
+    a, b = (Spot(u, v, 0.01, 40.0) for u, v in both.tolist())
+    return Sighting((a, b), "")
 
 
 def bars(frames: int = FRAMES, noise_px: float = 0.03) -> list[npt.NDArray[np.float64]]:

@@ -8,7 +8,7 @@ from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames
 from stereocal.frames.pairing import Pair
 from stereocal.frames.slips import find_slip
-from tests.frames.test_labelling import CAMERAS, bars, detection
+from tests.frames.test_labelling import CAMERAS, bars, sighting
 
 PHOTOGRAPHS = 20
 
@@ -24,7 +24,7 @@ def in_order(
     """
     names = [[f"{camera}_{i}" for i in range(PHOTOGRAPHS)] for camera in ("IMG", "DSC")]
     found = {
-        name: detection(one)
+        name: sighting(one)
         for own, images in zip(names, bars(PHOTOGRAPHS, noise_px), strict=True)
         for name, one in zip(own, images, strict=True)
     }

@@ -1,18 +1,16 @@
 """What searches have found is stored to the last bit."""
 
-import json
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.detection.detect import Detection, detect_targets, refusal
+from stereocal.detection.detect import detect_targets
 from stereocal.detection.target import Sighting, Spot
-from stereocal.frames.search import pack_detection, unpack_detection
-from stereocal.intrinsics.boards import BoardView, Refused, find_board
-from stereocal.intrinsics.files import pack_board, unpack_board
+from stereocal.intrinsics.boards import BoardView, FoundBoard, Refused, find_board
+from stereocal.projects.jobs import FoundBefore
+from stereocal.projects.project import Project
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.photograph import read_photograph
 
@@ -30,36 +28,26 @@ def bits(value: object) -> object:
     return value.hex() if isinstance(value, float) else value
 
 
-def test_detections_come_back_to_the_last_bit() -> None:
-    image = read_photograph(SAMPLES / "primary" / "0001.jpg")
-    detected = detect_targets(image), detect_targets(image[:400, :400])
-    for found in (*detected, refusal((3, 2), "blurred", "x")):
-        packed = pack_detection(found)
-        assert packed is not None
-        back = unpack_detection(packed)
-        assert isinstance(back, Detection) and bits(back) == bits(found)
-    sighting = Sighting((Spot(1 / 3, 2.0, 0.1, 9.0, ("x",)), None), "no B")
-    packed_sighting = pack_detection(sighting)
-    assert packed_sighting is not None and unpack_detection(packed_sighting) == sighting
-    assert pack_detection(Sighting((None, None), "x", unreadable=True)) is None
-    assert pack_detection(refusal((0, 0), "unreadable", "x")) is None
-    assert packed is not None
-    with pytest.raises(ValueError, match="magic"):
-        unpack_detection(json.dumps({**json.loads(packed), "reason": "magic"}).encode())
-
-
-def test_boards_come_back_to_the_last_bit() -> None:
-    image = read_photograph(SAMPLES / "boards_primary" / "0001.jpg")
-    found = find_board(image, BoardPattern(18, 12, 0.03), "é")
-    assert isinstance(found, BoardView)
-    packed = pack_board(found)
-    assert packed is not None
-    back = unpack_board(packed)
-    assert isinstance(back, BoardView) and bits(back) == bits(found)
-    refused = Refused("a", "no board", (3, 4))
-    content = pack_board(refused)
-    assert content is not None and unpack_board(content) == refused
-    assert pack_board(Refused("a", "it cannot be read")) is None
+def test_what_was_found_comes_back_to_the_last_bit(tmp_path: Path) -> None:
+    target = read_photograph(SAMPLES / "primary" / "0001.jpg")
+    board = read_photograph(SAMPLES / "boards_primary" / "0001.jpg")
+    spot = Spot(1 / 3, 2.0, 0.1, 9.0, ("x",))
+    results = [
+        detect_targets(target).sighting,
+        detect_targets(target[:400, :400]).sighting,
+        Sighting((spot, None), "no B", alternatives=(Sighting((spot, spot), ""),)),
+        find_board(board, BoardPattern(18, 12, 0.03), "é"),
+        Refused("a", "no board", (3, 4)),
+    ]
+    assert isinstance(results[3], BoardView)
+    unreadable = [Sighting((None, None), "x", unreadable=True), Refused("a", "it cannot be read")]
+    database = Project.create(tmp_path).database
+    for number, found in enumerate([*results, *unreadable]):
+        of = Sighting if isinstance(found, Sighting) else FoundBoard
+        FoundBefore(database, "photographs", of).keep(str(number), found)
+        back = FoundBefore(database, "photographs", of).get(str(number))
+        assert type(back) is type(found) if number < len(results) else back is None
+        assert back is None or bits(back) == bits(found)
 
 
 def test_settings_that_are_read_in_part_are_written_whole() -> None:

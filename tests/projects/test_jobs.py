@@ -15,8 +15,8 @@ from tests.projects.test_database import database as database
 from tests.projects.test_project import filled
 
 
-def found(database: Store) -> jobs.FoundBefore[str]:
-    return jobs.FoundBefore(database, "photographs", str.encode, bytes.decode)
+def found(database: Store) -> jobs.FoundBefore:
+    return jobs.FoundBefore(database, "photographs", str)
 
 
 def run_elsewhere(database: Store) -> sqlite3.Connection:
