@@ -45,11 +45,13 @@ def summary_json(
         forecasts: of the files that `calibrate` writes, by data set, each possibly empty.
     """
     each = list(forecasts) or [{} for _ in datasets]
-    left_out = [list(screening.left_out) for screening in screenings] or [[] for _ in datasets]
-    offsets: list[dict[str, Any]] = [
-        screening.measured_offset.to_json() if screening.measured_offset else {}
+    screened: list[dict[str, Any]] = [
+        {
+            "frames_left_out": list(screening.left_out),
+            **(screening.measured_offset.to_json() if screening.measured_offset else {}),
+        }
         for screening in screenings
-    ] or [{} for _ in datasets]
+    ] or [{"frames_left_out": []} for _ in datasets]
     content = {
         "format": SUMMARY_FORMAT,
         "methods": _with_forecasts(pooled, each[0] if len(datasets) == 1 else {}),
@@ -62,12 +64,11 @@ def summary_json(
                 "baseline_m": dataset.baseline_m,
                 "target_distance_m": dataset.target_distance_m,
                 "sha256": dataset.sha256,
-                "frames_left_out": without,
-                **offset,
+                **about,
                 "methods": _with_forecasts(own, forecast),
             }
-            for (name, own), dataset, without, offset, forecast in zip(
-                by_dataset.items(), datasets, left_out, offsets, each, strict=True
+            for (name, own), dataset, about, forecast in zip(
+                by_dataset.items(), datasets, screened, each, strict=True
             )
         ],
         "settings": settings.to_json(),
@@ -162,22 +163,13 @@ def _content(evaluation: Evaluation) -> dict[str, Any]:
         "sha256": list(evaluation.sha256),
     }
     arrays: dict[str, Any] = {"about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)}
-    for at, of_one in enumerate(evaluation.runs):
-        arrays |= _arrays(of_one, at)
-    return arrays
-
-
-def _arrays(runs: Sequence[RunCounts], number: int) -> dict[str, Any]:
-    """The runs of one data set."""
-    return {
-        f"counts{number}": np.array([run.counts for run in runs], dtype=np.int32),
-        f"nans{number}": np.array([run.nans for run in runs]),
-        f"angles{number}": np.array([run.angles for run in runs]),
-        f"correct_px{number}": np.array([run.correct_px for run in runs]),
+    for number, runs in enumerate(evaluation.runs):
+        for name in ("counts", "nans", "angles", "correct_px"):
+            arrays[f"{name}{number}"] = np.array([getattr(run, name) for run in runs])
         # The number of bars may differ between runs: frames with one target have none.
-        f"bars{number}": np.array([run.lengths.shape[1] for run in runs]),
-        f"lengths{number}": np.concatenate([run.lengths for run in runs], axis=1),
-    }
+        arrays[f"bars{number}"] = np.array([run.lengths.shape[1] for run in runs])
+        arrays[f"lengths{number}"] = np.concatenate([run.lengths for run in runs], axis=1)
+    return arrays
 
 
 def unpack_evaluation(content: bytes) -> Evaluation:

@@ -18,6 +18,7 @@ from stereocal.system.json_text import read_json
 from stereocal.system.records import of_plain
 
 T = TypeVar("T")
+FileBeside = Callable[[str], bytes]
 PLAN_FORMAT = "stereocal-plan/1"
 LARGEST_BYTES = 4_000_000
 LONGEST_NAME = 200
@@ -66,10 +67,7 @@ def read_plan(path: str | Path, lens_model: LensModel | None = None) -> Plan:
 
 
 def parse_plan(
-    content: bytes,
-    source: str,
-    file_beside: Callable[[str], bytes],
-    lens_model: LensModel | None = None,
+    content: bytes, source: str, file_beside: FileBeside, lens_model: LensModel | None = None
 ) -> Plan:
     """A plan from the content of its file.
 
@@ -135,7 +133,7 @@ def _camera_entry(stated: Camera | SensorLens) -> dict[str, Any]:
 
 
 def _camera(
-    entry: Any, where: str, file_beside: Callable[[str], bytes], lens_model: LensModel | None
+    entry: Any, where: str, file_beside: FileBeside, lens_model: LensModel | None
 ) -> Camera | SensorLens:
     if isinstance(entry, str):
         return read_camera(file_beside(entry), f"{where}: {entry}", lens_model)

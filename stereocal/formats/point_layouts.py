@@ -166,12 +166,7 @@ def _has_duplicates(names: list[str]) -> bool:
 
 
 def _paired(
-    rows: list[list[str]],
-    program: str,
-    pattern: re.Pattern[str],
-    axes: str,
-    origin: PixelOrigin,
-    ask: str,
+    program: str, pattern: re.Pattern[str], axes: str, origin: PixelOrigin, rows: list[list[str]]
 ) -> PointLayout | None:
     """Two columns of each point in each camera, named by point, camera and axis."""
     at = {
@@ -187,7 +182,7 @@ def _paired(
         PointColumns(camera, point, at[point, camera, axes[0]], at[point, camera, axes[1]])
         for point, camera in wanted
     )
-    return _of_cameras(PointLayout(program, columns, origin=origin), ask)
+    return _of_cameras(PointLayout(program, columns, origin=origin))
 
 
 def _wand(rows: list[list[str]], any_header: bool = False) -> PointLayout | None:
@@ -209,8 +204,7 @@ def _wand(rows: list[list[str]], any_header: bool = False) -> PointLayout | None
         for k in range(cameras)
     )
     program = "a wand file of Argus or easyWand"
-    layout = PointLayout(program, columns, int(headed), origin=LOWER_LEFT)
-    return _of_cameras(layout, ASK_LOWER_LEFT)
+    return _of_cameras(PointLayout(program, columns, int(headed), origin=LOWER_LEFT))
 
 
 def _in_turn(names: list[str]) -> bool:
@@ -224,10 +218,13 @@ def _in_turn(names: list[str]) -> bool:
     )
 
 
-def _of_cameras(layout: PointLayout, ask_origin: str) -> PointLayout:
+def _of_cameras(layout: PointLayout) -> PointLayout:
     """A layout of several cameras, with its questions; (0, 0) is a missing point."""
     cameras, points = len(layout.cameras), len(layout.points)
-    asked = [ask_origin]
+    asked = [f"Is the first pixel (1, 1), at the upper left, as in {layout.program}?"]
+    if layout.origin.corner == "lower-left":
+        from_1 = f" {layout.program} count u from 1." if layout.origin.first_pixel else ""
+        asked = [ASK_LOWER_LEFT + from_1]
     if cameras > 2:
         asked.append(f"Which of the {cameras} cameras are the primary and the secondary?")
     if points > 2:
@@ -241,23 +238,9 @@ LAYOUTS: Mapping[str, Guess] = {
     "sleap": _sleap,
     "tracktor": lambda rows: _one_camera(rows, "Tracktor", TRACKTOR),
     # (u + 1, h - v), according to its display code.
-    "dltdv5": lambda rows: _paired(
-        rows,
-        "DLTdv5 to 7",
-        DLTDV,
-        "xy",
-        replace(LOWER_LEFT, first_pixel=1.0),
-        f"{ASK_LOWER_LEFT} DLTdv5 to 7 count u from 1.",
-    ),
-    "dltdv8": lambda rows: _paired(
-        rows,
-        "DLTdv8",
-        DLTDV,
-        "uv",
-        PixelOrigin(first_pixel=1.0),
-        "Is the first pixel (1, 1), at the upper left, as in DLTdv8?",
-    ),
-    "argus": lambda rows: _paired(rows, "Argus", ARGUS, "xy", LOWER_LEFT, ASK_LOWER_LEFT),
+    "dltdv5": partial(_paired, "DLTdv5 to 7", DLTDV, "xy", replace(LOWER_LEFT, first_pixel=1.0)),
+    "dltdv8": partial(_paired, "DLTdv8", DLTDV, "uv", PixelOrigin(first_pixel=1.0)),
+    "argus": partial(_paired, "Argus", ARGUS, "xy", LOWER_LEFT),
     "table": lambda rows: (
         _one_camera(rows, OURS, OWN) or _one_camera(rows, OURS, COUNTED) or guess_by_roles(rows)
     ),

@@ -186,8 +186,7 @@ class ProjectApplication(ProjectPart):
                 self.database.name_files(ASKING, {side: given})
 
     def forget_question(self, side: Asked) -> None:
-        with self.database.freeing():
-            self.database.forget_files(ASKING, [side])
+        self.database.forget_files(ASKING, [side])
 
     def _keep_points(self, side: Asked, given: bytes, table: bytes, file: PointFile) -> None:
         with self.database.transaction():
@@ -204,8 +203,7 @@ class ProjectApplication(ProjectPart):
         self.database.give(SETS, RIG, label, content)
 
     def forget_rig(self) -> None:
-        with self.database.freeing():
-            self.database.forget_files(SETS, [RIG])
+        self.database.forget_files(SETS, [RIG])
 
     @property
     def rig_given(self) -> tuple[str, RigFile] | None:
@@ -248,8 +246,7 @@ class ProjectApplication(ProjectPart):
 
     def forget_world(self) -> None:
         """Go back to the primary camera's frame."""
-        with self.database.freeing():
-            self.database.forget_files(WORLD)
+        self.database.forget_files(WORLD)
 
     @property
     def world_file(self) -> StoredFile | None:

@@ -163,7 +163,7 @@ class Store(Database):
     def forget_files(self, part: str, names: Collection[str] | None = None) -> None:
         """Remove the names of a part, all or some, and contents that no other name uses."""
         own = self.scope + part
-        with self.transaction() as db:
+        with self.freeing() as db:
             for name, file in self.files(part).items():
                 if names is None or name in names:
                     db.execute("DELETE FROM named WHERE part = ? AND name = ?", [own, name])

@@ -374,8 +374,7 @@ class Project:
         KEPT[Dataset].keep(_key(file), dataset)
 
     def drop_datasets(self) -> None:
-        with self.database.freeing():
-            self.database.forget_files(FURTHER)
+        self.database.forget_files(FURTHER)
 
     @property
     def more_datasets(self) -> list[Dataset]:

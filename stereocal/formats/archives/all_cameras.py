@@ -13,7 +13,7 @@ from stereocal.formats.archives.easywand import LENS_FIELDS
 from stereocal.formats.archives.gather import is_table, layout_of_bars, names_in, sorted_files
 from stereocal.formats.exchange.chosen_cameras import namesakes
 from stereocal.formats.exchange.exchange import camera_names, read_camera_pair
-from stereocal.formats.exchange.options import LOWER_LEFT, ExchangeOptions
+from stereocal.formats.exchange.options import LOWER_LEFT, Contents, ExchangeOptions
 from stereocal.formats.point_files import read_bars
 from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.recording_files import NUMBERS, REQUIRED, pack_recording, read_points_csv
@@ -44,7 +44,7 @@ class Gathered:
 
 
 def gather_all(
-    files: Mapping[str, bytes], options: ExchangeOptions, name: str, lengths: Mapping[str, float]
+    files: Contents, options: ExchangeOptions, name: str, lengths: Mapping[str, float]
 ) -> Gathered:
     """The recording of all cameras; baselines are free.
 
@@ -62,7 +62,7 @@ def gather_all(
 
 
 def _of_bars(
-    files: Mapping[str, bytes], options: ExchangeOptions, name: str, distance_m: float | None
+    files: Contents, options: ExchangeOptions, name: str, distance_m: float | None
 ) -> Gathered:
     """The recording of another program's files."""
     table, others, opened = sorted_files(files)
@@ -150,11 +150,7 @@ def names_cameras(content: bytes, source: str) -> bool:
 
 
 def _of_points(
-    files: Mapping[str, bytes],
-    table: str,
-    options: ExchangeOptions,
-    name: str,
-    lengths: Mapping[str, float],
+    files: Contents, table: str, options: ExchangeOptions, name: str, lengths: Mapping[str, float]
 ) -> Gathered:
     """The recording of a table of format 2."""
     first, *others = targets = targets_in(files[table], table)
@@ -201,7 +197,7 @@ def _column(content: bytes, source: str, name: str) -> list[str]:
     return [str(each) for each in raw.str.strip().unique()]
 
 
-def cameras_in(files: Mapping[str, bytes], options: ExchangeOptions) -> dict[str, Camera]:
+def cameras_in(files: Contents, options: ExchangeOptions) -> dict[str, Camera]:
     """The cameras by the name in a file of several, or of the file of one."""
     found: dict[str, Camera] = {}
     for name, content in files.items():

@@ -4,7 +4,7 @@ found = gather({"calib_easyWandData.mat": content}, ExchangeOptions(cameras=("1"
 found = gather({"wand.csv": ..., "camchain.yaml": ...}, ExchangeOptions())
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import PurePath
@@ -15,7 +15,7 @@ from stereocal.formats.archives.easywand import EasyWandFile, open_easywand, rea
 from stereocal.formats.correspondences_csv import REQUIRED, read_table
 from stereocal.formats.exchange.chosen_cameras import chosen_pair, has_cameras, namesakes
 from stereocal.formats.exchange.exchange import camera_names, format_of, read_camera_pair
-from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.options import Contents, ExchangeOptions
 from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab
 from stereocal.formats.point_answers import (
@@ -41,9 +41,7 @@ MIDDLES = ("middle", "mid", "centre", "center")
 """Names of points that are no end of a bar."""
 
 
-def gather(
-    files: Mapping[str, bytes], options: ExchangeOptions, baseline_known: bool = False
-) -> Archive:
+def gather(files: Contents, options: ExchangeOptions, baseline_known: bool = False) -> Archive:
     """What the files contribute to a data set, with a report.
 
     Args:
@@ -81,7 +79,7 @@ def table_cameras(
     return layout.cameras, layout.states_cameras
 
 
-def names_in(files: Mapping[str, bytes]) -> tuple[str, ...]:
+def names_in(files: Contents) -> tuple[str, ...]:
     """Names of the cameras in camera files: those in a file of several, or of the files of one."""
     found: list[str] = []
     for name, content in files.items():
@@ -139,7 +137,7 @@ def _wanted(
     return (wanted, wanted), ()
 
 
-def sorted_files(files: Mapping[str, bytes]) -> tuple[str, dict[str, bytes], EasyWandFile | None]:
+def sorted_files(files: Contents) -> tuple[str, dict[str, bytes], EasyWandFile | None]:
     """The name of the table, or empty, the camera files, and the file that has everything."""
     tables = [name for name, content in files.items() if is_table(name, content)]
     others = {name: each for name, each in files.items() if name not in tables}
@@ -169,7 +167,7 @@ def is_table(name: str, content: bytes) -> bool:
     return recognise(name, content).kind == "table"
 
 
-def _cameras(files: Mapping[str, bytes], options: ExchangeOptions, baseline_known: bool) -> Archive:
+def _cameras(files: Contents, options: ExchangeOptions, baseline_known: bool) -> Archive:
     pair = read_camera_pair(files, options)
     source = ", ".join(files)
     about = ", ".join(filter(None, (pair.program, pair.words)))

@@ -163,22 +163,17 @@ def camera_matrix(fx: float, fy: float, cx: float, cy: float) -> FloatArray:
 
 
 def camera_from(
-    K: Any,
-    distortion: Any,
-    size: Any,
-    stated: object,
-    options: ExchangeOptions,
-    k: int,
-    source: str,
+    K: Any, lens: Any, size: Any, stated: object, options: ExchangeOptions, k: int, source: str
 ) -> Camera:
     """Camera `k`, 0 or 1, of what a file has.
 
     Args:
+        lens: its distortion coefficients.
         size: width and height; None if the file does not state it.
         stated: the lens model, as for `lens_model_of`.
         source: what errors begin with.
     """
-    coefficients = array_of(distortion, (-1,), "the distortion", source)
+    coefficients = array_of(lens, (-1,), "the distortion", source)
     model = lens_model_of(coefficients, stated, options.lens_model, source)
     image_size = size_of(size, options, k, source)
     matrix = array_of(K, (3, 3), "the camera matrix", source)

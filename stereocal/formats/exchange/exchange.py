@@ -24,7 +24,7 @@ from stereocal.formats.exchange.camera_format import (
 )
 from stereocal.formats.exchange.dlt import DLT
 from stereocal.formats.exchange.matlab import MATLAB
-from stereocal.formats.exchange.options import ExchangeOptions, Unit
+from stereocal.formats.exchange.options import Contents, ExchangeOptions, Unit
 from stereocal.formats.exchange.ros import ROS, is_ros
 from stereocal.formats.exchange.text_formats import ANIPOSELIB, ARGUS, CALISCOPE, COLMAP
 from stereocal.formats.exchange.yaml_formats import KALIBR, OPENCV
@@ -109,7 +109,7 @@ def camera_names(name: str, content: bytes) -> tuple[str, ...]:
     return () if names is None else names(ForeignFile(name, content))
 
 
-def names_in_files(files: Mapping[str, bytes], name: str) -> tuple[str, ...]:
+def names_in_files(files: Contents, name: str) -> tuple[str, ...]:
     """Names of the cameras in the files of a format by name, to choose from; empty if none are."""
     known = _format(name)
     if known.one_camera:
@@ -120,7 +120,7 @@ def names_in_files(files: Mapping[str, bytes], name: str) -> tuple[str, ...]:
     return known.names(ForeignFile(only, content))
 
 
-def read_camera_pair(files: Mapping[str, bytes], options: ExchangeOptions) -> CameraPair:
+def read_camera_pair(files: Contents, options: ExchangeOptions) -> CameraPair:
     """Two cameras from the files of one program, which is recognised.
 
     A single file with one camera serves for both: a nominal lens.
@@ -138,7 +138,7 @@ def read_camera_pair(files: Mapping[str, bytes], options: ExchangeOptions) -> Ca
 
 
 def _read(
-    files: Mapping[str, bytes], known: CameraFormat, options: ExchangeOptions, source: str
+    files: Contents, known: CameraFormat, options: ExchangeOptions, source: str
 ) -> CameraPair:
     pair = known.read([ForeignFile(*each) for each in files.items()], options, source)
     ours = any(OUR_UNIT.encode() in content for content in files.values())
@@ -211,10 +211,7 @@ def export_notes(rig: Rig, name: str) -> list[str]:
 
 
 def import_files(
-    files: Mapping[str, bytes],
-    name: str,
-    options: ExchangeOptions | None = None,
-    source: str = "parameters",
+    files: Contents, name: str, options: ExchangeOptions | None = None, source: str = "parameters"
 ) -> RigParameters:
     """Parameters from the files of a format by name; the method is `imported`.
 

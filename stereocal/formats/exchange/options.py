@@ -25,6 +25,8 @@ CORNERS: tuple[Corner, ...] = ("upper-left", "lower-left")
 Flip = Literal["h", "h-1", "h+1"]
 FLIPS: tuple[Flip, ...] = ("h", "h-1", "h+1")
 ImageSize = tuple[int, int]
+Contents = Mapping[str, bytes]
+"""Files by name."""
 
 
 @dataclass(frozen=True)
