@@ -28,6 +28,7 @@ from stereocal.formats.recording_files import pack_recording
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import rounded
+from stereocal.system.zip_files import is_zip, unzip
 
 EVERY = "all"
 OF_BARS = ("wand", "argus", "dltdv5", "dltdv8", "table")
@@ -56,12 +57,15 @@ OPTIONS: Options = {
 def run(parsed: argparse.Namespace) -> None:
     """Read the files, write the data set, print what was taken and what is missing."""
     size, name, distance = image_size(parsed.image_size), parsed.out.name, parsed.distance
+    given: dict[str, bytes] = {}
+    for file, content in contents(parsed.files).items():
+        given |= unzip(content, file) if is_zip(content) else {file: content}
     options = ExchangeOptions(
         (size, size), layout=parsed.layout, roles=parsed.roles, **answers(parsed)
     )
     if parsed.cameras == EVERY:
         lengths = {} if distance is None else {ENDS[1]: distance}
-        every = gather_all(contents(parsed.files), options, name, lengths)
+        every = gather_all(given, options, name, lengths)
         _show(every.taken)
         files, notes = pack_recording(every.recording), [*every.remarks]
     else:
@@ -69,7 +73,7 @@ def run(parsed: argparse.Namespace) -> None:
         baseline = math.inf if free else number_of(parsed.baseline, "--baseline", wanted)
         if parsed.cameras is not None:
             options = replace(options, cameras=two_cameras(parsed.cameras))
-        found = gather(contents(parsed.files), options, baseline_known=baseline is not None)
+        found = gather(given, options, baseline_known=baseline is not None)
         no_length = found.no_baseline and found.target_distance_m is None
         if no_length and options.unit not in (None, "m"):
             raise StereocalError(

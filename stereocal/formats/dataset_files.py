@@ -13,6 +13,7 @@ from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.recording_files import (
     DATASET_FORMAT,
     DESCRIPTION,
+    HOW_MADE,
     LARGEST_DESCRIPTION,
     STARTS,
     find_description,
@@ -101,6 +102,10 @@ def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
                 str(PurePosixPath(file.relative_to(path))): file.read_bytes() for file in found
             }
             return texts, any(is_photograph(file.name) and file.is_file() for file in below)
+        if path.suffix.lower() in TEXTS and path.is_file():
+            raise StereocalError(
+                f"a data set is a folder or a zip with {DESCRIPTION}.{HOW_MADE}", str(path)
+            )
         if path.is_file():
             with open_zip(path, path.name) as opened:
                 photographs = any(map(is_photograph, opened.names))

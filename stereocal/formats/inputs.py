@@ -20,7 +20,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.system.photograph_files import is_photograph
 from stereocal.system.tables import names_of, text_of
-from stereocal.system.zip_files import open_zip, unzip
+from stereocal.system.zip_files import is_zip, open_zip, unzip
 
 MANIFEST = "project.json"
 """In a project's zip."""
@@ -56,7 +56,7 @@ def read_input(path: Path, lens_model: LensModel | None = None, pair: str | None
 
 def images_in(content: bytes, label: str, rig: RigParameters) -> NewImages:
     """New images in an uploaded file: a zip with `dataset.json`, or a table."""
-    if content[:4] == b"PK\x03\x04":
+    if is_zip(content):
         return images_of_bars(parse_zip(content, label), rig)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
         path = Path(folder) / f"table{Path(label).suffix.lower()}"
@@ -67,7 +67,7 @@ def images_in(content: bytes, label: str, rig: RigParameters) -> NewImages:
 def recording_in(content: bytes, label: str, rig: RigFile) -> Recording:
     """New images of a rig in a file: a zip with `dataset.json`, or a table `points.csv` of the
     object that the rig was calibrated with."""
-    if content[:4] == b"PK\x03\x04":
+    if is_zip(content):
         return parse_recording(unzip(content, label, lambda name: not is_photograph(name)), label)
     if rig.object is None:
         raise StereocalError(

@@ -32,6 +32,10 @@ DATASET_FORMAT = "stereocal-dataset/1"
 RECORDING_FORMAT = "stereocal-dataset/2"
 """Any cameras and any rigid object, with `points.csv`."""
 DESCRIPTION = "dataset.json"
+HOW_MADE = (
+    " Of a table of points and camera files `python -m stereocal import` makes one; the Data page "
+    "takes photographs and such files as they are."
+)
 LONGEST_NAME = 200
 LARGEST_DESCRIPTION = 4_000_000
 POINTS = "points.csv"
@@ -140,10 +144,12 @@ def find_description(files: Mapping[str, bytes], source: str) -> Description:
         if PurePosixPath(name).name == DESCRIPTION and not name.startswith("__MACOSX/")
     ]
     if not found:
+        zips = [name for name in files if name.lower().endswith(".zip")]
+        inside = f" It holds the zip {zips[0][:60]}: unpack that, and give it." if zips else ""
         raise StereocalError(
-            f"{source}: there is no {DESCRIPTION} in it, which names the cameras and their "
-            "lengths. Of a table of points and camera files `python -m stereocal import` makes "
-            "one; the Data page takes photographs and such files as they are."
+            f"there is no {DESCRIPTION} in it, which names the cameras and their lengths."
+            f"{inside or HOW_MADE}",
+            source,
         )
     if len(found) > 1:
         raise StereocalError(

@@ -76,6 +76,10 @@ class OpenZip:
                 yield piece
 
 
+def is_zip(content: bytes) -> bool:
+    return content.startswith(b"PK\x03\x04")
+
+
 @contextmanager
 def open_zip(source: Path | bytes, name: str) -> Iterator[OpenZip]:
     """Open a zip file or its content, called `name` in messages."""

@@ -11,7 +11,7 @@ from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.rig.parameters import RigParameters
 from tests.archives import easywand_fields, mat
-from tests.files import write
+from tests.files import write, zipped
 from tests.known_rig import BASELINE_M
 from tests.known_rig import dataset as known_dataset
 
@@ -54,6 +54,31 @@ def test_lengths_and_sizes_that_cannot_be_are_refused(
         assert main(["import", str(easywand), *words, "--out", str(tmp_path / "set")]) == 2
         assert message in capsys.readouterr().err
     assert not (tmp_path / "set").exists()
+
+
+def test_what_is_no_data_set_or_one_already_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = pack_dataset(known_dataset(4))
+    european, packed = files["correspondences.csv"].replace(b",", b";"), zipped(files)
+    both = zipped({"day/set.zip": packed})
+    write({"table.csv": european, "both.zip": both, "set.zip": packed}, tmp_path)
+    for command, name, says in (
+        ("calibrate", "table.csv", "stereocal import"),
+        ("calibrate", "both.zip", "the zip day/set.zip: unpack that"),
+        ("import", "set.zip", "dataset.json: this is a data set already"),
+    ):
+        assert main([command, str(tmp_path / name), "--out", str(tmp_path / "out")]) == 2
+        assert says in capsys.readouterr().err
+
+
+def test_files_in_a_zip_are_imported(tmp_path: Path) -> None:
+    files = {path.name: path.read_bytes() for path in EUROPEAN.iterdir()}
+    names = ("wand.csv", "l.yml", "r.yml")
+    (tmp_path / "day.zip").write_bytes(zipped({f"day/{name}": files[name] for name in names}))
+    lengths = ["--baseline", "1.2176", "--distance", "0.5", "--out", str(tmp_path / "set")]
+    assert main(["import", str(tmp_path / "day.zip"), *lengths]) == 0
+    assert len(read_dataset(tmp_path / "set").correspondences.bars) == 25
 
 
 def test_a_free_baseline(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -142,6 +142,8 @@ def sorted_files(files: Contents) -> tuple[str, dict[str, bytes], EasyWandFile |
     tables = [name for name, content in files.items() if is_table(name, content)]
     others = {name: each for name, each in files.items() if name not in tables}
     for name, content in others.items():
+        if recognise(name, content).kind == "data set":
+            raise StereocalError("this is a data set already: use it as it is.", name)
         if is_hdf5(content):
             raise StereocalError(
                 f"{name}: this is an HDF5 file, as MATLAB saves with -v7.3; it is not read here. "
