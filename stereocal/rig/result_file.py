@@ -20,6 +20,8 @@ from stereocal.system.atomic_files import read_whole, write_atomically
 from stereocal.system.json_text import read_json
 from stereocal.version import __version__
 
+OF_OTHERS = "Parameters of another program are read first, by stereocal convert --from PROGRAM."
+
 
 def software_versions() -> dict[str, str]:
     """The `software` entry of a file: versions on which its numbers depend."""
@@ -76,6 +78,8 @@ class ResultFile(ABC):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a file."""
+        if Path(path).is_dir():
+            raise StereocalError(f"{path} is a folder, and no {cls.CALLED}. {OF_OTHERS}")
         return cls.loads(read_whole(path, cls.LARGEST), str(path))
 
     @classmethod
@@ -87,10 +91,14 @@ class ResultFile(ABC):
                 f"{source}: {len(text)} bytes are too many for a {cls.CALLED} "
                 f"(at most {cls.LARGEST})."
             )
-        data = read_json(text, source)
+        # Other programs write YAML, TOML or XML; a byte order mark may precede ours.
+        ours = text.lstrip()[:1] in ("{", b"{", "\ufeff", b"\xef")
+        data = read_json(text, source) if ours else None
         found = data.get("format") if isinstance(data, dict) else None
         with naming(source):
-            if found is None or any(data.get(key) != value for key, value in cls.READS.items()):
+            if found is None:
+                raise StereocalError(f"this is no {cls.CALLED}. {OF_OTHERS}")
+            if any(data.get(key) != value for key, value in cls.READS.items()):
                 reads = " with the convention ".join(f'"{value}"' for value in cls.READS.values())
                 raise StereocalError(f"the format is {found!r}; this version reads {reads}.")
             try:

@@ -128,12 +128,15 @@ class TestRefusals:
         with pytest.raises(StereocalError, match=says):
             RigParameters.loads(damaged(change), "test")
 
-    def test_a_file_that_is_not_there_or_no_text(self, tmp_path: Path) -> None:
+    def test_a_file_that_is_not_there_or_of_another_kind(self, tmp_path: Path) -> None:
         with pytest.raises(StereocalError, match="cannot be read"):
             RigParameters.load(tmp_path / "none.json")
-        (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00")
-        with pytest.raises(StereocalError, match="not a text file"):
-            RigParameters.load(tmp_path / "binary.json")
+        for content in (b"\xff\xfe\x00", b"%YAML:1.0\nM1: 1", b"[cam_0]\n", b'{"K": []}'):
+            (tmp_path / "other").write_bytes(content)
+            with pytest.raises(StereocalError, match=r"other: this is no .*convert --from"):
+                RigParameters.load(tmp_path / "other")
+        with pytest.raises(StereocalError, match="is a folder.*convert --from"):
+            RigParameters.load(tmp_path)
 
     def test_nan_is_never_written(self) -> None:
         with pytest.raises(StereocalError, match="not a finite number"):
