@@ -135,7 +135,7 @@ class TestRefusals:
             (tmp_path / "other").write_bytes(content)
             with pytest.raises(StereocalError, match=r"other: this is no .*convert --from"):
                 RigParameters.load(tmp_path / "other")
-        with pytest.raises(StereocalError, match="is a folder.*convert --from"):
+        with pytest.raises(StereocalError, match=r"is a folder.*convert --from"):
             RigParameters.load(tmp_path)
 
     def test_nan_is_never_written(self) -> None:
