@@ -93,7 +93,7 @@ class ResultFile(ABC):
             )
         # Other programs write YAML, TOML or XML; a byte order mark may precede ours.
         ours = text.lstrip()[:1] in ("{", b"{", "\ufeff", b"\xef")
-        data = read_json(text, source) if ours else None
+        data: Any = read_json(text, source) if ours else None
         found = data.get("format") if isinstance(data, dict) else None
         with naming(source):
             if found is None:
