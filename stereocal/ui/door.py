@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from typing import Any
 
 import streamlit as st
 
@@ -61,6 +62,7 @@ _VIDEOS = "videos_waiting"
 UseVideos = Callable[[Mapping[str, tuple[str, bytes]]], None]
 """Takes the name and the content of the video of each camera, the primary's first."""
 BOTH = ("The primary camera", "The secondary camera")
+TOOK = "Which camera took {}?"
 REMOVE = "Remove all photographs"
 
 
@@ -114,13 +116,12 @@ def _keep(opened: list[Project], name: str, content: bytes) -> StoredFile:
 def _take(given: Dropped[StoredFile], use_videos: UseVideos) -> None:
     """Use what was given; what is wrong with one kind leaves the others."""
     if given.of("data set"):
-        videos = given.of("video")
-        intake.store_dataset(given.files, given.source, given.photographs, bool(videos))
+        intake.store_dataset(given)
         project = current_project()
         if project is not None and ProjectRecording(project).is_given:
             go_to("rig")
         else:
-            given.use(partial(place_videos, videos, use_videos))
+            given.use(partial(place_videos, given.of("video"), use_videos))
         return
     if not (given.photographs or given.files):
         return
@@ -172,7 +173,7 @@ def _take_tables(project_files: ProjectGiven, tables: Mapping[str, bytes]) -> No
         if names_cameras(text, name):
             project_files.more_cameras({name: text})
         elif is_correspondences(text, name):
-            intake.store_table(name, text)
+            intake.store_files({"correspondences": (name, text)})
         elif project_files.is_of_rig and _cameras_of(name, text) > 2:
             project_files.recording.add_parts({name: text})
         else:
@@ -227,14 +228,36 @@ def _use_videos(names: Mapping[str, str], use: UseVideos) -> None:
 # Questions
 
 
-def _ask(key: str, question: str, answers: Mapping[str, Callable[[], None]]) -> None:
-    """A question with a button for each answer."""
+def _ask_whose(
+    key: str,
+    whose: str,
+    items: Sequence[Any],
+    took: str,
+    act: Callable[[Any, Any], object],
+    cameras: tuple[str, ...],
+    more: Mapping[str, Callable[[], object]],
+) -> None:
+    """Whose the first of some items is; of two of two cameras, which is the primary's.
+
+    Args:
+        whose, took: the questions: of two, and with {} for the first.
+        act: called with an item and its camera.
+        more: further answers.
+    """
+    answers: dict[str, Callable[[], object]]
+    if len(items) == 2 and cameras == CAMERAS:
+        question = f"Which {whose} the primary camera's?"
+        answers = {str(each): partial(act, each, CAMERAS[0]) for each in items}
+    else:
+        question, titles = took.format(items[0]), BOTH if cameras == CAMERAS else cameras
+        own = [partial(act, items[0], camera) for camera in cameras]
+        answers = dict(zip(titles, own, strict=True))
     with st.container(border=True):
         st.markdown(f"**{escape_markdown(question)}**")
         with st.container(horizontal=True):
-            for number, (label, act) in enumerate(answers.items()):
+            for number, (label, answer) in enumerate({**answers, **more}.items()):
                 kind = "tertiary" if label == REMOVE else "primary"
-                button(escape_markdown(label), f"{key}_{number}", act, type=kind)
+                button(escape_markdown(label), f"{key}_{number}", answer, type=kind)
 
 
 def ask_whose(project_files: ProjectGiven) -> None:
@@ -249,34 +272,15 @@ def ask_whose(project_files: ProjectGiven) -> None:
         return
     series = project_files.open_series
     cameras = project_files.rig_cameras if project_files.is_of_rig else CAMERAS
-    if len(series) == 2 and not project_files.is_of_rig:
-        answers: dict[str, Callable[[], None]] = {
-            str(each): partial(_answer, project_files, each, "primary") for each in series
-        }
-        answers[REMOVE] = project_files.photographs.clear
-        _ask("whose", "Which photographs are the primary camera's?", answers)
-    elif series and cameras:
-        titles = cameras if project_files.is_of_rig else BOTH
-        of = [partial(_answer, project_files, series[0], camera) for camera in cameras]
-        answers = {**dict(zip(titles, of, strict=True)), REMOVE: project_files.photographs.clear}
-        _ask("whose", f"Which camera took {series[0]}?", answers)
+    if series and cameras:
+        act, rest = partial(_answer, project_files), {REMOVE: project_files.photographs.clear}
+        _ask_whose("whose", "photographs are", series, TOOK, act, cameras, rest)
     elif files := project_files.open_files:
-        _ask_whose_file(project_files, files)
-
-
-def _ask_whose_file(project_files: ProjectGiven, files: Sequence[str]) -> None:
-    first = files[0]
-    if len(files) == 2:
-        either = {name: partial(_give_file, project_files, name, "primary") for name in files}
-        _ask("whose_file", "Which camera file is the primary camera's?", either)
-        return
-    answers: dict[str, Callable[[], None]] = {
-        title: partial(_give_file, project_files, first, slot)
-        for title, slot in zip(BOTH, CAMERAS, strict=True)
-    }
-    if {*CAMERAS} <= {*project_files.project.inputs.labels}:
-        answers["A third camera"] = partial(project_files.more_cameras, {})
-    _ask("whose_file", f"Which camera's is {first}?", answers)
+        rest = {"A third camera": partial(project_files.more_cameras, {})}
+        if len(files) == 2 or not {*CAMERAS} <= {*project_files.project.inputs.labels}:
+            rest = {}
+        act, took = partial(_give_file, project_files), "Which camera's is {}?"
+        _ask_whose("whose_file", "camera file is", files, took, act, CAMERAS, rest)
 
 
 def _answer(project_files: ProjectGiven, series: Series, camera: str) -> None:
@@ -313,15 +317,12 @@ def ask_whose_video(use: UseVideos, cameras: tuple[str, ...] = CAMERAS, fewest: 
         st.info(
             f"{escape_markdown(waiting[0])} waits for the video of the other camera: drop it here."
         )
-    elif len(waiting) == 2 and cameras == CAMERAS:
-        orders = (waiting, waiting[::-1])
-        answers = {
-            order[0]: partial(_use_videos, dict(zip(CAMERAS, order, strict=True)), use)
-            for order in orders
-        }
-        _ask("whose_video", "Which video is the primary camera's?", answers)
     elif waiting:
-        titles = BOTH if cameras == CAMERAS else cameras
-        took = [partial(_use_videos, {camera: waiting[0]}, use) for camera in cameras]
-        answers = dict(zip(titles, took, strict=True))
-        _ask("whose_video", f"Which camera took {waiting[0]}?", answers)
+
+        def act(name: str, camera: str) -> None:
+            """Of two, the other one is the other camera's."""
+            order = [name, *(each for each in waiting if each != name)]
+            both = len(waiting) == 2 and cameras == CAMERAS
+            _use_videos(dict(zip(CAMERAS, order, strict=True)) if both else {camera: name}, use)
+
+        _ask_whose("whose_video", "video is", waiting, TOOK, act, cameras, {})

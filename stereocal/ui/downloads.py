@@ -5,6 +5,7 @@ work within 0.1 s, and the browser got "404 not found" (8 of 20).
 """
 
 import itertools
+import mimetypes
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -15,18 +16,6 @@ from streamlit.delta_generator import DeltaGenerator
 
 HELD_S = 60.0
 _PLACES = itertools.cycle(range(100))
-
-
-MIMES = {
-    "json": "application/json",
-    "zip": "application/zip",
-    "pdf": "application/pdf",
-    "yml": "application/yaml",
-    "csv": "text/csv",
-    "html": "text/html",
-    "svg": "image/svg+xml",
-}
-"""By the ending of a name; others are plain text."""
 
 
 def offer(
@@ -52,7 +41,7 @@ def offer(
     if content is None:
         draw.button(label, disabled=True, key=f"no_{key}", **shown)
         return
-    mime = MIMES.get(name.rsplit(".", 1)[-1], "text/plain")
+    mime = mimetypes.guess_type(name)[0] or "text/plain"
     kind = "primary" if primary else "secondary"
 
     def data() -> bytes:

@@ -17,7 +17,6 @@ from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import TABLE, parse_dataset, parse_survey
 from stereocal.formats.dropped import Dropped, sort_files
 from stereocal.formats.exchange.options import ImageSize
-from stereocal.formats.point_text import point_text
 from stereocal.formats.recognition import CAMERA_SUFFIXES
 from stereocal.formats.recording_files import Description, find_description, parse_recording
 from stereocal.projects.files import StoredFile
@@ -57,13 +56,6 @@ class Upload(Protocol):
         """The content."""
 
 
-def in_use(project: Project | None, slot: Slot) -> None:
-    """Show the file in use, which the uploader does not."""
-    label = project.inputs.labels.get(slot) if project else None
-    if label:
-        st.caption(f"In use: {escape_markdown(label)}")
-
-
 def check_uploads(uploads: Sequence[Upload]) -> None:
     """Check number and sizes of uploads before any is read.
 
@@ -77,16 +69,6 @@ def check_uploads(uploads: Sequence[Upload]) -> None:
         # Zips are checked by their list of contents.
         if not upload.name.lower().endswith(".zip"):
             limits.check_size(upload.size, upload.name)
-
-
-def store_table(name: str, content: bytes) -> None:
-    """Store a table of points."""
-    _try_files({"correspondences": (name, point_text(content, name))})
-
-
-def store_camera(slot: Slot, name: str, content: bytes) -> None:
-    """Store a camera file; what it does not say of its lens is asked."""
-    store_cameras({slot: (name, content)})
 
 
 def store_cameras(files: Mapping[Slot, tuple[str, bytes]]) -> None:
@@ -103,16 +85,9 @@ def store_cameras(files: Mapping[Slot, tuple[str, bytes]]) -> None:
                 asked = True
             # The stored file must state what was asked.
             stored[slot] = name, as_read(write_camera(camera) if asked else content, camera)
-        _try_files(stored)
+        store_files(stored)
 
     ask_about_lens(take)
-
-
-def store_dataset(
-    files: Mapping[str, bytes], source: str, photographs: StoredPhotographs, has_videos: bool
-) -> None:
-    """Store a data set and its photographs; what may be a fisheye's is asked."""
-    ask_if_fisheye(partial(_try_dataset, files, source, photographs, has_videos))
 
 
 def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], None]) -> None:
@@ -124,30 +99,26 @@ def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], No
     set_refusal(error, {label: without} if len(rest) else None)
 
 
-def _try_dataset(
-    files: Mapping[str, bytes],
-    source: str,
-    photographs: StoredPhotographs,
-    has_videos: bool,
-    lens_model: LensModel | None,
-) -> None:
-    """Store a data set; if rows are refused, offer to leave them out."""
-    try:
-        give_dataset(
-            project_to_write(), files, source, photographs, lens_model, has_videos=has_videos
-        )
-    except RefusedRowsError as error:
-        name = find_description(files, source).folder + TABLE
-        if name not in files:  # a recording has another table
-            raise
+def store_dataset(given: Dropped[StoredFile]) -> None:
+    """Store a data set and its photographs; what may be a fisheye's is asked, and if rows are
+    refused, it is offered to leave them out."""
 
-        def use(rest: bytes) -> None:
-            _try_dataset({**files, name: rest}, source, photographs, False, lens_model)
+    def take(files: Mapping[str, bytes], videos: bool, lens_model: LensModel | None) -> None:
+        about = files, given.source, given.photographs, lens_model
+        try:
+            give_dataset(project_to_write(), *about, has_videos=videos)
+        except RefusedRowsError as error:
+            name = find_description(files, given.source).folder + TABLE
+            if name not in files:  # a recording has another table
+                raise
+            _offer_rest(
+                error, files[name], lambda rest: take({**files, name: rest}, False, lens_model)
+            )
 
-        _offer_rest(error, files[name], use)
+    ask_if_fisheye(partial(take, given.files, bool(given.of("video"))))
 
 
-def _try_files(files: Mapping[Slot, tuple[str, bytes]]) -> None:
+def store_files(files: Mapping[Slot, tuple[str, bytes]]) -> None:
     """Store files; if rows of the table are refused, offer to leave them out."""
     project = project_to_write()
     try:
@@ -158,7 +129,7 @@ def _try_files(files: Mapping[Slot, tuple[str, bytes]]) -> None:
             raise
         name, content = table
         _offer_rest(
-            error, content, lambda rest: _try_files({**files, "correspondences": (name, rest)})
+            error, content, lambda rest: store_files({**files, "correspondences": (name, rest)})
         )
 
 

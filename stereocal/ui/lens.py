@@ -128,13 +128,14 @@ def _choose_camera(project: Project | None) -> tuple[CameraName, str]:
 
 def _from_file(project: Project | None, which: CameraName) -> None:
     """The uploader of a camera file."""
-    intake.in_use(project, which)
+    if project is not None and which in project.inputs.labels:
+        st.caption(f"In use: {escape_markdown(project.inputs.labels[which])}")
     upload = st.file_uploader(
         f"Camera file, {which}: stereocal's JSON, or OpenCV's YAML, XML or JSON",
         type=intake.CAMERA_KINDS,
         key=f"upload_lens_{which}",
     )
-    intake.take_one(upload, partial(intake.store_camera, which))
+    intake.take_one(upload, lambda *file: intake.store_cameras({which: file}))
 
 
 def _from_photographs(which: CameraName) -> ProjectLens | None:
