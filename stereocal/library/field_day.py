@@ -202,7 +202,7 @@ class Check(Answer):
         """
         if isinstance(self.found, RigCheck):
             raise StereocalError("A rig has no such figure: check the parameters of a pair.")
-        return draw("check_residuals.plot_check", residuals_of(self.found), self.found.since)
+        return draw("frame_errors.plot_check", residuals_of(self.found), self.found.since)
 
 
 def check(

@@ -33,13 +33,13 @@ from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.system.records import plain
 from stereocal.ui import jobs
-from stereocal.ui.boards import held_board, press_search
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.holding import ask_what_is_held, holds_board, settle
 from stereocal.ui.intake import give_pair
 from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import button, readable, show_stale, show_with_button
 from stereocal.ui.navigation import go_to
+from stereocal.ui.photographs import held_board, press_search
 from stereocal.ui.rig import rig_work
 from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.ui.videos import show_frames_taken

@@ -23,9 +23,10 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
-from stereocal.ui.apply_points import FEWEST, PointsForm
-from stereocal.ui.apply_threshold import (
+from stereocal.ui.apply_points import (
+    FEWEST,
     OPTIONAL,
+    PointsForm,
     ThresholdForm,
     ask_names,
     ask_noise,

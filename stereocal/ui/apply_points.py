@@ -1,20 +1,34 @@
-"""The points of the Apply page: the project's own, or a file of each camera."""
+"""The points of the Apply page: the project's own, or a file of each camera; their noise, the
+threshold, and depths."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import cycle
 
 import pandas as pd
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
+from stereocal.errors import StereocalError
+from stereocal.figures.matches import describe_pair_errors, plot_pair_errors
 from stereocal.matching.application import Points
+from stereocal.matching.in_step import points_in_step
+from stereocal.matching.matching import ANY_DEPTH, check_depths, nearest_errors
+from stereocal.matching.names import AUTO, NO_NAMES, OFF, Sample, name_columns, stated_columns
+from stereocal.matching.pairs import PairMatching, Stated, further_of, sample_frames
+from stereocal.matching.point_noise import FEWEST_PAIRS, PointNoise
+from stereocal.matching.threshold import ThresholdChoice
 from stereocal.projects.application import CLICKED_IN, Asked, ProjectApplication
 from stereocal.projects.clicks import ProjectClicks
+from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import camera_in_words
-from stereocal.system.numbers import count
-from stereocal.ui.fields import Field, one_of, setting
+from stereocal.system.numbers import count, rounded
+from stereocal.ui import jobs
+from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
+from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import take_one
 from stereocal.ui.messages import button
 from stereocal.ui.texts import escape_markdown
@@ -122,3 +136,172 @@ class PointsForm:
             }
         found = {camera: self.store.points(slot) for camera, slot in self.slots.items()}
         return {camera: points for camera, points in found.items() if points is not None}
+
+
+Depths = tuple[float, float]
+THRESHOLD = (
+    "Threshold: largest reprojection error of a pair, mean over both cameras. Empty: by the noise "
+    "of your points."
+)
+OPTIONAL = Number(0.0, or_none=True)
+SOURCES = {"stated": "as stated", "columns": "by their columns", "calibration": "as the targets"}
+
+
+def noise_field(project: Project, key: str) -> Field:
+    """The noise as stated (px); None where the points decide."""
+    return setting(project, key, None, Number(0.001, or_none=True))
+
+
+def ask_noise(field: Field, usual: PointNoise | str, otherwise: str) -> float | None:
+    """Draw the field; returns its value.
+
+    Args:
+        usual: what is taken where the field is empty, or words for it.
+        otherwise: how that is found.
+    """
+    if not isinstance(usual, str):
+        usual = f"{rounded(usual.sigma_px)}, {SOURCES.get(usual.source, usual.source)}"
+    told = f"One standard deviation of an image coordinate of your points. Empty: {otherwise}."
+    title = "My points are known to (px)"
+    noise: float | None = field.number_input(title, step=0.1, placeholder=usual, help=told)
+    return noise
+
+
+@dataclass(frozen=True, eq=False)
+class ThresholdForm:
+    """What a threshold depends on."""
+
+    store: ProjectApplication
+    points: Mapping[str, Points]
+    rig: RigParameters
+    """To match with."""
+    depths: Depths
+    names: str = AUTO
+    usual_px: float | None = None
+    """The noise taken where the points do not show their own; None: that of the targets."""
+
+    @property
+    def key(self) -> str:
+        """Of the points."""
+        return " ".join(each.name for each in self.points.values())
+
+    def choose(
+        self, noise_at: DeltaGenerator, threshold_at: DeltaGenerator
+    ) -> tuple[ThresholdChoice | None, float | None]:
+        """The threshold, and the noise of the points as stated: fields that may be empty."""
+        stated = setting(self.store.project, "apply_threshold", None, OPTIONAL)
+        sigma = noise_field(self.store.project, "apply_sigma_px")
+        known_px = sigma.value()
+        usual, _ = _chosen(self, None, known_px)
+        if known_px is None and not (usual and usual.noise and usual.noise.source == "estimated"):
+            known_px = self.usual_px
+            usual, _ = _chosen(self, None, known_px)
+        found, why_none = _chosen(self, stated.value(), known_px)
+        noise = None if usual is None else usual.noise
+        by = "for targets" if noise is None or noise.source == "calibration" else "by the points"
+        shown = f"{rounded(usual.threshold_px, 3)}, {by}" if usual else "none"
+        stated.number_input("below (px)", threshold_at, step=0.1, placeholder=shown, help=THRESHOLD)
+        with noise_at:
+            otherwise = "by their column sigma_px, or estimated from their epipolar errors"
+            sigma_px = ask_noise(sigma, noise or "", otherwise)
+        if found is not None:
+            st.caption(escape_markdown(found.sentence()))
+            if known_px is not None and sigma_px is None:
+                st.caption(
+                    f"Points clicked by hand are taken to be known to {rounded(known_px)} px until "
+                    f"{FEWEST_PAIRS} pairs show their own noise."
+                )
+        else:
+            st.warning(escape_markdown(why_none))
+            st.info("Give a threshold in pixels.")
+        return found, known_px if sigma_px is None else sigma_px
+
+    def show(self, found: ThresholdChoice | None) -> None:
+        """The errors of the best and second-best pairs, and the depth range."""
+        form, figure = st.columns([2, 3], gap="large")
+        with form:
+            only, *ends = _depth_fields(self.store.project)
+            told = "Where it is known how far away the points are, fewer wrong pairs fit."
+            st.toggle("Only points at some depths", **only.widget(), help=told)
+            if only.value():
+                titles = ("Nearest (m)", "Farthest (m)")
+                for title, field, column in zip(titles, ends, st.columns(2), strict=True):
+                    field.number_input(title, column, format="%.6g")
+        with figure:
+            threshold = 0.0 if found is None else found.threshold_px
+            sample = [NO_NAMES.samples(*both)[0] for both in _sampled(self)]
+            nearest = jobs.compute(nearest_errors, self.rig, sample, self.depths)
+            words = describe_pair_errors(nearest, len(sample), threshold, found)
+            show_figure(plot_pair_errors(nearest, threshold), words, "pair_errors", caption=True)
+
+
+@st.cache_resource(
+    show_spinner=False,
+    max_entries=16,
+    hash_funcs={ThresholdForm: lambda form: (form.rig.digest, form.key, form.depths, form.names)},
+)
+def _chosen(
+    form: ThresholdForm, threshold: float | None, sigma_px: float | None
+) -> tuple[ThresholdChoice | None, str]:
+    """The threshold, or None, and the reason."""
+    try:
+        tables = _tables(form)
+        columns = list(stated_columns(form.names, *map(further_of, tables)))
+        distinct = [table[columns] for table in tables]
+        stated = Stated(threshold, form.depths, sigma_px, form.names)
+        given = form.rig, _sampled(form), distinct, stated
+        return jobs.compute(PairMatching.settled, *given).threshold, ""
+    except StereocalError as error:
+        return None, str(error)
+
+
+@st.cache_resource(
+    show_spinner=False,
+    max_entries=8,
+    hash_funcs={ThresholdForm: lambda form: (form.key, form.rig.time_offset, form.rig.start_frame)},
+)
+def _sampled(form: ThresholdForm) -> Sample:
+    """A sample of the points of both cameras."""
+    tables: dict[str, pd.DataFrame] = dict(zip(CAMERAS, _tables(form), strict=True))
+    return sample_frames(*points_in_step(form.rig, tables)[0].values())
+
+
+def _tables(form: ThresholdForm) -> tuple[pd.DataFrame, pd.DataFrame]:
+    first, second = (
+        whole_table(each.name, each.label, form.store) for each in form.points.values()
+    )
+    return first, second
+
+
+def ask_names(store: ProjectApplication, points: Sequence[Points]) -> str:
+    """Whether names decide, where all cameras have them; as of `pairs.match`."""
+    field = setting(store.project, "apply_names", True, yes_or_no)
+    tables = (whole_table(each.name, each.label, store) for each in points)
+    columns = name_columns(*(list(map(str, each)) for each in tables))
+    if not columns:
+        return AUTO
+    title = (
+        f"Only points of one name belong together (column {escape_markdown(', '.join(columns))})"
+    )
+    told = "The images check the names; what does not fit is told below."
+    st.toggle(title, **field.widget(), help=told)
+    return AUTO if field.value() else OFF
+
+
+@st.cache_resource(show_spinner="Reading the points.", max_entries=4)
+def whole_table(name: str, label: str, _store: ProjectApplication) -> pd.DataFrame:
+    """All points of a table, cached by name, which holds its digest."""
+    return _store.whole_table(name, label)
+
+
+def chosen_depths(project: Project) -> Depths:
+    """The depth range (m), as last set."""
+    only, near, far = (field.value() for field in _depth_fields(project))
+    if not only:
+        return ANY_DEPTH
+    return check_depths((near or 0.0, ANY_DEPTH[1] if far is None else far))
+
+
+def _depth_fields(project: Project) -> list[Field]:
+    only = setting(project, "apply_only_depths", False, yes_or_no)
+    return [only, *(setting(project, f"apply_{end}", None, OPTIONAL) for end in ("near", "far"))]

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 import streamlit as st
 
@@ -39,9 +40,10 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import IntArray
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.rig.rig import camera_in_words
+from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.ui.apply import ApplyInputs
-from stereocal.ui.apply_threshold import OPTIONAL, whole_table
+from stereocal.ui.apply_points import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
@@ -57,6 +59,8 @@ STEP_S = 0.5
 """Time of a frame while playing."""
 _PLAYING = "apply_playing"
 """Time of the last step; absent while it is paused."""
+_FRAMES: Latest[IntArray] = Latest(4)
+_TRACKS: Latest[list[IntArray]] = Latest(8)
 
 
 class Tables(NamedTuple):
@@ -132,7 +136,8 @@ def _show_result(
     if is_clicked:
         fragment(_show_space)(project, outcome, tables, None)
     else:
-        _show_frames(store, outcome, tables)
+        playing = _PLAYING in st.session_state
+        fragment(_draw, STEP_S if playing else None)(store, outcome, tables, playing)
     with st.container(horizontal=True):
         for name in (outcome.matched, POINTS):
             _download(files[name], name)
@@ -247,18 +252,13 @@ def _read(pairs_digest: str, points_digest: str, _pairs: StoredFile, _points: St
     return Tables(pairs, points, result_in_words(pairs, points), agreement(pairs), *tracks)
 
 
-def _show_frames(store: ProjectApplication, outcome: Outcome, tables: Tables) -> None:
-    """The matches of one frame in both images, and all points in space."""
-    playing = _PLAYING in st.session_state
-    draw = fragment(_draw, run_every=STEP_S if playing else None)
-    draw(store, outcome, tables, playing)
-
-
 def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: bool) -> None:
+    """The matches of one frame in both images, and all points in space."""
     if playing != (_PLAYING in st.session_state):
         st.rerun()  # the whole page: the timer is set where the fragment is called
     tables = [whole_table(name, name, store) for name in outcome.tables]
-    frames = _frames(" ".join(outcome.tables), tables)
+    numbers = partial(np.unique, np.concatenate([table["frame"] for table in tables]))
+    frames = _FRAMES.once(" ".join(outcome.tables), numbers).tolist()
     frame = _choose_frame(store, outcome, frames)
     of_frame = result.pairs[result.pairs["frame"] == frame]
     seen = {
@@ -281,12 +281,6 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
         st.caption(escape_markdown(words))
     with space:
         _show_space(store.project, outcome, result, None if playing else frame)
-
-
-@st.cache_resource(show_spinner=False, max_entries=4)
-def _frames(key: str, _tables: Sequence[pd.DataFrame]) -> list[int]:
-    assert key
-    return sorted({int(each) for table in _tables for each in table["frame"].unique()})
 
 
 def _are_own(store: ProjectApplication, outcome: Outcome) -> bool:
@@ -351,13 +345,8 @@ def _show_space(project: Project, outcome: Outcome, result: Tables, frame: int |
             title, ways = "Lines connect points of the same", [NOTHING, *result.track_columns]
             same = usual or NOTHING
             column = choose(project, "apply_tracks", title, ways, same, as_menu=True)
-    tracks = [] if column == NOTHING else _tracks(outcome.digest, column, points)
+    find = partial(trajectories.tracks_by, points, column)
+    tracks = [] if column == NOTHING else _TRACKS.once(f"{outcome.digest} {column}", find)
     figure = measured.plot_points(points, colour, outcome.rig, view, tracks, frame, outcome.world)
     words = measured.describe_points(points, tracks, outcome.world)
     show_figure(figure, words, "points", caption=True)
-
-
-@st.cache_resource(show_spinner=False, max_entries=8)
-def _tracks(digest: str, column: str, _points: pd.DataFrame) -> list[IntArray]:
-    assert digest
-    return trajectories.tracks_by(_points, column)

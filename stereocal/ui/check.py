@@ -17,7 +17,7 @@ from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, Residuals, repaired_parameters, residuals_of
 from stereocal.field.checking.rig_check import RigCheck, check_rig
-from stereocal.figures.check_residuals import describe_check, plot_check
+from stereocal.figures.frame_errors import describe_check, plot_check
 from stereocal.formats.dataset_files import TABLE
 from stereocal.formats.inputs import images_in, recording_in
 from stereocal.formats.recording_files import POINTS
@@ -32,7 +32,7 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.ui import jobs
-from stereocal.ui.apply_threshold import ask_noise, noise_field
+from stereocal.ui.apply_points import ask_noise, noise_field
 from stereocal.ui.check_images import Seen, new_images
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, setting

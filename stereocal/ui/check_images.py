@@ -21,12 +21,12 @@ from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.numbers import count
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.all_cameras import ask_held, moment_search
-from stereocal.ui.boards import press_search
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
 from stereocal.ui.fields import Number, one_of, setting
 from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import drop_zone
 from stereocal.ui.messages import button, readable
+from stereocal.ui.photographs import press_search
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
 

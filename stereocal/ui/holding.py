@@ -1,11 +1,13 @@
-"""What is held: a bar with 2x2 targets, balls of two colours or tags, or a board."""
+"""What is held: a bar with 2x2 targets, balls of two colours or tags, or a board; as the first
+photographs show it, with its picture, until the user answers."""
 
-import json
+import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
@@ -23,26 +25,130 @@ from stereocal.detection.target import (
 )
 from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
+from stereocal.frames.frame import Centre, CentrePair
 from stereocal.frames.pairing import Pair
+from stereocal.intrinsics.held_object import HeldObject, held_object, spread
+from stereocal.intrinsics.proposed_board import ProposedBoard
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.rig.camera import Camera
+from stereocal.projects.review import thumbnail
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rigid_object import DICTIONARIES, BoardPattern
+from stereocal.system.latest import Latest
 from stereocal.system.photograph import read_colours
 from stereocal.ui.fields import Field, Number, choose, choose_from_menu, one_of, setting
-from stereocal.ui.messages import callback, readable
+from stereocal.ui.messages import button, callback, readable
 from stereocal.ui.picker import Mark, Pick, pick, shown_image
-from stereocal.ui.proposal import (
-    CHARUCO,
-    CHESSBOARD,
-    HELD,
-    MARKER_PART,
-    ask_whether_bar,
-    proposed_kind,
-    show_proposal,
-)
 from stereocal.ui.texts import escape_markdown
+
+HELD, PROPOSAL = "held", "held_proposal"
+"""Settings: what the user said, and what is proposed until then."""
+CHESSBOARD, CHARUCO = "Chessboard", "ChArUco"
+MARKER_PART = "board_marker_part"
+UNDECIDED = "What you hold is not clear from the first photographs: choose it."
+
+
+def _show_proposal(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
+    """The proposal with its picture, until the user has said what is held.
+
+    It is made when both cameras' photographs are there, and again when they change.
+    """
+    project = store.project
+    # Targets that were found before anything was proposed say what is held.
+    is_found = PROPOSAL not in project.settings and bool(store.frames or store.boards_found)
+    if HELD in project.settings or len(pairs) < 2 or is_found:
+        return
+    _look(store, pairs)
+    said = project.settings[PROPOSAL]
+    if "kind" not in said:
+        st.info(UNDECIDED)
+        return
+    with st.container(border=True):
+        left, right = st.columns([2, 3], vertical_alignment="center")
+        left.markdown(escape_markdown(said["sentence"]))
+        left.caption("Yes, or choose below what you hold.")
+        button("Yes, that is it", "held_yes", _kind(project).set, said["kind"], place=left)
+        picture = readable(lambda: _picture(store, said))
+        if picture is not None:
+            alt = "Both photographs of a frame, with what was found in them"
+            right.image(picture, width="stretch", alt=alt)
+
+
+def ask_if_bar(project: Project) -> None:
+    """The question after a search that found the board in few photographs."""
+    with st.container(border=True):
+        st.markdown("The board is in few of the photographs. Do you hold a bar with two targets?")
+        button("Yes, a bar", "held_bar", _kind(project).set, "bar2x2")
+
+
+def _look(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
+    """Make the proposal, unless it was made from these photographs."""
+    project, files, first = store.project, store.photographs, spread(pairs)
+    names = [[getattr(pair, which) for pair in first] for which in ("primary", "secondary")]
+    there = [[files[name] for name in own if name in files] for own in names]
+    of = hashlib.sha256(repr([[file.name for file in own] for own in there]).encode()).hexdigest()
+    said = project.settings.get(PROPOSAL)
+    if isinstance(said, dict) and said.get("of") == of:
+        return
+    with st.spinner("Looking at the first photographs ..."):
+        cameras = [{name: files[name] for name in own if name in files} for own in names]
+        held = held_object(cameras)
+    settings: dict[str, Any] = {PROPOSAL: {"of": of}}
+    if held is not None:
+        settings = {PROPOSAL: {"of": of, **_told(held, first)}, **_values(held)}
+    project.keep_settings(settings)
+    st.rerun()  # what stands above depends on it
+
+
+def _told(held: HeldObject, pairs: Sequence[Pair]) -> dict[str, Any]:
+    """The proposal as it is stored: its kind, its sentence, and a frame to draw it in."""
+    first, second = held.seen
+    seen = [(p.primary in first) + (p.secondary in second) for p in pairs]
+    best = pairs[int(np.argmax(seen))]
+    names = best.primary, best.secondary
+    marks = [own[n].tolist() if n in own else [] for own, n in zip(held.seen, names, strict=True)]
+    said = {"kind": held.kind, "sentence": held.sentence}
+    return {**said, "frame": best.frame, "names": names, "marks": marks}
+
+
+def _values(held: HeldObject) -> dict[str, Any]:
+    """The fields of what is held, by setting."""
+    match held.what:
+        case Balls(colours=colours):
+            return {"held_balls": ",".join(colours)}
+        case Tags(dictionary=dictionary, ids=(a, b)):
+            return {"held_tags": f"{dictionary}:{a},{b}"}
+        case ProposedBoard() as board:
+            return fields_of_board(board)
+    return {}
+
+
+def fields_of_board(board: ProposedBoard) -> dict[str, Any]:
+    """The fields of a board, by setting."""
+    size = {"board_columns": board.columns, "board_rows": board.rows}
+    if board.dictionary is None:
+        return {"board_kind": CHESSBOARD, **size}
+    markers = {"board_dictionary": board.dictionary, MARKER_PART: board.marker}
+    return {"board_kind": CHARUCO, **size, **markers}
+
+
+def _picture(store: ProjectPhotographs, said: dict[str, Any]) -> bytes:
+    try:
+        first, second = map(str, said["names"])
+        points = [np.reshape(own, (-1, 2)).astype(np.float64) for own in said["marks"]]
+    except (KeyError, TypeError, ValueError) as error:
+        raise StereocalError("The proposal is damaged: give the photographs again.") from error
+    of_bar = all(len(own) in (0, 2) for own in points)
+    return thumbnail(store, (first, second), [_targets(own) if of_bar else own for own in points])
+
+
+def _targets(points: FloatArray) -> CentrePair:
+    if not len(points):
+        return None, None
+    a, b = points.tolist()
+    return Centre(*a), Centre(*b)
+
 
 KINDS = {"bar2x2": "Bar, 2x2", "balls": "Two balls", "board": "Board", "tags": "Tags"}
 BOARD = "board"
@@ -50,12 +156,15 @@ SQUARE_MM = 30.0
 """Until the user enters the side of a square."""
 FOUND = "held_found"
 USUAL_TAGS, TAGS_TITLE = "4X4_50:0,1", "Dictionary, and the numbers of A and B"
+_SIGHTINGS: Latest[Sighting] = Latest(8)
 CALLED: dict[type, str] = {Bar2x2: "fitted corner", Balls: "ball", Tags: "tag"}
 """What a click moves a centre to."""
 
 
 def _kind(project: Project | None) -> Field:
-    usual = proposed_kind(project, "bar2x2")
+    """What is held; as proposed until the user says."""
+    said = None if project is None else project.settings.get(PROPOSAL)
+    usual = str(said.get("kind", "bar2x2")) if isinstance(said, dict) else "bar2x2"
     return setting(project, HELD, usual, one_of(KINDS))
 
 
@@ -92,11 +201,6 @@ def settle(project: Project) -> None:
     project.keep_settings({HELD: held_kind(project)})
 
 
-def ask_if_bar(project: Project) -> None:
-    """The question after a search that found the board in few photographs."""
-    ask_whether_bar(_kind(project))
-
-
 def holds_board(project: Project) -> bool:
     """Whether a board is held."""
     return held_kind(project) == BOARD
@@ -127,7 +231,7 @@ def ask_what_is_held(store: ProjectPhotographs, pairs: Sequence[Pair], fold: boo
     """
     project = store.project
     if FOUND not in project.settings:
-        show_proposal(store, pairs, _kind(project))
+        _show_proposal(store, pairs)
     kind = _kind(project).buttons("What do you hold?", format_func=KINDS.__getitem__)
     if kind == BOARD:
         return None
@@ -196,8 +300,10 @@ def _found(store: ProjectPhotographs, file: StoredFile, name: str) -> list[Mark]
     target, camera = held_target(store.project), store.project.cameras[0]
     if not isinstance(target, Balls):
         return []
-    lens = "" if camera is None else json.dumps(camera.to_json())
-    seen = readable(lambda: _sighting(file.name, held_text(store.project), lens, file, name))
+    key = repr((file.name, target, camera and camera.to_json()))
+    seen = readable(
+        lambda: _SIGHTINGS.once(key, lambda: find_balls(read_colours(file, name), target, camera))
+    )
     if seen is None:
         return []
     if seen.missing:
@@ -210,15 +316,6 @@ def _found(store: ProjectPhotographs, file: StoredFile, name: str) -> list[Mark]
         for letter, at in zip("AB", seen.spots, strict=True)
         if at
     ]
-
-
-@st.cache_data(show_spinner=False, max_entries=8)
-def _sighting(digest: str, text: str, lens: str, _file: StoredFile, _name: str) -> Sighting:
-    assert _file.name == digest  # the content, for the cache
-    target = parse_target(text)
-    assert isinstance(target, Balls)
-    camera = Camera.from_json(json.loads(lens), "the lens") if lens else None
-    return find_balls(read_colours(_file, _name), target, camera)
 
 
 def is_coloured(target: Target) -> bool:

@@ -30,7 +30,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import choose, setting, some_of
 from stereocal.ui.figure import show_figure
 from stereocal.ui.forms import ask, field_of
-from stereocal.ui.holding import board_form
+from stereocal.ui.holding import board_form, fields_of_board
 from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import (
     ErrorsShown,
@@ -43,7 +43,6 @@ from stereocal.ui.messages import (
 )
 from stereocal.ui.print_downloads import board_to_print
 from stereocal.ui.project import current_project, project_to_write
-from stereocal.ui.proposal import fields_of_board
 from stereocal.ui.start import has_sample_photographs, load_sample_boards
 from stereocal.ui.texts import BOARDS, escape_markdown, escaped_table
 

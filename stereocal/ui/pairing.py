@@ -21,6 +21,7 @@ from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
+from stereocal.ui.holding import first_pairs
 from stereocal.ui.messages import ErrorsShown, button, readable, show_with_button
 from stereocal.ui.review import on_a_sheet
 from stereocal.ui.texts import escape_markdown
@@ -158,7 +159,7 @@ def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:
     shown = setting(store.project, "pairs_shown", usual, one_of((FEW, ALL, NONE)), tabs_own=True)
     how = shown.value()
     show = partial(_show_item, store, in_order)
-    some = _few(() if in_order else alone, pairs)
+    some = [*(() if in_order else alone[:MOST_SLIPS]), *first_pairs(pairs)]
     if how == FEW and len(some) < len(items):
         on_a_sheet(store.project, some, show, "pair_sheet")
         rest = f"Show more ({len(items) - len(some)})"
@@ -173,12 +174,6 @@ def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:
 
 def _button(shown: Field, label: str, how: str) -> None:
     button(label, f"pairs_show_{how}", shown.set, how, type="tertiary")
-
-
-def _few(alone: Sequence[Alone], pairs: Sequence[Pair]) -> list[Pair | Alone]:
-    """The first photographs without a partner, and the first, the middle and the last pair."""
-    ends = sorted({0, len(pairs) // 2, len(pairs) - 1}) if pairs else []
-    return [*alone[:MOST_SLIPS], *(pairs[at] for at in ends)]
 
 
 def _show_item(store: ProjectPhotographs, ask: bool, item: Pair | Alone) -> None:

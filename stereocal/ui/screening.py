@@ -34,6 +34,7 @@ from stereocal.ui.review import look_closely
 T = TypeVar("T")
 SCREENINGS: Latest[Screening] = Latest(64)
 """The last ones, by all that they depend on."""
+_DECODED: Latest[Photograph | None] = Latest(8)
 NAME = "frame"
 """Of the setting of the chosen frame; the review of photographs has the same."""
 MOST_BUTTONS = 6
@@ -233,15 +234,15 @@ def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Pho
     found = frames_photographed(project).get(frame)
     files = ProjectPhotographs(project).photographs if found else {}
     first, second = (
-        _decoded(files[name].name, files[name], name) if name in files else None
+        _DECODED.once(files[name].name, partial(_decoded, files[name], name))
+        if name in files
+        else None
         for name in (found.files if found else ("", ""))
     )
     return first, second
 
 
-@st.cache_resource(show_spinner=False, max_entries=8)
-def _decoded(digest: str, _file: StoredFile, _name: str) -> Photograph | None:
-    assert digest
+def _decoded(file: StoredFile, name: str) -> Photograph | None:
     with suppress(StereocalError):
-        return np.asarray(eight_bits(read_photograph(_file, _name)), np.uint8)
+        return np.asarray(eight_bits(read_photograph(file, name)), np.uint8)
     return None

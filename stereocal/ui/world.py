@@ -39,7 +39,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair
 from stereocal.rig.rig import camera_in_words
 from stereocal.ui import jobs
-from stereocal.ui.apply_threshold import ask_noise, noise_field
+from stereocal.ui.apply_points import ask_noise, noise_field
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose_from_menu, setting, yes_or_no
 from stereocal.ui.intake import take_one
