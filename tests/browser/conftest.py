@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -173,12 +173,6 @@ def settle(page: Page) -> None:
     """Wait until the server has drawn the page whole."""
     page.evaluate("delete window.restsSince")
     page.wait_for_function(DRAWN, arg=GAP_MS, timeout=LONGEST_MS)
-
-
-@pytest.fixture
-def settled() -> Callable[[Page], None]:
-    """`settle`."""
-    return settle
 
 
 def results_shown(page: Page, longest_ms: int = LONGEST_MS) -> None:

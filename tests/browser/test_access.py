@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -11,10 +11,9 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, ConsoleMessage, Page, expect
 
 from stereocal.ui.menu import TITLES
-from tests.browser.conftest import LONGEST_MS, ROOT
+from tests.browser.conftest import LONGEST_MS, ROOT, settle
 
 pytestmark = pytest.mark.browser
-Settled = Callable[[Page], None]
 FIELD = ROOT / "sample_data" / "field"
 PATHS = ["" if name == "start" else name for name in TITLES]
 
@@ -68,7 +67,7 @@ def violations(page: Page) -> list[str]:
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_pages_fit_a_narrow_screen_and_axe_finds_nothing(
-    browser: Browser, app_url: str, finished: str, settled: Settled, scheme: Any
+    browser: Browser, app_url: str, finished: str, scheme: Any
 ) -> None:
     context = browser.new_context(viewport={"width": 420, "height": 900}, color_scheme=scheme)
     page = context.new_page()
@@ -77,7 +76,7 @@ def test_pages_fit_a_narrow_screen_and_axe_finds_nothing(
     page.on("console", partial(keep_error, errors))
     for path in PATHS:
         page.goto(f"{app_url}/{path}?project={finished}")
-        settled(page)
+        settle(page)
         page.wait_for_timeout(700)  # Plotly draws after the page is settled
         for opened in page.locator("[data-testid=stExpander] summary").all():
             opened.click()
@@ -107,14 +106,14 @@ LABELS = """() => [...document.querySelectorAll('.textpoint text')].map((text) =
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_labels_of_points_are_read_on_a_photograph(
-    browser: Browser, app_url: str, finished: str, settled: Settled, scheme: Any
+    browser: Browser, app_url: str, finished: str, scheme: Any
 ) -> None:
     """Whatever is below: the label and its rim are far apart."""
     context = browser.new_context(color_scheme=scheme)
     page = context.new_page()
     for path in ("calibrate", "plan"):
         page.goto(f"{app_url}/{path}?project={finished}")
-        settled(page)
+        settle(page)
         expect(page.locator(".textpoint text").first).to_be_attached(timeout=LONGEST_MS)
         for label, rim in page.evaluate(LABELS):
             assert rim is not None and abs(label - rim) > 150, (path, label, rim)
@@ -172,11 +171,11 @@ STILL = "*, *::before, *::after { transition: none !important; animation: none !
 
 @pytest.mark.parametrize("path", ["", "data", "calibrate", "apply"])
 def test_tab_goes_through_a_page_and_out(
-    page: Page, app_url: str, finished: str, settled: Settled, path: str
+    page: Page, app_url: str, finished: str, path: str
 ) -> None:
     """The table of pairs and the photographs to pick in hold nobody."""
     page.goto(f"{app_url}/{path}?project={finished}")
-    settled(page)
+    settle(page)
     if path == "data":
         page.get_by_text("The pairs as a table").click()
         page.get_by_role("radio", name="One frame").or_(
@@ -186,7 +185,7 @@ def test_tab_goes_through_a_page_and_out(
             "data-ready", re.compile(".")
         )
         page.mouse.click(700, 20)
-    settled(page)
+    settle(page)
     page.add_style_tag(content=STILL)
     seen: list[dict[str, Any] | None] = []
     while len(seen) < LONGEST_WALK and seen.count(None) < 2:
@@ -234,11 +233,9 @@ figures and the links of headings 23."""
 FOCUS = "document.activeElement.matches('[data-testid=stMain]')"
 
 
-def test_the_first_button_is_a_few_stops_away(
-    page: Page, app_url: str, settled: Settled, finished: str
-) -> None:
+def test_the_first_button_is_a_few_stops_away(page: Page, app_url: str, finished: str) -> None:
     page.goto(f"{app_url}?project={finished}")
-    settled(page)
+    settle(page)
     page.wait_for_timeout(1000)  # Plotly draws its toolbars after the page is settled
     page.keyboard.press("Tab")
     page.keyboard.press("Enter")
@@ -249,24 +246,22 @@ def test_the_first_button_is_a_few_stops_away(
         assert stops <= MOST_STOPS
 
 
-def test_the_focus_goes_with_the_page(
-    page: Page, app_url: str, settled: Settled, finished: str
-) -> None:
+def test_the_focus_goes_with_the_page(page: Page, app_url: str, finished: str) -> None:
     """From a button to the top of the page that it opens; a link of the menu keeps it."""
     page.goto(f"{app_url}/plan?project={finished}")
-    settled(page)
+    settle(page)
     for key in ("cameras", "data"):
         page.locator(".st-key-next button").press("Enter")
         expect(page).to_have_url(re.compile(f"/{key}"))
-        settled(page)
+        settle(page)
         assert page.evaluate(FOCUS)
     link = page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate", exact=False)
     link.press("Enter")
     expect(page.get_by_role("heading", name="Calibrate", exact=True).first).to_be_visible()
-    settled(page)
+    settle(page)
     expect(link).to_be_focused()
     page.locator(".st-key-run").wait_for()
     page.reload()  # begins at the top, as every new page does
-    settled(page)
+    settle(page)
     page.keyboard.press("Tab")
     assert page.evaluate(FOCUSED)["text"] == "Skip to main content"

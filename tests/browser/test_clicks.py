@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -12,7 +12,7 @@ from playwright.sync_api import Page, expect
 
 from stereocal.projects.clicks import ProjectClicks
 from stereocal.rig.camera import CAMERAS
-from tests.browser.conftest import ROOT, choose, download
+from tests.browser.conftest import ROOT, choose, download, settle
 from tests.browser.test_access import violations
 from tests.browser.test_few_acts import User, project_of
 from tests.browser.test_review import Photograph
@@ -58,11 +58,11 @@ class Clicker(User):
 
 
 def test_from_start_to_the_length_of_something_that_flies(
-    page: Page, app_url: str, home: Path, settled: Callable[[Page], None], tmp_path: Path
+    page: Page, app_url: str, home: Path, tmp_path: Path
 ) -> None:
     pytest.importorskip("av")
     page.goto(app_url)
-    user = Clicker(page, settled)
+    user = Clicker(page)
     user.press("Sample photographs")
     user.press("Find the targets")
     user.sees("25 frames:")
@@ -98,7 +98,7 @@ def test_from_start_to_the_length_of_something_that_flies(
     user.sees("10 pairs in 5 frames, none of them ambiguous")
     assert user.acts <= MOST_ACTS, user.acts  # measured: 22
     assert not violations(page)
-    settled(page)
+    settle(page)
     points = pd.read_csv(download(page, "download_points", tmp_path))
     assert sorted(points["track"]) == ["head"] * 5 + ["tail"] * 5
     off = [

@@ -4,7 +4,6 @@ import io
 import json
 import xml.etree.ElementTree as ET
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -15,7 +14,7 @@ from playwright.sync_api import Page, expect
 
 from stereocal.formats.camera_file import read_camera
 from stereocal.ui.menu import TITLES
-from tests.browser.conftest import LONGEST_MS
+from tests.browser.conftest import LONGEST_MS, settle
 
 pytestmark = pytest.mark.browser
 PAGES = [name for name in TITLES if name not in ("start", "help")]
@@ -42,16 +41,14 @@ def whole(name: str, content: bytes) -> bool:
 
 
 @pytest.mark.parametrize("path", PAGES)
-def test_all_files_of_a_page(
-    page: Page, app_url: str, finished: str, settled: Callable[[Page], None], path: str
-) -> None:
+def test_all_files_of_a_page(page: Page, app_url: str, finished: str, path: str) -> None:
     page.goto(f"{app_url}/{path}?project={finished}")
     expect(page.get_by_text("held out here: not yet")).to_have_count(0, timeout=LONGEST_MS)
-    settled(page)
+    settle(page)
     for summary in page.locator("[data-testid=stExpander] summary").all():
         summary.click()
     page.wait_for_timeout(1000)  # folds open slowly
-    settled(page)
+    settle(page)
     buttons = page.locator("[data-testid=stDownloadButton] button:enabled:visible")
     assert buttons.count() >= LEAST.get(path, 0)
     for number in range(buttons.count()):

@@ -5,7 +5,7 @@ An act is a click, a choice of files, or a number typed.
 
 import json
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import GreyImage, read_colours
 from stereocal.ui.holding import held_target
 from tests.ball_bars import BAR_M, CAMERA, RIG, ball_bars
-from tests.browser.conftest import LONGEST_MS, ROOT
+from tests.browser.conftest import LONGEST_MS, ROOT, settle
 from tools.photographs.videos import write_video
 
 pytestmark = pytest.mark.browser
@@ -35,7 +35,6 @@ class User:
     """A person at the page, whose acts are counted."""
 
     page: Page
-    settled: Callable[[Page], None]
     acts: int = 0
 
     def press(self, name: str) -> None:
@@ -75,18 +74,16 @@ class User:
     def _wait(self) -> None:
         self.acts += 1
         self.page.wait_for_timeout(700)
-        self.settled(self.page)
+        settle(self.page)
 
 
 def project_of(page: Page, home: Path) -> Project:
     return Project.open(home, page.url.split("project=")[1][:32])
 
 
-def test_board_photographs_to_both_files(
-    page: Page, app_url: str, home: Path, settled: Callable[[Page], None]
-) -> None:
+def test_board_photographs_to_both_files(page: Page, app_url: str, home: Path) -> None:
     page.goto(app_url)
-    user = User(page, settled)
+    user = User(page)
     user.press("Start with my own data")
     user.give(sorted(BOARDS.glob("*.jpg")))
     user.sees("Corners of this board are dots")
@@ -103,12 +100,7 @@ def test_board_photographs_to_both_files(
 
 @pytest.mark.parametrize("width", [1400, 420])
 def test_photographs_named_by_the_cameras_to_both_files(
-    page: Page,
-    app_url: str,
-    home: Path,
-    settled: Callable[[Page], None],
-    tmp_path: Path,
-    width: int,
+    page: Page, app_url: str, home: Path, tmp_path: Path, width: int
 ) -> None:
     page.set_viewport_size({"width": width, "height": 900})
     given = [shutil.copy(PHOTOGRAPHS / f"{which}.json", tmp_path) for which in CAMERAS]
@@ -116,7 +108,7 @@ def test_photographs_named_by_the_cameras_to_both_files(
         for number, file in enumerate(sorted((PHOTOGRAPHS / which).iterdir()), first):
             given.append(shutil.copy(file, tmp_path / f"{name.format(number)}.jpg"))
     page.goto(app_url)
-    user = User(page, settled)
+    user = User(page)
     user.press("Start with my own data")
     user.give(list(map(Path, given)))
     user.sees("Which photographs are the primary camera's?")
@@ -152,7 +144,7 @@ def filmed(which: str, folder: Path) -> Path:
 
 
 def test_videos_of_two_balls_to_both_files(
-    page: Page, app_url: str, home: Path, settled: Callable[[Page], None], tmp_path: Path
+    page: Page, app_url: str, home: Path, tmp_path: Path
 ) -> None:
     pytest.importorskip("av")
     given = [filmed(which, tmp_path) for which in CAMERAS]
@@ -160,7 +152,7 @@ def test_videos_of_two_balls_to_both_files(
         given.append(tmp_path / f"{which}.json")
         given[-1].write_bytes(write_camera(CAMERA))
     page.goto(app_url)
-    user = User(page, settled)
+    user = User(page)
     user.press("Start with my own data")
     user.give(given)
     user.sees(f"{FRAMES} pairs by name")
@@ -182,9 +174,9 @@ def test_videos_of_two_balls_to_both_files(
     assert user.acts <= MOST_ACTS
 
 
-def test_a_folder_is_given_whole(page: Page, app_url: str, settled: Callable[[Page], None]) -> None:
+def test_a_folder_is_given_whole(page: Page, app_url: str) -> None:
     page.goto(f"{app_url}/data")
-    settled(page)
+    settle(page)
     page.get_by_role("button", name="Give a whole folder").click()
     upload = page.locator("[class*=st-key-upload_data_folder_] input[type=file]")
     upload.set_input_files(ROOT / "sample_data" / "field")

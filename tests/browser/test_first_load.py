@@ -1,6 +1,5 @@
 """What stands on the screen from the first moment of a new server on, and of a warm one."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.ui.menu import TITLES
-from tests.browser.conftest import LONGEST_MS, serve
+from tests.browser.conftest import LONGEST_MS, serve, settle
 
 pytestmark = pytest.mark.browser
 WATCH = """
@@ -32,7 +31,7 @@ def seen(page: Page) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize(("path", "first"), [("", "stereocal"), ("apply", "Apply")])
 def test_a_new_server_shows_a_title_and_our_menu_and_nothing_else(
-    page: Page, tmp_path: Path, settled: Callable[[Page], None], path: str, first: str
+    page: Page, tmp_path: Path, path: str, first: str
 ) -> None:
     """The first request imports the package for 3 s: the title and the menu stand before."""
     page.add_init_script(WATCH)
@@ -40,7 +39,7 @@ def test_a_new_server_shows_a_title_and_our_menu_and_nothing_else(
         page.goto(f"{url}/{path}")
         expect(page.get_by_text("Starting …").first).to_be_visible(timeout=LONGEST_MS)
         assert seen(page)[-1]["titles"] == [first]
-        settled(page)
+        settle(page)
         expect(page.get_by_text("Starting …")).to_have_count(0)
         menus = [now["menu"] for now in seen(page) if now["menu"]]
         assert menus and all(menu == list(TITLES.values()) for menu in menus)

@@ -1,7 +1,6 @@
 """From the errors of a frame to the frame, and out of the calibration, in a real browser."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,22 +9,21 @@ from playwright.sync_api import Page, expect
 
 from stereocal.projects.project import Project
 from stereocal.refined.outliers import bar_frames
-from tests.browser.conftest import LONGEST_MS, ROOT, results_shown
+from tests.browser.conftest import LONGEST_MS, ROOT, results_shown, settle
 from tests.browser.work import a_project
 
 pytestmark = pytest.mark.browser
-Settled = Callable[[Page], None]
 FIELD = ROOT / "sample_data" / "field"
 
 
-def given(page: Page, app_url: str, home: Path, settled: Settled) -> Project:
+def given(page: Page, app_url: str, home: Path) -> Project:
     """A project with the sample, opened on Calibrate and calibrated."""
     project = a_project(home, FIELD)
     page.goto(f"{app_url}/calibrate?project={project.id}")
-    settled(page)
+    settle(page)
     page.locator(".st-key-run button").click()
     results_shown(page)
-    settled(page)
+    settle(page)
     return project
 
 
@@ -67,26 +65,24 @@ def click_highest(page: Page) -> None:
     page.mouse.click(x, y)
 
 
-def test_an_outlier_is_clicked_and_left_out(
-    page: Page, app_url: str, home: Path, settled: Settled
-) -> None:
-    project = given(page, app_url, home, settled)
+def test_an_outlier_is_clicked_and_left_out(page: Page, app_url: str, home: Path) -> None:
+    project = given(page, app_url, home)
     page.set_viewport_size({"width": 1400, "height": 3000})
-    settled(page)
+    settle(page)
     before, outlier = points(page), frame_of_largest_error(project)
     shown = page.get_by_text(re.compile(r"Frame \d+ is used\.")).first
     if f"Frame {outlier} " in shown.inner_text():  # so that the click has something to change
         page.get_by_role("button", name="Previous frame").click()
         expect(shown).not_to_contain_text(f"Frame {outlier} ")
-        settled(page)
+        settle(page)
         points(page)
     click_highest(page)
     expect(page.get_by_text(f"Frame {outlier} is used.").first).to_be_visible(timeout=LONGEST_MS)
-    settled(page)
+    settle(page)
     page.get_by_role("button", name="Leave it out").click()
     expect(page.get_by_text(f"Left out by you: frame {outlier}.").first).to_be_visible(
         timeout=LONGEST_MS
     )
-    settled(page)
+    settle(page)
     assert project.inputs.left_out == [outlier]
     assert points(page) != before

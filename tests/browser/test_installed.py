@@ -3,7 +3,6 @@
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,14 +10,14 @@ import requests
 from playwright.sync_api import Page, expect
 
 from stereocal.rig.parameters import RigParameters
-from tests.browser.conftest import LONGEST_MS, ROOT, download, results_shown, served
+from tests.browser.conftest import LONGEST_MS, ROOT, download, results_shown, served, settle
 from tests.wheel import installed_in
 
 pytestmark = pytest.mark.browser
 
 
 def test_an_installed_package_serves_the_recording_to_both_files(
-    page: Page, settled: Callable[[Page], None], tmp_path: Path
+    page: Page, tmp_path: Path
 ) -> None:
     command = ("-m", "stereocal", "serve", "--headless", "--port")
     environment = installed_in(tmp_path)
@@ -32,17 +31,17 @@ def test_an_installed_package_serves_the_recording_to_both_files(
     )
     with served(tmp_path / "home", environment, command, tmp_path) as (_, url):
         page.goto(url)
-        settled(page)
+        settle(page)
         page.locator(".st-key-recording button").click()
         expect(page.get_by_text("818 pairs of points in 409 frames").first).to_be_visible(
             timeout=LONGEST_MS
         )
-        settled(page)
+        settle(page)
         page.get_by_role("button", name="Next: Calibrate").click()
-        settled(page)
+        settle(page)
         page.locator(".st-key-run button").click(timeout=LONGEST_MS)
         results_shown(page)
-        settled(page)
+        settle(page)
         for method in ("2d", "3d"):
             path = download(page, f"download_{method}", tmp_path)
             assert RigParameters.load(path).method == method

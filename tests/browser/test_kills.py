@@ -19,7 +19,7 @@ from stereocal.projects.home import recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from tests.bar_photographs import bar_set
-from tests.browser.conftest import LONGEST_MS, ROOT, served
+from tests.browser.conftest import LONGEST_MS, ROOT, served, settle
 from tests.browser.work import a_project
 
 pytestmark = pytest.mark.browser
@@ -110,14 +110,14 @@ ACTIVITIES: dict[str, tuple[str, float, Callable[[Page], Iterator[Step]]]] = {
 @pytest.mark.parametrize("number", range(KILLS))
 @pytest.mark.parametrize("activity", ACTIVITIES)
 def test_nothing_acknowledged_is_lost(
-    activity: str, number: int, page: Page, tmp_path: Path, settled: Callable[[Page], None]
+    activity: str, number: int, page: Page, tmp_path: Path
 ) -> None:
     where, longest_s, act_on = ACTIVITIES[activity]
     project = a_project(tmp_path, FIELD)
     allowed = [found_in(project, activity)]
     with served(tmp_path) as (server, url):
         page.goto(f"{url}/{where}?project={project.id}")
-        settled(page)
+        settle(page)
         moment = np.random.default_rng([number, len(activity)]).uniform(0.2, longest_s)
         killer = threading.Timer(moment, os.killpg, (server.pid, signal.SIGKILL))
         killer.start()
@@ -134,7 +134,7 @@ def test_nothing_acknowledged_is_lost(
     _ = again.dataset, again.calibration, again.evaluation
     with served(tmp_path) as (_, url):
         page.goto(f"{url}/{where}?project={project.id}")
-        settled(page)
+        settle(page)
         expect(page.get_by_test_id("stMain").locator("h1")).to_be_visible(timeout=LONGEST_MS)
         for wrong in ("cannot be read", "damaged", "no project at this address"):
             expect(page.get_by_text(wrong)).to_have_count(0)

@@ -1,6 +1,5 @@
 """Names that a person gave are never links, wherever they stand."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,11 +12,10 @@ from stereocal.projects.home import duplicate, remove
 from stereocal.projects.project import Project
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.menu import TITLES
-from tests.browser.conftest import LONGEST_MS, ROOT
+from tests.browser.conftest import LONGEST_MS, ROOT, settle
 from tests.browser.work import FILES, a_project
 
 pytestmark = pytest.mark.browser
-Settled = Callable[[Page], None]
 FIELD = ROOT / "sample_data" / "field"
 FILE = "www.evil.example me@evil.example"
 NAME = f"http://evil.example/x https://evil.example {FILE}"
@@ -44,9 +42,7 @@ def links(page: Page) -> list[str]:
     return [link for link in found if "evil" in link]
 
 
-def test_names_are_not_links(
-    page: Page, app_url: str, home: Path, settled: Settled, tmp_path: Path
-) -> None:
+def test_names_are_not_links(page: Page, app_url: str, home: Path, tmp_path: Path) -> None:
     project = a_project_of_links(home)
     said = 0
     for name in TITLES:
@@ -54,7 +50,7 @@ def test_names_are_not_links(
         page.goto(f"{app_url}/{path}?project={project.id}")
         expect(page.get_by_test_id("stMain").locator("h1")).to_be_visible(timeout=LONGEST_MS)
         page.wait_for_timeout(500)
-        settled(page)
+        settle(page)
         for summary in page.locator("summary").all():
             summary.click()
         page.wait_for_timeout(300)

@@ -1,6 +1,5 @@
 """The table of pairs of photographs in a real browser, changed by hand."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -9,6 +8,7 @@ from playwright.sync_api import Page, expect
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from tests.bar_photographs import bar_set
+from tests.browser.conftest import settle
 from tests.files import write
 
 pytestmark = pytest.mark.browser
@@ -33,24 +33,22 @@ def number_frame(page: Page, row: int, number: str) -> None:
     expect(field).to_have_count(0)
 
 
-def test_pairs_are_changed_by_hand(
-    page: Page, app_url: str, home: Path, settled: Callable[[Page], None], tmp_path: Path
-) -> None:
+def test_pairs_are_changed_by_hand(page: Page, app_url: str, home: Path, tmp_path: Path) -> None:
     files = {name.split("/")[1]: content for name, content in BARS.files().items()}
     write(files, tmp_path)
     page.goto(f"{app_url}/data")
-    settled(page)
+    settle(page)
     uploader = page.locator("[class*=st-key-upload_data_] input[type=file]")
     uploader.set_input_files([tmp_path / name for name in sorted(files)])
     expect(page.get_by_text("28 photographs. 14 pairs by name").first).to_be_visible()
-    settled(page)  # a run that still draws the pairs closes them again
+    settle(page)  # a run that still draws the pairs closes them again
     page.get_by_text("The pairs as a table").click()
     expect(page.locator("[data-testid=stDataFrame] canvas").first).to_be_attached()
-    settled(page)
+    settle(page)
     for row, number in ((0, "101"), (1, "102"), (0, "103")):
         number_frame(page, row, number)
         page.wait_for_timeout(500)
-        settled(page)
+        settle(page)
     store = store_of(page, home)
     assert [row.pair.frame for row in store.rows][:3] == [103, 102, 3]
 

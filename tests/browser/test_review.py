@@ -4,7 +4,6 @@ import csv
 import json
 import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,10 +14,9 @@ from stereocal.frames.frame import Centre
 from stereocal.library.calibrations import calibrate
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from tests.browser.conftest import download
+from tests.browser.conftest import download, settle
 
 pytestmark = pytest.mark.browser
-Settled = Callable[[Page], None]
 
 
 class Photograph:
@@ -63,14 +61,12 @@ def centre(store: ProjectPhotographs, number: int, camera: int, target: int) -> 
 
 
 @pytest.fixture
-def store(
-    page: Page, app_url: str, home: Path, finished: str, settled: Settled
-) -> ProjectPhotographs:
+def store(page: Page, app_url: str, home: Path, finished: str) -> ProjectPhotographs:
     """A project whose targets have been found, with frame 1 on the page."""
     project = Project.open(home, finished)
     project.keep_settings({"frames_view": "All frames"})
     page.goto(f"{app_url}/data?project={project.id}")
-    settled(page)
+    settle(page)
     page.locator(".st-key-look_1 button").click()
     Photograph(page, "primary")
     return ProjectPhotographs(project)
@@ -82,7 +78,7 @@ def table(page: Page, folder: Path) -> list[dict[str, str]]:
 
 
 def test_clicks_corrections_and_the_table(
-    page: Page, store: ProjectPhotographs, settled: Settled, tmp_path: Path
+    page: Page, store: ProjectPhotographs, tmp_path: Path
 ) -> None:
     primary = Photograph(page, "primary")
     before = centre(store, 1, 0, 0)
@@ -120,7 +116,7 @@ def test_clicks_corrections_and_the_table(
     expect(page.get_by_label("Photograph of the primary camera, frame 2").first).to_be_visible()
     page.keyboard.press("x")
     expect(page.get_by_text("It is left out.").first).to_be_visible()
-    settled(page)
+    settle(page)
     rows = table(page, tmp_path)
     assert [(row["frame"], row["target"], row["source"]) for row in rows[:3]] == [
         ("1", "A", "manual"),
@@ -180,7 +176,7 @@ def test_view_by_mouse_and_keys(page: Page, store: ProjectPhotographs) -> None:
 
 
 def test_what_a_press_opens_is_scrolled_to(
-    page: Page, app_url: str, home: Path, finished: str, settled: Settled
+    page: Page, app_url: str, home: Path, finished: str
 ) -> None:
     def top(part: str) -> float:
         page.wait_for_timeout(2500)  # what stands above comes later, and scrolling follows it
@@ -197,14 +193,14 @@ def test_what_a_press_opens_is_scrolled_to(
     project.keep_calibration(calibrate(dataset, settings), project.inputs)
     page.set_viewport_size({"width": 420, "height": 900})
     page.goto(f"{app_url}/data?project={project.id}")
-    settled(page)
+    settle(page)
     for number in (9, 10):
         page.locator(f".st-key-look_{number}").get_by_role("button").click()
         Photograph(page, "primary")
         # Below the header of the page.
         assert 0 < top("one_frame") < 100
         page.locator(".st-key-frames_view").get_by_text("All frames").click()
-        settled(page)
+        settle(page)
     page.goto(f"{app_url}/calibrate?project={project.id}")
     page.get_by_role("button", name="Look at frame 9").click()
     expect(page.get_by_text("Frame 9 was left out by you.").first).to_be_visible()
@@ -215,7 +211,7 @@ def test_what_a_press_opens_is_scrolled_to(
 
 
 def test_by_touch_on_a_narrow_screen(
-    browser: Browser, page: Page, store: ProjectPhotographs, settled: Settled
+    browser: Browser, page: Page, store: ProjectPhotographs
 ) -> None:
     narrow = browser.new_context(
         viewport={"width": 420, "height": 900},
@@ -226,7 +222,7 @@ def test_by_touch_on_a_narrow_screen(
     )
     phone = narrow.new_page()
     phone.goto(page.url)
-    settled(phone)
+    settle(phone)
     primary = Photograph(phone, "primary")
     # Sharp: as many pixels as the screen has.
     width = primary.canvas.evaluate("canvas => [canvas.width, canvas.clientWidth]")

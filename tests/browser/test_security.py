@@ -2,7 +2,6 @@
 
 import re
 import socket
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,10 +12,9 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from stereocal.ui.menu import TITLES
-from tests.browser.conftest import LONGEST_MS, serve
+from tests.browser.conftest import LONGEST_MS, serve, settle
 
 pytestmark = pytest.mark.browser
-Settled = Callable[[Page], None]
 PATHS = ["" if name == "start" else name for name in TITLES]
 VIEWS = {
     "plan": ["Position error"],
@@ -34,10 +32,10 @@ VIEWS = {
 FIGURES = {"plan": 3, "cameras": 1, "data": 1, "calibrate": 1, "validate": 1, "apply": 3}
 
 
-def visit(page: Page, url: str, path: str, project: str, settled: Settled) -> None:
+def visit(page: Page, url: str, path: str, project: str) -> None:
     """Open a page and look at everything on it."""
     page.goto(f"{url}/{path}?project={project}")
-    settled(page)
+    settle(page)
     figures = page.locator(".js-plotly-plot:visible")
     if path in FIGURES:
         expect(figures.nth(FIGURES[path] - 1)).to_be_visible(timeout=LONGEST_MS)
@@ -46,17 +44,17 @@ def visit(page: Page, url: str, path: str, project: str, settled: Settled) -> No
             page.get_by_role("button", name=view, exact=True)
         ).first.click()
         page.wait_for_timeout(300)
-        settled(page)
+        settle(page)
 
 
 def test_no_page_fetches_anything_from_another_host(
-    page: Page, app_url: str, finished: str, settled: Settled, tmp_path: Path
+    page: Page, app_url: str, finished: str, tmp_path: Path
 ) -> None:
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url))
     page.on("websocket", lambda socket: asked.append(socket.url))
     for path in PATHS:
-        visit(page, app_url, path, finished, settled)
+        visit(page, app_url, path, finished)
         if path == "validate":
             with page.expect_download() as event:
                 page.locator(".st-key-download_report button").click()
@@ -73,10 +71,10 @@ def test_no_page_fetches_anything_from_another_host(
 
 
 def test_uploads_without_the_token_of_the_page_are_refused(
-    page: Page, app_url: str, home: Path, settled: Settled
+    page: Page, app_url: str, home: Path
 ) -> None:
     page.goto(f"{app_url}/data")
-    settled(page)
+    settle(page)
     with page.expect_request(lambda asked: asked.method == "PUT") as sent:
         page.locator("[class*=st-key-upload_data_] input[type=file]").set_input_files(
             {"name": "points.csv", "mimeType": "text/csv", "buffer": b"frame,target\n"}
@@ -87,7 +85,7 @@ def test_uploads_without_the_token_of_the_page_are_refused(
         .first
     ).to_be_visible()
     page.wait_for_timeout(1000)  # the browser names the file before the server has stored it
-    settled(page)
+    settle(page)
     place, token = sent.value.url, sent.value.headers["x-xsrftoken"]
     body = {"file": ("points.csv", b"frame,target\n")}
     refused: list[tuple[dict[str, str], dict[str, str]]] = [

@@ -1,6 +1,5 @@
 """What a person has set stands on every form, whichever way its page was come to."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from tests.browser.conftest import LONGEST_MS, settle
 from tests.browser.work import finished_project
 
 pytestmark = pytest.mark.browser
-Settled = Callable[[Page], None]
 
 SET: dict[str, dict[str, Any]] = {
     "data": {
@@ -128,16 +126,14 @@ def forms(page: Page, wanted: dict[str, str]) -> dict[str, str]:
     return {key: found.get(key, "not there") for key in wanted}
 
 
-def arrive(page: Page, name: str, settled: Settled) -> None:
+def arrive(page: Page, name: str) -> None:
     """Wait until a page's own title stands there, not the last one's."""
     title = "Two cameras, a bar, two lengths" if name == "start" else TITLES[name]
     expect(page.get_by_test_id("stMain").locator("h1")).to_have_text(title, timeout=LONGEST_MS)
-    settled(page)
+    settle(page)
 
 
-def test_settings_survive_the_menu_f5_and_addresses(
-    page: Page, app_url: str, home: Path, settled: Settled
-) -> None:
+def test_settings_survive_the_menu_f5_and_addresses(page: Page, app_url: str, home: Path) -> None:
     project = Project.open(home, finished_project(home))
     for values in SET.values():
         project.keep_settings(values)
@@ -145,16 +141,16 @@ def test_settings_survive_the_menu_f5_and_addresses(
     project.give({}, **STATED)
     stored = project.settings, project.inputs
     page.goto(f"{app_url}/?project={project.id}")
-    arrive(page, "start", settled)
+    arrive(page, "start")
     for name in reversed(TITLES):
         wanted = {key: str(SHOWN[key]) for key in SET.get(name, {})}
         wanted |= STATED_SHOWN if name == "data" else {}
         # The page before was drawn for its address, by F5: that starts a session anew.
         page.get_by_test_id("stSidebar").get_by_role("link", name=TITLES[name], exact=True).click()
-        arrive(page, name, settled)
+        arrive(page, name)
         assert forms(page, wanted) == wanted, (name, "by the menu")
         page.reload()
-        arrive(page, name, settled)
+        arrive(page, name)
         assert forms(page, wanted) == wanted, (name, "F5")
     project = Project.open(home, project.id)
     assert (project.settings, project.inputs) == stored  # a draw writes nothing

@@ -1,7 +1,6 @@
 """The main job in a real browser against a real server."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -9,10 +8,9 @@ from playwright.sync_api import Page, expect
 
 from stereocal.cli import main
 from stereocal.rig.parameters import RigParameters
-from tests.browser.conftest import LONGEST_MS, ROOT, choose, download, results_shown
+from tests.browser.conftest import LONGEST_MS, ROOT, choose, download, results_shown, settle
 
 pytestmark = pytest.mark.browser
-Settled = Callable[[Page], None]
 RECORDING = ROOT / "sample_data" / "recording"
 
 
@@ -43,34 +41,34 @@ def row_of(page: Page, name: str) -> list[str]:
 
 
 def test_upload_real_recordings_and_compare_with_the_command_line(
-    page: Page, app_url: str, settled: Settled, tmp_path: Path
+    page: Page, app_url: str, tmp_path: Path
 ) -> None:
     page.goto(f"{app_url}/data")
-    settled(page)
+    settle(page)
     missing = page.get_by_text("Still missing").first
     for name, lacking in (
         ("correspondences.csv", "the primary camera's file, the secondary"),
         ("primary.json", "Still missing: the secondary camera's file"),
         ("secondary.json", "Still missing: the baseline"),
     ):
-        settled(page)  # the last file leaves an uploader of its own
+        settle(page)  # the last file leaves an uploader of its own
         upload = page.locator("[class*=st-key-upload_data_] input[type=file]")
         upload.set_input_files(RECORDING / name)
         expect(missing).to_contain_text(lacking)
-    settled(page)
+    settle(page)
     box = page.locator(".st-key-baseline_m_value input")
     box.fill("4.976")
     box.press("Enter")
     expect(missing).to_contain_text("Still missing: the distance between the targets")
-    settled(page)
+    settle(page)
     choose(page, "target_distance_m_unit", "mm")
-    settled(page)
+    settle(page)
     box = page.locator(".st-key-target_distance_m_value input")
     box.fill("390")
     box.press("Enter")
     expect(page.get_by_text("818 pairs of points in 409 frames").first).to_be_visible()
     page.get_by_role("button", name="Next: Calibrate").click()
-    settled(page)
+    settle(page)
     calibrate(page)
     show_parameters(page)
     reprojection = [float(cell.split()[0]) for cell in row_of(page, "Reprojection error, mean")]
