@@ -89,3 +89,11 @@ def ended(project: Project, kind: jobs.Kind) -> jobs.Job:
     assert job is not None
     wait_until(lambda: job.state != "running")
     return job
+
+
+def run_job(app: AppTest, key: str, project: Project, kind: jobs.Kind) -> jobs.Job:
+    """Press the button of a job; it, once it has ended, and its page drawn again."""
+    app.button(key=key).click().run()
+    job = ended(project, kind)
+    app.run()
+    return job

@@ -21,7 +21,7 @@ from stereocal.ui import apply as apply_page
 from stereocal.ui import fields
 from tests.field.world_tables import lines_csv, survey_csv
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
-from tests.pages.stored_projects import ended, go, page_of, project_of, told
+from tests.pages.stored_projects import go, page_of, project_of, run_job, told
 from tests.rigs.worlds import Place, plumb_lines, surveyed, world_of_cameras
 
 SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
@@ -164,9 +164,8 @@ def test_a_long_work_runs_as_a_job(
     monkeypatch.setattr(apply_page, "INSTANT_S", 0.0)
     with_files(app)
     assert "No result yet" in told(app)
-    app.button(key="apply_run").click().run()
-    assert ended(store_of(app, home).project, "apply").state == "done"
-    app.run()
+    job = run_job(app, "apply_run", store_of(app, home).project, "apply")
+    assert job.state == "done"
     assert "90 pairs in 6 frames" in told(app, "success")
 
 

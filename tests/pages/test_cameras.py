@@ -1,6 +1,5 @@
 """The Lenses page, without a browser."""
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,11 +10,11 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.intrinsics import quality
 from stereocal.projects.lens import ProjectLens
-from stereocal.projects.project import Project
+from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui import lens
 from tests.lens import SMALL, write_boards
-from tests.pages.stored_projects import again, dashboard, ended, go, messages, project_of, told
+from tests.pages.stored_projects import again, dashboard, go, messages, project_of, run_job, told
 
 ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "sample_data" / "field"
@@ -53,10 +52,9 @@ def small_board(app: AppTest) -> AppTest:
 
 
 def calibrate(app: AppTest, which: CameraName = "primary") -> AppTest:
-    app.button(key=f"calibrate_{which}").click().run()
-    project = Project.open(Path(os.environ["STEREOCAL_HOME"]), app.session_state["project_id"])
-    ended(project, lens.JOB_KINDS[which])
-    return app.run()
+    project = project_of(app, default_home())
+    run_job(app, f"calibrate_{which}", project, lens.JOB_KINDS[which])
+    return app
 
 
 def test_photographs_to_the_projects_camera(

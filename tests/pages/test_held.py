@@ -20,7 +20,7 @@ from tests.ball_bars import CAMERA, COLOURS, ball_bars
 from tests.bar_photographs import bar_set
 from tests.files import encoded
 from tests.lens import SMALL
-from tests.pages.stored_projects import drop, ended, messages, page_of, project_of, told
+from tests.pages.stored_projects import drop, messages, page_of, project_of, run_job, told
 from tests.pages.test_pages import give_zip
 from tests.rigs.boards import photographs, stereo
 from tests.rigs.objects import BOARD, recorded
@@ -44,9 +44,7 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     # All lengths follow from the squares: none is assumed.
     assert app.button(key="find_boards").disabled
     app.number_input(key="board_square_mm").set_value(30.0).run()
-    app.button(key="find_boards").click().run()
-    ended(project, "photographs")
-    app.run()
+    run_job(app, "find_boards", project, "photographs")
     assert "9 boards of 8x6 inner corners are in photographs of both" in messages(app)
     assert project.settings["held"] == "board"
     assert "Find the boards" not in told(app, "warning")
@@ -71,8 +69,7 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     app.number_input(key="board_square_mm").set_value(60.0).run()
     assert "Changed since this result: form, photographs or camera files." in messages(app)
     # Once more, with lenses that are made again: all lengths are twice as large.
-    app.button(key="find_boards").click().run()
-    ended(project, "photographs")
+    run_job(app, "find_boards", project, "photographs")
     again = project.dataset
     assert again is not None
     assert again.baseline_m == pytest.approx(2 * dataset.baseline_m, rel=1e-6)
@@ -121,13 +118,11 @@ def test_balls_are_stated_and_found(balls: Project) -> None:
     assert "blurple" in messages(app) and app.button(key="find_targets").disabled
     app.text_input(key="held_balls").set_value(COLOURS.partition(":")[2]).run()
     assert "Both balls are found here" in messages(app)
-    app.button(key="find_targets").click().run()
-    store = ProjectPhotographs(balls)
-    ended(balls, "photographs")
-    frames = store.frames
+    run_job(app, "find_targets", balls, "photographs")
+    frames = ProjectPhotographs(balls).frames
     assert frames is not None and sum(frame.use for frame in frames) >= 10
     assert isinstance(held_target(balls), Balls)
-    assert "Changed since" not in messages(app.run())
+    assert "Changed since" not in messages(app)
     app.segmented_control(key="held").set_value("tags").run()
     assert "Changed since this result: what you hold" in messages(app) and not app.exception
 
@@ -154,9 +149,7 @@ def test_a_bar_is_no_board_that_lies_about(app: AppTest, home: Path) -> None:
     app.segmented_control(key="held").set_value("board").run()
     assert not [each for each in app.button if each.key == "held_yes"]
     app.number_input(key="board_square_mm").set_value(30.0).run()
-    app.button(key="find_boards").click().run()
-    ended(project, "photographs")
-    app.run()
+    run_job(app, "find_boards", project, "photographs")
     app.button(key="held_bar").click().run()
     assert held_target(project) == BAR and project.settings["held"] == "bar2x2"
 

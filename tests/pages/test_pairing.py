@@ -14,7 +14,7 @@ from stereocal.projects.project import Project
 from stereocal.system.photograph import GreyImage
 from stereocal.system.taken import EXIF
 from tests.bar_photographs import bar_set
-from tests.pages.stored_projects import ended, messages, page_of, told
+from tests.pages.stored_projects import messages, page_of, run_job, told
 
 NAMES = ("primary/IMG_{}.png", "secondary/DSC_0{}.png")
 FIRST = (1001, 231)
@@ -95,9 +95,7 @@ def test_without_times_a_slip_is_seen_by_the_targets(home: Path) -> None:
     store = stored(home, 16, 5, timed=False)
     app = page_of(store.project, "data")
     assert "15 pairs in order" in messages(app)
-    app.button(key="find_targets").click().run()
-    ended(store.project, "photographs")
-    app.run()
+    run_job(app, "find_targets", store.project, "photographs")
     assert "IMG_1006 has no partner" in messages(app)
     assert "press *Find the targets*" not in told(app, "warning")  # they were searched for
     assert messages(app).count("No target is seen by both cameras") <= 1

@@ -17,10 +17,10 @@ from tests.further import further
 from tests.pages.stored_projects import (
     again,
     drop,
-    ended,
     go,
     messages,
     project_of,
+    run_job,
     told,
     wait_until,
 )
@@ -39,11 +39,9 @@ def store_of(app: AppTest, home: Path) -> ProjectPhotographs:
 
 
 def find(app: AppTest, home: Path) -> None:
-    app.button(key="find_targets").click().run()
     store = store_of(app, home)
-    ended(store.project, "photographs")
+    run_job(app, "find_targets", store.project, "photographs")
     assert store.frames
-    app.run()
 
 
 def cameras() -> dict[str, bytes]:
@@ -91,9 +89,7 @@ def test_from_photographs_to_a_complete_data_set_which_a_cancelled_search_leaves
     app.button(key="find_targets").click().run()
     assert app.button(key="find_targets").disabled
     assert app.checkbox(key="use_frame_1").disabled
-    app.button(key="cancel_photographs").click().run()
-    ended(store_of(app, tmp_path).project, "photographs")
-    app.run()
+    run_job(app, "cancel_photographs", store_of(app, tmp_path).project, "photographs")
     assert "Cancelled. What was found before is unchanged" in messages(app)
     assert store_of(app, tmp_path).frames == before
     assert not app.button(key="find_targets").disabled

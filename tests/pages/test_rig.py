@@ -33,7 +33,7 @@ from stereocal.ui.start import RIG, three_cameras
 from tests.archives import caliscope_files, wand_csv
 from tests.files import encoded, zipped
 from tests.lens import PATTERN, SMALL, photographed
-from tests.pages.stored_projects import dashboard, drop, ended, go, page_of, told, wait_until
+from tests.pages.stored_projects import dashboard, drop, go, page_of, run_job, told, wait_until
 from tests.photographed_rig import BAR_M, CAMERAS, photographed_bars
 from tests.projects.test_recording import rig_text
 from tests.rigs.boards import HERE, placings, stereo
@@ -324,9 +324,8 @@ def test_exchanged_camera_files_are_named(app: AppTest, home: Path) -> None:
     one, two, three = (packed[f"camera_{number}.json"] for number in (1, 2, 3))
     files = {"c1.json": two, "c2.json": one, "c3.json": three, "points.csv": packed["points.csv"]}
     given(app, files).number_input(key="several_B_m").set_value(0.6).run()
-    app.button(key="several_run").click().run()
     project = Project.open(home, find_projects(home)[0])
-    assert ended(project, "rig").state == "failed"
+    assert run_job(app, "several_run", project, "rig").state == "failed"
     assert ProjectRecording(project).rig is None
     sentence = told(go(app, "rig"), "error")
     assert "c1 and c2" in sentence and "exchanged" in sentence
@@ -339,8 +338,8 @@ def test_pairs_without_files_are_told(
     monkeypatch.setattr("stereocal.ui.rig.sets_of_pairs", lambda *_: ({}, [why]))
     given(app, files_of_rig()).number_input(key="several_B_m").set_value(0.39).run()
     app.number_input(key="several_M_m").set_value(0.13).run()
-    app.button(key="several_run").click().run()
-    assert ended(Project.open(home, find_projects(home)[0]), "rig").state == "done"
+    project = Project.open(home, find_projects(home)[0])
+    assert run_job(app, "several_run", project, "rig").state == "done"
     assert why in told(go(app, "rig"), "warning")
 
 
@@ -359,12 +358,9 @@ def give(app: AppTest, files: dict[str, bytes]) -> None:
 
 
 def search(app: AppTest, home: Path) -> ProjectRecording:
-    app.button(key="find_in_all_cameras").click().run()
     project = Project.open(home, find_projects(home)[0])
-    job = ended(project, "photographs")
-    assert job.state == "done", job.sentence
-    app.run()
-    assert not app.exception
+    job = run_job(app, "find_in_all_cameras", project, "photographs")
+    assert job.state == "done" and not app.exception, job.sentence
     return ProjectRecording(project)
 
 
@@ -421,10 +417,8 @@ def _check_with_photographs(app: AppTest, store: ProjectRecording, rig: RigFile)
 
 
 def _find_new(app: AppTest, project: Project) -> None:
-    app.button(key="find_new").click().run()
-    assert ended(ProjectCheck(project).of_images, "photographs").state == "done"
-    app.run()
-    assert not app.exception and not app.error
+    job = run_job(app, "find_new", ProjectCheck(project).of_images, "photographs")
+    assert job.state == "done" and not app.exception and not app.error
 
 
 def seen_by_both(count: int) -> list[Pose]:
