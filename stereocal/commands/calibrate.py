@@ -58,7 +58,6 @@ DEFAULTS = {"runs": 100, "free_distortion": ()}
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Calibrate, validate, write the files, print the table and the recommendation."""
     if parsed.kit and parsed.validation:
         raise StereocalError(
             "A paper kit holds what computes its files again: give --kit or --validation."

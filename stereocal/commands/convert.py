@@ -36,7 +36,6 @@ OPTIONS: Options = {
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Convert, and print the files written."""
     size = image_size(parsed.image_size)
     options = ExchangeOptions(
         (

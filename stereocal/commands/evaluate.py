@@ -38,7 +38,6 @@ OPTIONS: Options = {
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Evaluate, write summary.json and report.html, print the answer."""
     datasets = [dataset_from(parsed, path) for path in parsed.datasets]
     settings = EvaluationSettings(
         settings_from(parsed, calibration_frames=None),

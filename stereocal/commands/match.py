@@ -113,7 +113,6 @@ def run(parsed: argparse.Namespace) -> None:
 
 
 def _of_pair(parsed: argparse.Namespace) -> tuple[RigParameters, dict[str, PointTable]]:
-    """The parameters, and the points of both cameras."""
     if parsed.others:
         raise StereocalError("More than two tables of points need --rig rig.json.")
     rig = RigParameters.load(parsed.parameters)
@@ -129,7 +128,6 @@ def _of_pair(parsed: argparse.Namespace) -> tuple[RigParameters, dict[str, Point
 
 
 def _of_rig(parsed: argparse.Namespace) -> tuple[RigFile, dict[str, PointTable]]:
-    """The rig, and the points of its cameras."""
     refuse_given(parsed, WITH_RIG, "threshold", "depth", "layout", *WITH_LAYOUT)
     tables: dict[str, PointTable] = {}
     for text in map(str, (parsed.primary, parsed.secondary, *parsed.others)):
@@ -156,7 +154,6 @@ def _ours(path: Path) -> PointTable:
 
 
 def _theirs(parsed: argparse.Namespace, which: CameraName, camera: Camera) -> PointTable:
-    """A table of another program."""
     source, at = str(getattr(parsed, which)), CAMERAS.index(which)
     content = point_text(read_whole(source), source)
     if parsed.layout == BY_HAND:

@@ -91,6 +91,5 @@ def _take_frames(
 
 
 def write_recording(folder: Path, recording: Recording) -> None:
-    """Write a data set into a folder."""
     write_all({folder / name: content for name, content in pack_recording(recording).items()})
     report(written=[folder])

@@ -54,7 +54,6 @@ KINDS: Mapping[str, tuple[str, Options]] = {
 
 
 def add(command: argparse.ArgumentParser) -> None:
-    """The options of what is printed."""
     kinds = command.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS))
     for name, (about, options) in KINDS.items():
         one = kinds.add_parser(name, help=about)
@@ -63,7 +62,6 @@ def add(command: argparse.ArgumentParser) -> None:
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Print, and say what was written."""
     out, paper, suffix = parsed.out, paper_named(parsed.paper), parsed.out.suffix.lower()
     suffixes = (".pdf",) if parsed.kind == "sheet" else (".pdf", ".svg")
     if suffix not in suffixes:

@@ -39,7 +39,6 @@ OPTIONS: Options = {
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Reconstruct, write the points, print their errors."""
     rig = _rig(parsed)
     table = PointTable(parsed.pairs, pixel_columns(rig), may_be_empty=parsed.rig is not None)
     about = rig, table, parsed.out, world_from(parsed), parsed.sigma_px
@@ -55,7 +54,6 @@ def _compile(rig: RigParameters | RigFile) -> None:
 
 
 def _rig(parsed: argparse.Namespace) -> RigParameters | RigFile:
-    """What measures."""
     if parsed.rig is not None:
         refuse_given(parsed, WITH_RIG, "matched_with", "workers", "scheduler")
         return RigFile.load(parsed.rig)

@@ -22,7 +22,6 @@ DEFAULTS = {"datasets": 19, "frames": 25, "seed": 0}
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Write the data sets with their ground truth."""
     for name, lowest in {"seed": 0, "datasets": 1, "frames": 1}.items():
         if getattr(parsed, name) < lowest:
             raise StereocalError(f"--{name} must be at least {lowest}.")

@@ -46,7 +46,6 @@ PACKAGE = Path(__file__).parents[2]
 
 
 def run(_: argparse.Namespace) -> None:
-    """Compile, with a progress bar."""
     with ProgressBar("functions compiled") as bar:
         compiled = compile_all(bar.show)
     if not compiled:

@@ -37,7 +37,6 @@ DEFAULTS = {"heading": 0.0, "survey_sigma": WorldSettings.survey_sigma_m}
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Find the world frame, write it, print what it rests on."""
     (content,) = contents([parsed.observed]).values()
     source, rate = str(parsed.observed), parsed.frame_rate
     axes = Axes(parsed.origin, parsed.x_axis, parsed.heading)

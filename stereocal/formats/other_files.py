@@ -25,7 +25,6 @@ MATLAB_CAMERA = (
 
 
 def is_hdf5(content: bytes) -> bool:
-    """Whether it is an HDF5 file."""
     return content.startswith(HDF5)
 
 

@@ -67,7 +67,6 @@ class PointLayout:
     roles: str | None = None
     """What each column holds, as of `column_roles`; None: as the program writes it."""
     titles: tuple[str, ...] = ()
-    """Names of the columns, for messages."""
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -322,7 +321,6 @@ class _Rows:
 
 
 def is_number_or_empty(text: str) -> bool:
-    """Whether a cell is empty or a number."""
     try:
         float(text.strip() or "nan")
     except ValueError:

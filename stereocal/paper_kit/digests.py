@@ -118,7 +118,6 @@ def _unit(number: re.Match[str]) -> float:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value of JSON is a number."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 

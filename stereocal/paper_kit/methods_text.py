@@ -266,7 +266,6 @@ def _verdict(run: Run) -> Iterator[str]:
 
 
 def captions_md(run: Run) -> str:
-    """The captions of figures and table."""
     measure = NAMES[run.recommendation.measure.method]
     lines = [
         "**errors_by_frame** Reprojection error and relative error of the length of the bar in "

@@ -309,7 +309,6 @@ class ProjectCheck(ProjectPart):
         return Project(self.database.of_page("check"))
 
     def keep_parameters(self, label: str, content: bytes) -> None:
-        """Store a parameter file, or rig.json."""
         if is_rig(content):
             RigFile.loads(content, label)
         else:
@@ -332,5 +331,4 @@ class ProjectCheck(ProjectPart):
 
 
 def _written(table: pd.DataFrame) -> bytes:
-    """A table of points as CSV."""
     return table.to_csv(index=False, lineterminator="\n").encode()

@@ -46,13 +46,9 @@ def camera_info(k: int, P: FloatArray, R: FloatArray) -> bytes:
     camera = (PRIMARY, SECONDARY)[k]
     text = f"image_width: {camera.image_size[0]}\nimage_height: {camera.image_size[1]}\n"
     lens = np.append(camera.distortion, 0.0)[None, :5]
-    names = (
-        "camera_matrix",
-        "distortion_coefficients",
-        "rectification_matrix",
-        "projection_matrix",
-    )
-    for name, table in zip(names, (camera.K, lens, R, P), strict=True):
+    tables = {"camera": camera.K, "rectification": R, "projection": P}
+    named = {f"{name}_matrix": table for name, table in tables.items()}
+    for name, table in (named | {"distortion_coefficients": lens}).items():
         rows, cols = table.shape
         text += f"{name}:\n  rows: {rows}\n  cols: {cols}\n  data: {numbers(table)}\n"
     return text.encode()

@@ -39,7 +39,6 @@ class Gathered:
 
     @cached_property
     def files(self) -> dict[str, bytes]:
-        """The files of the recording, by name."""
         return pack_recording(self.recording)
 
 

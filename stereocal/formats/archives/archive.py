@@ -126,14 +126,12 @@ def baseline_taken(baseline_m: float, origin: str) -> Part:
 
 
 def points_taken(rows: Correspondences, origin: str) -> Part:
-    """The line of the report on the bars."""
     bars, frames = count(len(rows.bars), "bar"), count(len(rows.frames), "frame")
     words = f"{count(len(rows), 'pair')} of points, {bars} in {frames}"
     return Part("bars", words, origin)
 
 
 def lens_taken(which: str, camera: Camera, origin: str) -> Part:
-    """The line of the report on a lens."""
     width, height = camera.image_size
     K, lens = camera.K, camera.distortion
     distortion = f"k1 {rounded(lens[0], 3)}" if lens.any() else "no distortion"

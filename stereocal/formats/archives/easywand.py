@@ -45,14 +45,11 @@ TABLES = ("wandPts", "backgroundPts", "axisPts")
 
 @dataclass(frozen=True)
 class EasyWandFile:
-    """The struct of a file."""
-
     fields: Fields
     source: str
 
     @property
     def cameras(self) -> tuple[str, ...]:
-        """Names of the cameras."""
         wand = self._rows("wandPts", None)
         if wand is None:
             raise StereocalError(f"{self.source}: wandPts, the points of the bar, is missing.")

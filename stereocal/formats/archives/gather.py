@@ -165,7 +165,6 @@ def sorted_files(files: Contents) -> tuple[str, dict[str, bytes], EasyWandFile |
 
 
 def is_table(name: str, content: bytes) -> bool:
-    """Whether a file is a table of points."""
     return recognise(name, content).kind == "table"
 
 

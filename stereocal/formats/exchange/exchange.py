@@ -76,7 +76,6 @@ def _read_cameras(files: Files, options: ExchangeOptions, source: str) -> Camera
 
 
 def _read_parameters(files: Files, _: ExchangeOptions, source: str) -> CameraPair:
-    """The cameras and the pose of our parameter file."""
     if len(files) > 1:
         raise StereocalError(f"{source}: {len(files)} parameter files; give one.")
     rig = RigParameters.loads(files[0].text, files[0].name)
