@@ -1,47 +1,28 @@
 """A whole project on disk; one of its files becomes hostile, and all of it is read."""
 
-import atexit
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
-import numpy as np
-
-from stereocal.calibration.methods import CalibrationSettings, errors_of
+from stereocal.calibration.methods import errors_of
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise
-from stereocal.formats.camera_file import write_camera
-from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.formats.evaluation_files import Evaluation
-from stereocal.frames.frame import Centre, Frame
-from stereocal.frames.review import place_target
-from stereocal.intrinsics.boards import BoardSearch
-from stereocal.intrinsics.calibrate_lens import calibrate_lens
-from stereocal.intrinsics.lens_fit import LensSettings
-from stereocal.library.calibrations import calibrate
-from stereocal.matching.application import Application, Points
-from stereocal.matching.pairs import Stated
 from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.home import recent_projects
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.review import change_review, read_review, thumbnail
+from stereocal.projects.review import read_review, thumbnail
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.correspondences import SOURCES
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip, unzip
-from tests.files import encoded
 from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
-from tests.lens import PATTERN, AtOnce, views
+from tests.pages.stored_projects import FULL, placed
 
 FRAMES = 8
 
@@ -84,12 +65,15 @@ def dataset_zip() -> bytes:
 
 @cache
 def project_zip() -> bytes:
-    """The template, carried."""
-    target = Path(tempfile.mkdtemp()) / "project.zip"
-    pack_project(template(), target)
-    content = target.read_bytes()
-    shutil.rmtree(target.parent)
-    return content
+    """A project with all that a project can have, carried."""
+    with tempfile.TemporaryDirectory() as folder:
+        project, target = placed(FULL, Path(folder)), Path(folder) / "project.zip"
+        project.add_dataset("more.zip", dataset_zip())
+        assert project.table is not None
+        # Given, it is read; what was detected is not.
+        project.give({"correspondences": ("points.csv", project.table[1])})
+        pack_project(project, target)
+        return target.read_bytes()
 
 
 def read_project_zip(content: bytes, folder: Path) -> None:
@@ -165,102 +149,5 @@ def _use_calibration(project: Project) -> None:
 
 @cache
 def _members() -> dict[str, bytes]:
-    """The files of the template's zip."""
+    """The files of that zip."""
     return unzip(project_zip(), "p.zip")
-
-
-@cache
-def template() -> Project:
-    """A project with all that a project can have."""
-    home = Path(tempfile.mkdtemp(prefix="stereocal-hostile-"))
-    atexit.register(shutil.rmtree, home, ignore_errors=True)
-    project = Project.create(home)
-    _give_results(project)
-    _give_photographs(project)
-    _give_boards(project)
-    _give_points(project)
-    return project
-
-
-def _give_results(project: Project) -> None:
-    own = dataset()
-    project.give(
-        {
-            "primary": ("primary.json", write_camera(PRIMARY)),
-            "secondary": ("secondary.json", write_camera(SECONDARY)),
-            "correspondences": ("points.csv", write_table(own.correspondences)),
-        },
-        name="small",
-        baseline_m=BASELINE_M,
-        target_distance_m=BAR_M,
-    )
-    project.add_dataset("more.zip", dataset_zip())
-    project.keep_settings({"delta": 0.001, "runs": 3})
-    project.keep_calibration(calibrate(own, CalibrationSettings(), trace=False), project.inputs)
-    settings = EvaluationSettings(runs=2, calibration_frames=5)
-    with ThreadPoolExecutor(1) as executor:
-        runs = evaluate([own], settings, executor)
-    project.keep_evaluation(Evaluation(runs, settings, ["small"], [own.sha256]))
-
-
-def _give_photographs(project: Project) -> None:
-    store = ProjectPhotographs(project)
-    names = [f"{side}{k}.png" for k in (1, 2) for side in ("left", "right")]
-    found = {}
-    for at, name in enumerate(names):
-        image = np.full((1024, 1600), at, np.uint8)
-        found[name] = store.keep(name, encoded(image))
-    store.add(found)
-    store.keep_rows(store.rows)
-    frames = [
-        Frame(
-            k,
-            (f"left{k}.png", f"right{k}.png"),
-            (
-                (Centre(800, 600, 0.1), Centre(900, 610, 0.1)),
-                (Centre(600, 500, 0.1), Centre(700, 520, 0.1)),
-            ),
-            "found",
-        )
-        for k in (1, 2)
-    ]
-    table = project.table
-    assert table is not None
-    store.keep_corrected(frames)
-    change_review(
-        store, lambda review: place_target(review, 1, 0, 0, Centre(805, 600, None, SOURCES[-1]))
-    )
-    project.give({"correspondences": table})
-
-
-def _give_boards(project: Project) -> None:
-    store = ProjectLens(project, "primary")
-    seen = views(6, 1)
-    search = BoardSearch(PATTERN, seen, ())
-    found = {}
-    for at, view in enumerate(seen):
-        image = np.full((48, 64), at, np.uint8)
-        content = encoded(image)
-        found[view.name] = store.keep("a.png", content)
-    store.add(found)
-    store.keep_search(search)
-    lens = calibrate_lens(search, LensSettings(subset=5, repeats=2), AtOnce())
-    store.keep_calibration(lens)
-
-
-def _give_points(project: Project) -> None:
-    store = ProjectApplication(project)
-    calibration = project.calibration
-    assert calibration is not None
-    rigs: list[RigParameters] = [calibration.parameters("2d"), calibration.parameters("3d")]
-    for use, rig in zip(USES, rigs, strict=True):
-        store.keep_set(use, "p.json", rig.dumps().encode())
-    for side in CAMERAS:
-        pixels = getattr(dataset().correspondences, side)
-        rows = [f"{k // 2},{u!r},{v!r}" for k, (u, v) in enumerate(pixels.tolist())]
-        store.offer_points(side, f"{side}.csv", ("frame,u,v\n" + "\n".join(rows)).encode())
-    store.ask("bars", "wand.csv", b"1,2,3,4,5,6,7,8\n1,2,3,4,5,6,7,8\n")
-    points: dict[str, Points] = {
-        side: given for side in CAMERAS if (given := store.points(side)) is not None
-    }
-    store.run(Application(points, rigs[0], rigs[1], Stated(1.0)))

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.signal import correlate, correlation_lags
 
 from stereocal.frames.video.decoding import MOST_FRAMES, opened
 from stereocal.rig.compiled import FloatArray
@@ -60,8 +59,9 @@ def heard_later(primary: FloatArray, secondary: FloatArray) -> float | None:
     squares = (np.minimum(each, LOUD) ** 2 for each in (primary, secondary))
     sharp = [np.convolve(each, (0.5, 1.0, 0.5), "same") for each in squares]
     first, second = (each - each.mean() for each in sharp)
-    score = correlate(first, second, method="fft")
-    lags = correlation_lags(n, m)
+    lags = np.arange(1 - m, n)
+    spectra = (np.fft.rfft(each, len(lags)) for each in (first, second[::-1]))
+    score = np.fft.irfft(np.multiply(*spectra), len(lags))
     common = np.minimum(n, lags + m) - np.maximum(0, lags)
     score = np.where(common < least, 0.0, score / np.sqrt(common))
     best = int(score.argmax())
