@@ -90,11 +90,10 @@ def at(corners: Corners, a: float, b: float) -> float:
 
 
 @inlined
-def cell_at(cells: FloatArray, row: float, column: float) -> tuple[float, float]:
-    """Grey level and coverage of a cell: 0 off the board, or if row or column is NaN."""
-    if 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1]:
-        return cells[int(row), int(column)], 1.0
-    return 0.0, 0.0
+def bilinear(corners: Corners) -> Corners:
+    """Coefficients of 1, a, b and ab of what `at` interpolates."""
+    first, across, down, last = corners
+    return first, across - first, down - first, first - across - down + last
 
 
 @inlined
@@ -108,13 +107,16 @@ def part_average(
     same, grey, cover = one_cell(across, down, cells)
     if same:
         return grey, cover
-    grey = cover = 0.0
+    grey, seen, (rows, columns) = 0.0, 0, cells.shape
+    s0, s1, s2, s3 = bilinear(across)
+    t0, t1, t2, t3 = bilinear(down)
     for n in range(len(offsets)):
-        a, b = (q + offsets[n, 0]) / parts, (p + offsets[n, 1]) / parts
-        one_grey, one_cover = cell_at(cells, np.floor(at(t, a, b)), np.floor(at(s, a, b)))
-        grey += one_grey
-        cover += one_cover
-    return grey / len(offsets), cover / len(offsets)
+        a, b = offsets[n]
+        column, row = s0 + a * s1 + b * (s2 + a * s3), t0 + a * t1 + b * (t2 + a * t3)
+        if 0 <= row < rows and 0 <= column < columns:  # not off the board, and not NaN
+            grey += cells[int(row), int(column)]
+            seen += 1
+    return grey / len(offsets), seen / len(offsets)
 
 
 @compiled
