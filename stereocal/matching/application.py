@@ -26,7 +26,7 @@ from stereocal.matching.tables_by_camera import pixel_columns
 from stereocal.matching.trajectories import OUTSIDE_VOLUME
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.correspondences import Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
@@ -287,19 +287,6 @@ def _measured_with(work: Application) -> dict[str, Any]:
     return {**cameras, **rig.pose.to_json(), "world_from_primary": frame}
 
 
-def unlabelled(rows: Correspondences) -> dict[str, pd.DataFrame]:
-    """The bar's points by camera; `target` is passed through and not used for matching."""
-    targets = np.array(rows.names)[rows.target]
-    order = np.lexsort([rows.target, rows.frame])
-    times = {"time_frame": rows.time_frame} if rows.has_times else {}
-    return {
-        which: pd.DataFrame(
-            {"frame": rows.frame, "u": pixels[:, 0], "v": pixels[:, 1], "target": targets} | times
-        ).iloc[order]
-        for which, pixels in zip(CAMERAS, (rows.primary, rows.secondary), strict=True)
-    }
-
-
 def result_in_words(pairs: pd.DataFrame, points: pd.DataFrame) -> str:
     """The result in one sentence.
 
@@ -338,20 +325,15 @@ def agreement(pairs: pd.DataFrame) -> str | None:
     return None
 
 
-def points_by_camera(recording: Recording) -> dict[str, pd.DataFrame]:
+def points_by_camera(data: Dataset | Recording) -> dict[str, pd.DataFrame]:
     """The object's points as a table of each camera that sees any; `target` is passed through and
     not used for matching."""
+    recording = Recording.of_pair(data) if isinstance(data, Dataset) else data
     targets = np.array(recording.object.names)[recording.target]
-    table = pd.DataFrame(
-        {
-            "frame": recording.frame,
-            "u": recording.points[:, 0],
-            "v": recording.points[:, 1],
-            "target": targets,
-        }
-    ).sort_values("frame", kind="stable")
-    found = {
-        name: table[recording.camera[table.index] == number]
-        for number, name in enumerate(recording.cameras)
-    }
-    return {name: points for name, points in found.items() if len(points)}
+    u, v = recording.points.T
+    table = pd.DataFrame({"frame": recording.frame, "u": u, "v": v, "target": targets})
+    if isinstance(data, Dataset) and data.correspondences.has_times:
+        table["time_frame"] = np.tile(data.correspondences.time_frame, 2)
+    table = table.iloc[np.lexsort([recording.target, recording.frame])]
+    of = recording.camera[table.index]
+    return {name: table[of == k] for k, name in enumerate(recording.cameras) if (of == k).any()}

@@ -15,7 +15,6 @@ import pandas as pd
 
 from stereocal.errors import StereocalError
 from stereocal.matching.matching import ANY_DEPTH, Matches, match_points
-from stereocal.matching.pair_candidates import pairs_within
 from stereocal.matching.point_table import SIGMA
 from stereocal.matching.threshold import FramePixels
 from stereocal.rig.compiled import FloatArray, IntArray
@@ -174,7 +173,10 @@ def _contradiction(cameras: TwoCameras, names: Names) -> str:
         if not pairs:
             continue
         one, two = np.array(pairs).T
-        errors = _errors(cameras.rig, first, second)[np.ix_(one, two)]
+        i, j = np.meshgrid(one, two, indexing="ij")
+        pixels = first[UV].to_numpy(float)[i.ravel()], second[UV].to_numpy(float)[j.ravel()]
+        errors = cameras.rig.reprojection_errors(*pixels).mean(axis=1).reshape(i.shape)
+        errors = np.nan_to_num(errors, nan=np.inf)  # behind a camera
         of_names = np.diag(errors)
         same.append(of_names)
         nearest.append(errors.min(axis=1))
@@ -191,18 +193,6 @@ def _contradiction(cameras: TwoCameras, names: Names) -> str:
         f"one name have a median error of {rounded(typical)} px, the nearest partners "
         f"{rounded(best)} px."
     )
-
-
-def _errors(rig: RigParameters, first: pd.DataFrame, second: pd.DataFrame) -> FloatArray:
-    """(n, m) errors of all pairs; infinite behind a camera."""
-    pixels = [each[UV].to_numpy(dtype=np.float64) for each in (first, second)]
-    one, two = rig.primary.rays_of(pixels[0]), rig.secondary.rays_of(pixels[1])
-    i, j, found, _, _ = pairs_within(
-        rig.pose.R, rig.pose.T, one, two, rig.pixel_scale, np.inf, *ANY_DEPTH
-    )
-    errors = np.full((len(one), len(two)), np.inf)
-    errors[i, j] = found
-    return errors
 
 
 def match_groups(

@@ -200,22 +200,16 @@ class PointTable:
 
     def _parquet_chunks(self, path: Path, rows: int) -> Iterator[pd.DataFrame]:
         """The rows in blocks, with an index from 1."""
-        start = 1
-        batches = self._parquet_file(path).iter_batches(batch_size=rows)
-        while True:
-            try:
-                batch = next(batches, None)
-                if batch is None:
-                    return
+        start, file = 1, self._parquet_file(path)
+        try:
+            for batch in file.iter_batches(batch_size=rows):
                 batch.validate(full=True)  # finds, for example, invalid UTF-8
-                chunk = batch.to_pandas().reset_index(drop=True)
-            except (*DAMAGED, NotImplementedError) as error:
-                raise StereocalError(
-                    f"{self.label}: the Parquet file is damaged ({error})."
-                ) from error
-            chunk.index += start
-            start += len(chunk)
-            yield chunk
+                chunk = batch.to_pandas()
+                chunk.index = pd.RangeIndex(start, start + len(chunk))
+                start += len(chunk)
+                yield chunk
+        except (*DAMAGED, NotImplementedError) as error:
+            raise StereocalError(f"{self.label}: the Parquet file is damaged ({error}).") from error
 
     def _parquet_file(self, path: Path) -> Any:
         parquet = _parquet_library()

@@ -41,12 +41,9 @@ class ViewGroups:
 
     images: IntArray
     """(k, c): row of each camera's points; -1 where it does not see the point."""
-    points_m: FloatArray
-    """(k, 3): in the reference's frame."""
     error_px: FloatArray
-    """(k,): mean distance of the images from those of the point."""
     chi_square: FloatArray
-    """(k,): of the pixels, for noise of 1 px."""
+    """(k,): as of `Measured`."""
     ambiguous: BoolArray
     """(k,): whether another group with one of its images, and as many of them, is sound too."""
 
@@ -123,9 +120,6 @@ def match_views(
         names = [np.zeros(len(pixels), dtype=np.int64) for pixels in points]
     rays = [camera.rays_of(pixels) for camera, pixels in zip(fitter.cameras, points, strict=True)]
     groups = _pairs(fitter, points, rays, names, sigma_px)
-    if not len(groups):
-        none = np.empty(0)
-        return ViewGroups(groups, np.empty((0, 3)), none, none, none.astype(np.bool_))
     groups = _joined(fitter, points, rays, names, groups, sigma_px)
     groups, measured = _sound(fitter, points, rays, groups, sigma_px)
     return _chosen(groups, measured)
@@ -296,10 +290,5 @@ def _chosen(groups: IntArray, measured: Measured) -> ViewGroups:
             taken.update(dict.fromkeys(images, k))
     picked = np.array(chosen, dtype=np.int64)
     ambiguous = [rivals.get(k, 0) >= int((groups[k] >= 0).sum()) for k in chosen]
-    return ViewGroups(
-        groups[picked],
-        measured.xyz[picked],
-        measured.error_px[picked],
-        measured.chi_square[picked],
-        np.array(ambiguous, bool),
-    )
+    error_px, chi_square = measured.error_px[picked], measured.chi_square[picked]
+    return ViewGroups(groups[picked], error_px, chi_square, np.array(ambiguous, bool))

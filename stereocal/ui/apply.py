@@ -9,7 +9,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import METHOD_NAMES
-from stereocal.matching.application import STAGES, Application, Points, points_by_camera, unlabelled
+from stereocal.matching.application import STAGES, Application, Points, points_by_camera
 from stereocal.matching.clicks import CLICK_PX, ClickMeasure
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
 from stereocal.matching.names import AUTO
@@ -68,7 +68,7 @@ def choose_apply_inputs(project: Project, store: ProjectApplication) -> ApplyInp
 def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs | None:
     """Points of two cameras; a set to match with, one to measure with, and a threshold."""
     source, dataset = Source(project, APPLY_SETS), project.dataset
-    own_tables = None if dataset is None else partial(unlabelled, dataset.correspondences)
+    own_tables = None if dataset is None else partial(points_by_camera, dataset)
     titles, slots = (
         ("The bar's own points", "Two point files"),
         {str(name): name for name in CAMERAS},

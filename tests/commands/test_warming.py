@@ -23,7 +23,7 @@ from stereocal.detection.detect import corner_near, detect_targets
 from stereocal.evaluation.evaluate import EvaluationSettings, count_set, evaluate_runs
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.system.photograph import read_photograph
-from stereocal.matching.application import unlabelled
+from stereocal.matching.application import points_by_camera
 from stereocal.matching.pairs import sample_frames
 from stereocal.matching.names import NO_NAMES
 from stereocal.matching.matching import nearest_errors
@@ -63,7 +63,7 @@ forecasts = forecast_files(found).of_files({})
 rig, rows = found.parameters("2d", None, forecasts["2d"]), dataset.correspondences
 reconstruct_points(rig, rows.primary, rows.secondary)
 reconstruct_points(rig, rows.primary, rows.secondary, None, 0.2)
-sample = sample_frames(*unlabelled(rows).values())
+sample = sample_frames(*points_by_camera(dataset).values())
 frames = [NO_NAMES.samples(*own)[0] for own in sample]
 nearest_errors(rig, frames, (0.0, float("inf"))), choose_threshold(rig, frames)
 image = read_photograph(data / "photographs" / "primary" / "0001.jpg")

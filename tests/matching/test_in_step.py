@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from stereocal.library.tables import match
-from stereocal.matching.application import unlabelled
+from stereocal.matching.application import points_by_camera
 from stereocal.matching.in_step import points_in_step
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
@@ -36,7 +36,7 @@ def late() -> RigParameters:
 
 
 def test_tables_on_disk_are_the_same(late: RigParameters, tmp_path: Path) -> None:
-    points = unlabelled(moving(LATE).correspondences)
+    points = points_by_camera(moving(LATE))
     tables = {}
     for which, table in points.items():
         table.to_csv(tmp_path / f"{which}.csv", index=False)
