@@ -9,10 +9,11 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.all_cameras import names_cameras
-from stereocal.formats.archives.gather import is_correspondences
+from stereocal.formats.archives.gather import is_correspondences, with_one_table
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.formats.dropped import Dropped
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.point_answers import layout_of
 from stereocal.formats.point_text import point_text
 from stereocal.frames.which_camera import Series, which_camera, which_of
@@ -166,9 +167,7 @@ def _place(project_files: ProjectGiven, files: Mapping[str, bytes]) -> None:
 
 
 def _take_tables(project_files: ProjectGiven, tables: Mapping[str, bytes]) -> None:
-    for number, (name, content) in enumerate(tables.items()):
-        if number:
-            raise StereocalError(f"{name}: another table was given with it. Give one at a time.")
+    for name, content in with_one_table(tables, ExchangeOptions()).items():
         text = point_text(content, name)
         if names_cameras(text, name):
             project_files.more_cameras({name: text})

@@ -13,6 +13,9 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.errors import StereocalError
+from stereocal.formats.archives.gather import gather
+from stereocal.formats.camera_file import write_camera
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.point_answers import UNKNOWN, answered, first_answers, layout_of
 from stereocal.formats.point_files import read_bars, read_points
 from stereocal.formats.point_layouts import LAYOUTS, layout_name, propose_layout
@@ -242,6 +245,18 @@ class TestNumbers:
         first = first_answers(layout, 0)
         strict = answered(layout, replace(first, least_likelihood=0.4), content, "p")
         assert read_points(content, strict, "cam1").empty
+
+
+def test_tables_of_one_camera_each_are_imported_as_bars() -> None:
+    """The unlikely point of a frame is missing, as on the page."""
+    files = {
+        "right_dlc.csv": deeplabcut(1),
+        "left_dlc.csv": deeplabcut(0).replace(b"0.99", b"0.1", 1),
+    }
+    lenses = {"left.json": write_camera(PRIMARY), "right.json": write_camera(SECONDARY)}
+    found = gather(files | lenses, ExchangeOptions()).correspondences
+    assert found is not None and len(found) == 2 * FRAMES - 1 and len(found.bars) == FRAMES - 1
+    np.testing.assert_allclose(found.primary[-FRAMES:], VIEWS[1][:, 1], rtol=0, atol=1e-9)
 
 
 def test_deeplabcut_with_several_animals() -> None:

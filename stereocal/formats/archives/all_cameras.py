@@ -10,7 +10,13 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Part, lens_taken, with_background
 from stereocal.formats.archives.easywand import LENS_FIELDS
-from stereocal.formats.archives.gather import is_table, layout_of_bars, names_in, sorted_files
+from stereocal.formats.archives.gather import (
+    is_table,
+    layout_of_bars,
+    names_in,
+    sorted_files,
+    with_one_table,
+)
 from stereocal.formats.exchange.chosen_cameras import namesakes
 from stereocal.formats.exchange.exchange import camera_names, read_camera_pair
 from stereocal.formats.exchange.options import LOWER_LEFT, Contents, ExchangeOptions
@@ -54,6 +60,7 @@ def gather_all(
         lengths: by target, its distance from the first along a straight bar, in metres. Other
             targets are not used; of another program's bar it may be missing if the files have it.
     """
+    files = with_one_table(files, options)
     tables = [each for each, content in files.items() if is_table(each, content)]
     if len(tables) == 1 and names_cameras(files[tables[0]], tables[0]):
         return _of_points(files, tables[0], options, name, lengths)

@@ -9,6 +9,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
+import pandas as pd
+
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Archive, baseline_taken, lens_taken, points_taken
 from stereocal.formats.archives.easywand import EasyWandFile, open_easywand, read_easywand
@@ -19,12 +21,13 @@ from stereocal.formats.exchange.options import Contents, ExchangeOptions
 from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab
 from stereocal.formats.point_answers import (
+    first_answers,
     layout_as_stated,
     layout_by_hand,
     layout_of,
     what_is_missing,
 )
-from stereocal.formats.point_files import PointLayout, read_bars
+from stereocal.formats.point_files import PointLayout, read_bars, read_points
 from stereocal.formats.point_layouts import first_rows, propose_layout
 from stereocal.formats.point_text import point_text
 from stereocal.formats.recognition import recognise
@@ -49,6 +52,7 @@ def gather(files: Contents, options: ExchangeOptions, baseline_known: bool = Fal
         baseline_known: whether the user states the baseline, so that the unit of the files'
             own need not be known.
     """
+    files = with_one_table(files, options)
     table, others, opened = sorted_files(files)
     if opened is not None:
         return read_easywand(opened, options)
@@ -156,12 +160,30 @@ def sorted_files(files: Contents) -> tuple[str, dict[str, bytes], EasyWandFile |
             if len(files) > 1:
                 raise StereocalError(f"{name}: it has points and lenses; give it alone.")
             return "", {}, opened
-    if len(tables) > 1:
-        raise StereocalError(
-            f"{', '.join(tables)}: these are {len(tables)} tables; give one. Put those of the "
-            "cameras one below the other, with a column camera."
-        )
     return "".join(tables), others, None
+
+
+def with_one_table(files: Contents, options: ExchangeOptions) -> Contents:
+    """The files, with the tables of one camera each as one of cameras with the files' names."""
+    tables = [name for name, content in files.items() if is_table(name, content)]
+    if len(tables) < 2:
+        return files
+    found = []
+    for name in tables:
+        layout = layout_of_table(content := point_text(files[name], name), name, options)
+        if len(layout.cameras) != 1 or len(layout.points) < 2:
+            raise StereocalError(
+                f"these are {len(tables)} tables, not all of the ends of a bar in one camera; give "
+                "one. Put those of the cameras one below the other, with a column camera.",
+                ", ".join(tables),
+            )
+        answers = first_answers(layout, 0)
+        layout = replace(layout, least_likelihood=answers.least_likelihood)
+        points = read_points(content, layout, answers.camera, None, name)
+        found.append(points.assign(camera=PurePath(name).stem))
+    whole = pd.concat(found).rename(columns={"point": "target", "u": "x", "v": "y"})
+    text = whole[["frame", "camera", "target", "x", "y"]].to_csv(index=False).encode()
+    return {**{each: files[each] for each in files if each not in tables}, ", ".join(tables): text}
 
 
 def is_table(name: str, content: bytes) -> bool:
