@@ -17,15 +17,11 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.two_views import BAR, is_near_pole, largest_turn_sigma
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import digits, rounded
 from stereocal.verdict.forecast_draws import ForecastDraws
 from stereocal.verdict.in_words import interval, percent
 
-LENS_TITLES = {
-    **{f"f{axis}": f"Focal length f{axis}" for axis in "xy"},
-    **{f"c{axis}": f"Image centre c{axis}" for axis in "xy"},
-}
+LENS_TITLES = {"f": "Focal length", "c": "Image centre"}
 ANGLE_TITLES = {
     "yaw": "Yaw α (degrees)",
     "pitch": "Pitch β (degrees)",
@@ -60,14 +56,6 @@ def errors_table(calibration: Calibration) -> pd.DataFrame:
     return pd.DataFrame(columns).rename_axis(title)
 
 
-def _pose_rows(pose: Pose) -> dict[str, str]:
-    angles = {
-        ANGLE_TITLES[key]: f"{math.degrees(value):.4f}"
-        for key, value in pose.angles._asdict().items()
-    }
-    return {**angles, "Baseline (m)": f"{pose.baseline:.4f}"}
-
-
 def angles_table(calibration: Calibration) -> pd.DataFrame:
     """Angles, baseline and cost of each set, and how its computation ended."""
     every: dict[Method, MethodResult | RefinedResult] = {**calibration.methods}
@@ -76,8 +64,10 @@ def angles_table(calibration: Calibration) -> pd.DataFrame:
     columns = {}
     for name, found in every.items():
         evaluations = found.steps if isinstance(found, RefinedResult) else found.evaluations
+        angles = zip(ANGLE_TITLES.values(), np.degrees(found.pose.angles), strict=True)
         columns[METHOD_NAMES[name]] = {
-            **_pose_rows(found.pose),
+            **{title: f"{degrees:.4f}" for title, degrees in angles},
+            "Baseline (m)": f"{found.pose.baseline:.4f}",
             "Cost": f"{digits(found.cost)} {COST_UNITS[name]}".strip(),
             "Evaluations of the cost": f"{evaluations}",
             "Time (ms)": digits(1000 * found.seconds, 2),
@@ -95,7 +85,7 @@ def refined_table(result: RefinedResult) -> pd.DataFrame:
             title, scale = ANGLE_TITLES[name], 180 / math.pi
         elif name != "baseline_m":
             camera, key = name.split("_")
-            title, decimals = f"{LENS_TITLES[key]}, {camera} camera (px)", 2
+            title, decimals = f"{LENS_TITLES[key[0]]} {key}, {camera} camera (px)", 2
         error = "held" if value.sigma == 0 else f"± {digits(scale * value.sigma, 2)}"
         lines[title] = {"Value": f"{scale * value.value:.{decimals}f}", "Standard error": error}
     if is_near_pole(result.q):

@@ -327,11 +327,7 @@ class CalibratedRig(TableAnswer, RigFile):
 
     def plot(self, look: Literal["pairs", "cameras"] = "pairs") -> go.Figure:
         """Which cameras share how many bars; or the cameras in space."""
-        return (
-            draw("rig_report.plot_cameras", self)
-            if look == "cameras"
-            else draw("rig_report.plot_rig_graph", self)
-        )
+        return draw(f"rig_report.plot_{'cameras' if look == 'cameras' else 'rig_graph'}", self)
 
 
 def rig(

@@ -77,11 +77,7 @@ class Plan(TableAnswer, PlanForecast):
 
     def plot(self, look: Literal["depths", "map"] = "depths") -> go.Figure:
         """The length error by depth; or the errors by place, from above and from the side."""
-        return (
-            draw("plan_report.plot_plan_depths", [self])
-            if look == "depths"
-            else draw("plan_report.plot_plan_map", self)
-        )
+        return draw(f"plan_report.plot_plan_{look}", [self] if look == "depths" else self)
 
 
 def plan(
@@ -190,9 +186,9 @@ class Check(Answer):
     @cached_property
     def repaired(self) -> RigParameters | None:
         """The parameters after the movement; None if there is nothing to repair, or of a rig."""
-        of = self.found
-        can = isinstance(of, Recheck) and of.offers_repair
-        return repaired_parameters(of, None) if can and isinstance(of, Recheck) else None
+        if isinstance(self.found, Recheck) and self.found.offers_repair:
+            return repaired_parameters(self.found, None)
+        return None
 
     def plot(self) -> go.Figure:
         """The residuals by frame, before and after.

@@ -67,16 +67,15 @@ def show_files(project: Project) -> None:
     show_frames_taken(project)
     if jobs.is_running(project, "video"):
         return
-    of_all = [name for name, part in store.parts.items() if not is_table(name, part.read_bytes())]
-    if len(of_all) == 1:
-        button("Use only two of these cameras", "several_two", _use_two, store, of_all[0])
     parts = dict(sorted(store.parts.items(), key=lambda each: natural(each[0])))
+    files = {name: part for name, part in parts.items() if not is_table(name, part.read_bytes())}
+    if len(files) == 1:
+        button("Use only two of these cameras", "several_two", _use_two, store, *files)
     asked = Questions(project, "several_{}")
     with st.expander("Correct or complete what the files say"):
         left, right = st.columns(2)
         lens_model, corner = asked.ask(left, "lens_model"), asked.ask(right, "corner")
     options = ExchangeOptions(lens_model=lens_model, corner=corner)
-    files = {name: part for name, part in parts.items() if not is_table(name, part.read_bytes())}
     cameras = readable(lambda: cameras_in(_contents(files), options), told=False) or {}
     given = len(cameras) > 2 and _photographs_of_all(project, cameras)
     if given and len(files) == len(parts):

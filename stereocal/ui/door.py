@@ -24,7 +24,7 @@ from stereocal.projects.given import ProjectGiven
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui import intake
 from stereocal.ui.archives import ask_about_archive
 from stereocal.ui.downloads import offer
@@ -150,18 +150,18 @@ def _take_cameras(project_files: ProjectGiven, given: Dropped[StoredFile]) -> No
     if several or len(files) + len(project_files.open_files) > 2:
         project_files.more_cameras({**files, **several})
     elif files:
-        _place(project_files, files)
+        # Those whose cameras are known; the others are asked about.
+        _use_kept(project_files, project_files.place_cameras(files))
 
 
-def _place(project_files: ProjectGiven, files: Mapping[str, bytes]) -> None:
-    """Store the camera files whose cameras are known; the others are asked about."""
-    placed = project_files.place_cameras(files)
-    parts = project_files.recording.parts
+def _use_kept(project_files: ProjectGiven, names: Mapping[CameraName, str]) -> None:
+    """Store camera files that were kept as those of their cameras."""
+    kept = project_files.recording
     contents: dict[Slot, tuple[str, bytes]] = {
-        side: (name, parts[name].read_bytes()) for side, name in placed.items()
+        camera: (name, kept.parts[name].read_bytes()) for camera, name in names.items()
     }
-    for name in placed.values():
-        project_files.recording.drop_part(name)
+    for name in names.values():
+        kept.drop_part(name)
     if contents:
         intake.store_cameras(contents)
 
@@ -287,21 +287,14 @@ def _answer(project_files: ProjectGiven, series: Series, camera: str) -> None:
     if project_files.is_of_rig:
         return
     if project_files.open_files:  # the photographs may tell now
-        _place(project_files, {})
+        _use_kept(project_files, project_files.place_cameras({}))
 
 
-def _give_file(project_files: ProjectGiven, name: str, slot: Slot) -> None:
+def _give_file(project_files: ProjectGiven, name: str, camera: CameraName) -> None:
     """Store a camera file as stated, and the other one as the other camera's."""
-    other = CAMERAS[1 - CAMERAS.index("primary" if slot == "primary" else "secondary")]
-    slots = {
-        name: slot,
-        **dict.fromkeys((each for each in project_files.open_files if each != name), other),
-    }
-    parts = project_files.recording.parts
-    contents = {each: (file, parts[file].read_bytes()) for file, each in slots.items()}
-    for file in slots:
-        project_files.recording.drop_part(file)
-    intake.store_cameras(contents)
+    (other,) = (each for each in CAMERAS if each != camera)
+    names = [name, *(each for each in project_files.open_files if each != name)]
+    _use_kept(project_files, dict(zip((camera, other), names, strict=False)))
 
 
 def ask_whose_video(use: UseVideos, cameras: tuple[str, ...] = CAMERAS, fewest: int = 2) -> None:

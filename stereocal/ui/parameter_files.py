@@ -47,6 +47,7 @@ FILES: dict[Method, tuple[str, str]] = {
 PURPOSES: Mapping[Use, str] = {"matching": "Match with", "measuring": "Measure with"}
 APPLY_SETS = "apply_sets"
 """Where the page Apply keeps its choice of the two."""
+_title = {name: own.title for name, own in FORMATS.items()}.__getitem__
 RESULTS, GIVEN = "This project's results", "Parameter files"
 KINDS = ["json", "zip", "yml", "yaml", "xml", "toml", "m", "csv", "txt", "ini", "conf", "mat"]
 
@@ -134,10 +135,6 @@ def other_formats(project: Project, answer: Run) -> None:
         for note in export_notes(sets[method], chosen):
             st.caption(escape_markdown(note))
         offer(f"Download {name}", content, name, "download_format")
-
-
-def _title(name: str) -> str:
-    return FORMATS[name].title
 
 
 def packed(files: dict[str, bytes], file_name: str, chosen: str) -> tuple[str, bytes]:

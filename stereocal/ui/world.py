@@ -43,7 +43,7 @@ from stereocal.ui.apply_points import ask_noise, noise_field
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose_from_menu, setting, yes_or_no
 from stereocal.ui.intake import take_one
-from stereocal.ui.messages import button
+from stereocal.ui.messages import ErrorsShown, button
 from stereocal.ui.texts import escape_markdown
 
 WORLD_FILE = "world.json"
@@ -64,42 +64,38 @@ def choose_world(
     camera, told = camera_in_words(next(iter(rig.placed))), HELP
     if isinstance(rig, RigFile):
         told = f"{HELP} {OF_RIG.format(*rig.names)}"
-    file, world, refused = store.world_file, None, None
+    file, world, refused = store.world_file, None, list[str]()
     rate = setting(project, "world_frame_rate", None, Number(0.1, 1e6, or_none=True))
     kind = None  # None also for a file that states the frame itself: JSON, or a 4x4 matrix
     if file is not None and not is_json(file.label):
         with suppress(StereocalError):
             kind = kind_of_table(file.read_bytes(), file.label)
-    with st.expander("World frame", expanded=kind == FRAME and rate.value() is None):
-        try:
-            if file is not None:
-                with st.container(horizontal=True, vertical_alignment="center"):
-                    st.caption(f"In use: {escape_markdown(file.label)}")
-                    button("Back to the camera's frame", "forget_world", store.forget_world)
-                if kind == FRAME:
-                    rate.number_input("Frame rate (frames per second)", format="%.6g")
-            title = "Surveyed points, plumb lines or a throw; or world.json"
-            upload = st.file_uploader(title, type=KINDS, key="upload_world", help=told)
-            take_one(upload, partial(store.keep_world, rig=rig))
-            if file is None:
-                st.caption(
-                    f"Points are in the frame of {escape_markdown(camera)}. A table of surveyed "
-                    "points, plumb lines or a throw gives them a world frame with a known vertical."
-                )
-            elif kind is None:
-                world = parse_world(file.read_bytes(), file.label)
-            elif kind == FRAME and rate.value() is None:
-                st.info("Give the frame rate of the cameras.")
-            else:
-                fps = rate.value() if kind == FRAME else None
-                world = _found(project, file, fps, rig)
-        except StereocalError as error:
-            refused = error
-    if refused is not None:
-        st.error(
-            f"World frame: {escape_markdown(str(refused))} "
-            f"Until then, points are in the frame of {escape_markdown(camera)}."
-        )
+    opened = kind == FRAME and rate.value() is None
+    with st.expander("World frame", expanded=opened), ErrorsShown(refused.append):
+        if file is not None:
+            with st.container(horizontal=True, vertical_alignment="center"):
+                st.caption(f"In use: {escape_markdown(file.label)}")
+                button("Back to the camera's frame", "forget_world", store.forget_world)
+            if kind == FRAME:
+                rate.number_input("Frame rate (frames per second)", format="%.6g")
+        title = "Surveyed points, plumb lines or a throw; or world.json"
+        upload = st.file_uploader(title, type=KINDS, key="upload_world", help=told)
+        take_one(upload, partial(store.keep_world, rig=rig))
+        if file is None:
+            st.caption(
+                f"Points are in the frame of {escape_markdown(camera)}. A table of surveyed "
+                "points, plumb lines or a throw gives them a world frame with a known vertical."
+            )
+        elif kind is None:
+            world = parse_world(file.read_bytes(), file.label)
+        elif kind == FRAME and rate.value() is None:
+            st.info("Give the frame rate of the cameras.")
+        else:
+            fps = rate.value() if kind == FRAME else None
+            world = _found(project, file, fps, rig)
+    for why in refused:
+        where = f"Until then, points are in the frame of {escape_markdown(camera)}."
+        st.error(f"World frame: {why} {where}")
     return world
 
 
