@@ -4,9 +4,8 @@ from stereocal.ui.menu import page_head
 
 page_head("Check", "Has a camera moved?")
 
-from stereocal.ui import check
+from stereocal.ui.check import show_page
 from stereocal.ui.prerequisites import project_or_begin
 
 needs = "the parameters of the rig, and a few new bars or matched points"
-if (chosen := check.choose_check_inputs(project_or_begin(needs, "check_begin"))) is not None:
-    check.show_check(chosen)
+show_page(project_or_begin(needs, "check_begin"))

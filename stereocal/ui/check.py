@@ -1,8 +1,11 @@
-"""The Check page: parameters and new images, the answer, and the repaired parameters."""
+"""The Check page: parameters and new images (a data set, a table, photographs or videos of any
+cameras), the answer, and the repaired parameters."""
 
 import hashlib
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import PurePosixPath
 
 import numpy as np
 import streamlit as st
@@ -19,28 +22,47 @@ from stereocal.field.checking.repair import REPAIRED, Residuals, repaired_parame
 from stereocal.field.checking.rig_check import RigCheck, check_rig
 from stereocal.figures.frame_errors import describe_check, plot_check
 from stereocal.formats.dataset_files import TABLE
+from stereocal.formats.dropped import Dropped
 from stereocal.formats.inputs import images_in, recording_in
-from stereocal.formats.recording_files import POINTS
+from stereocal.formats.recording_files import POINTS, pack_recording
+from stereocal.frames import all_cameras
 from stereocal.matching.application import PAIRS
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
+from stereocal.matching.point_table import PARQUET
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RigFile, is_rig
-from stereocal.projects.application import PARAMETERS, USES, ProjectApplication, ProjectCheck
+from stereocal.projects.application import (
+    IMAGES,
+    PARAMETERS,
+    USES,
+    ProjectApplication,
+    ProjectCheck,
+)
 from stereocal.projects.files import StoredFile
+from stereocal.projects.given import ProjectGiven
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
+from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
+from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.numbers import count
+from stereocal.system.zip_files import pack_zip
 from stereocal.ui import jobs
+from stereocal.ui.all_cameras import ask_held, moment_search
 from stereocal.ui.apply_points import ask_noise, noise_field
-from stereocal.ui.check_images import Seen, new_images
+from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import Number, choose, setting
+from stereocal.ui.fields import Number, choose, one_of, setting
 from stereocal.ui.figure import show_figure
-from stereocal.ui.intake import take_one
-from stereocal.ui.messages import button, end_here, show_refusal
+from stereocal.ui.holding import holds_board
+from stereocal.ui.intake import drop_zone, take_one
+from stereocal.ui.messages import button, end_here, readable, show_refusal
 from stereocal.ui.parameter_files import APPLY_SETS, Source
+from stereocal.ui.photographs import press_search
 from stereocal.ui.texts import escape_markdown
+from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
 
 Parameters = RigParameters | RigFile
 OF_PAIR = "New bars or matched points: photographs, videos, a zip, or a table"
@@ -48,23 +70,8 @@ OF_RIG = "New bars: photographs of all cameras, a zip, or a table"
 VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
 
 
-@dataclass(frozen=True, eq=False)
-class CheckInputs:
-    """The inputs of a check, complete."""
-
-    project: Project
-    rig: Parameters
-    parameters: StoredFile | None
-    """The parameter file as given; None for a set of the project."""
-    images: NewImages | Recording
-    """A recording is checked with a rig."""
-    smallest: Smallest
-    digest: str
-    """Identifies parameters and images, as given, and what is stated of them."""
-
-
-def choose_check_inputs(project: Project) -> CheckInputs | None:
-    """The parameters, and the place for new images; None if something is missing."""
+def show_page(project: Project) -> None:
+    """The parameters, and the place for new images; and the answer, unless something is missing."""
     store, given = ProjectCheck(project), ProjectCheck(project).file(PARAMETERS)
     recording, source = ProjectRecording(project), Source(project, "check_parameters")
     whole = project.pair is None and recording.is_given
@@ -91,7 +98,7 @@ def choose_check_inputs(project: Project) -> CheckInputs | None:
     result = None if of_rig else ProjectApplication(project).result
     pairs = result[1].get(PAIRS) if result is not None else None
     matched = None if pairs is None else (f"{PAIRS} of Apply", pairs.read_bytes())
-    new = new_images(_seen(store, rig, of_rig), matched)
+    new = new_images(Seen(store, rig, of_rig), matched)
     show_refusal()
     if rig is None:
         source.tell_missing("the parameters of the rig")
@@ -100,7 +107,7 @@ def choose_check_inputs(project: Project) -> CheckInputs | None:
         points = "(five are a good start), or matched points without lengths (50 are a good start)."
         st.info(f"Still missing: new bars {bars if of_rig else points}")
     if rig is None or new is None:
-        return None
+        return
     digest = hashlib.sha256(f"{rig.digest} {new[0]} ".encode() + new[1]).hexdigest()
     images = _images_of(digest, rig, *new)
     if isinstance(images, NewImages) and isinstance(rig, RigParameters) and not images.bars:
@@ -111,7 +118,8 @@ def choose_check_inputs(project: Project) -> CheckInputs | None:
         )
         stated = ask_noise(noise_field(project, "check_sigma_px"), usual, otherwise)
         images, digest = images.stating(stated), f"{digest} {stated}"
-    return CheckInputs(project, rig, file, images, smallest, digest)
+    answer = _checked(digest, smallest, rig, images)
+    _show_answer(project, *answer, None if file is None else file.sha256)
 
 
 def _set_in(given: StoredFile | None) -> tuple[Parameters | None, str]:
@@ -133,22 +141,6 @@ def _own_set(source: Source) -> tuple[Parameters | None, str]:
     return answer.sets[method], f"this project's {METHOD_NAMES[method].lower()}"
 
 
-def _seen(store: ProjectCheck, rig: Parameters | None, of_rig: bool) -> Seen:
-    """Who takes new images; before there are parameters, files only."""
-    cameras = {} if rig is None else {name: own.camera for name, own in rig.placed.items()}
-    length: float | None = None
-    if isinstance(rig, RigFile):
-        length = rig.object.longest_m if rig.object else None
-    elif rig is not None and isinstance(stated := rig.inputs.get("target_distance_m"), float):
-        length = stated
-
-    def keep(name: str, content: bytes) -> None:
-        store.keep_images(name, content, rig)
-
-    table, title = (POINTS, OF_RIG) if of_rig else (TABLE, OF_PAIR)
-    return Seen(store, cameras, length, keep, table, title)
-
-
 def ask_smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
     """The fields of the smallest movement that matters."""
     usual, told = Smallest(), "“Same” is reported only if such a {} would have been found."
@@ -164,9 +156,17 @@ def ask_smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) 
     return Smallest(float(np.radians(turn)), change / 100)
 
 
-def show_check(chosen: CheckInputs) -> None:
-    """The answer as a sentence, the errors frame by frame, the repaired parameters."""
-    found, residuals = _checked(chosen)
+def _show_answer(
+    project: Project,
+    found: Recheck | RigCheck,
+    residuals: Mapping[str, Residuals],
+    sha256: str | None,
+) -> None:
+    """The answer as a sentence, the errors frame by frame, the repaired parameters.
+
+    Args:
+        sha256: of the parameter file as given; None for a set of the project.
+    """
     if isinstance(found, RigCheck):
         VERDICTS[found.verdict](escape_markdown(found.sentence))
         _show_notes(found.notes)
@@ -178,15 +178,13 @@ def show_check(chosen: CheckInputs) -> None:
     VERDICTS[found.verdict](escape_markdown(check_words.sentence(found)))
     _show_residuals(found, residuals[""])
     if found.offers_repair:
-        given = chosen.parameters
 
         def repaired() -> str:
-            sha256 = None if given is None else given.sha256
             return repaired_parameters(found, sha256).dumps()
 
         with st.container(horizontal=True):
-            label, used = "Use the repaired parameters", _are_in_use(chosen.project, repaired)
-            button(label, "use_repaired", _use, chosen.project, repaired, first=not used)
+            label, used = "Use the repaired parameters", _are_in_use(project, repaired)
+            button(label, "use_repaired", _use_repaired, project, repaired, first=not used)
             offer(f"{REPAIRED} · for both", repaired, REPAIRED, "download_repaired")
         apply = "In use: Apply matches and measures with the repaired parameters."
         until = "To match and to measure on the page Apply, until the rig is calibrated again."
@@ -204,7 +202,7 @@ def _show_residuals(found: Recheck, residuals: Residuals) -> None:
     show_figure(plot_check(residuals, since), describe_check(residuals, since), "check_residuals")
 
 
-def _use(project: Project, repaired: Callable[[], str]) -> None:
+def _use_repaired(project: Project, repaired: Callable[[], str]) -> None:
     """Have Apply match and measure with the repaired parameters."""
     store, content = ProjectApplication(project), repaired().encode()
     for use in USES:
@@ -220,20 +218,18 @@ def _are_in_use(project: Project, repaired: Callable[[], str]) -> bool:
     return given == {RigParameters.loads(repaired(), REPAIRED).digest}
 
 
-@st.cache_resource(
-    show_spinner="Checking.",
-    max_entries=16,
-    hash_funcs={CheckInputs: lambda chosen: (chosen.digest, chosen.smallest)},
-)
-def _checked(chosen: CheckInputs) -> tuple[Recheck | RigCheck, dict[str, Residuals]]:
+@st.cache_resource(show_spinner="Checking.", max_entries=16)
+def _checked(
+    key: str, smallest: Smallest, _rig: Parameters, _images: NewImages | Recording
+) -> tuple[Recheck | RigCheck, dict[str, Residuals]]:
     """The answer, and the errors by pair; of two cameras the only pair has no name."""
-    rig, images = chosen.rig, chosen.images
-    if isinstance(rig, RigFile):
-        assert isinstance(images, Recording)
-        of_rig = jobs.compute(check_rig, rig, images, chosen.smallest)
+    assert key
+    if isinstance(_rig, RigFile):
+        assert isinstance(_images, Recording)
+        of_rig = jobs.compute(check_rig, _rig, _images, smallest)
         return of_rig, {pair_name(each): residuals_of(own) for each, own in of_rig.pairs.items()}
-    assert isinstance(images, NewImages)
-    found = jobs.compute(recheck, prior_of(rig), images, chosen.smallest)
+    assert isinstance(_images, NewImages)
+    found = jobs.compute(recheck, prior_of(_rig), _images, smallest)
     return found, {"": residuals_of(found)}
 
 
@@ -243,3 +239,161 @@ def _images_of(key: str, _rig: Parameters, _label: str, _content: bytes) -> NewI
     if isinstance(_rig, RigFile):
         return recording_in(_content, _label, _rig)
     return images_in(_content, _label, _rig)
+
+
+MATCHED, FILE = "The pairs of Apply", "A file"
+CAN_BE_GIVEN = """
+- **Photographs** of the bar or the board by all cameras, or a **video** of each of two.
+- A **data set**: a zip or a folder with `dataset.json`.
+- A **table** of bars like `{}`, or of matched points of two cameras alone, like `pairs.csv` of
+  Apply.
+
+Five bars or 50 points are a good start.
+"""
+FOUND_BY = "check_found_by"
+OF_HELD = ("held", "board_")
+"""What the names of settings begin with that say what is held."""
+Given = tuple[str, bytes]
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Who takes new images; before there are parameters, files only."""
+
+    check: ProjectCheck
+    rig: Parameters | None
+    of_rig: bool
+
+    @property
+    def cameras(self) -> dict[str, Camera]:
+        """By name."""
+        placed = {} if self.rig is None else self.rig.placed
+        return {name: own.camera for name, own in placed.items()}
+
+    @property
+    def length_m(self) -> float | None:
+        """The bar that they were calibrated with, if it is known."""
+        if isinstance(self.rig, RigFile):
+            return self.rig.object.longest_m if self.rig.object else None
+        stated = None if self.rig is None else self.rig.inputs.get("target_distance_m")
+        return stated if isinstance(stated, float) else None
+
+    @property
+    def photographs(self) -> ProjectPhotographs:
+        """The new photographs."""
+        return ProjectPhotographs(self.check.of_images)
+
+
+def new_images(seen: Seen, matched: Given | None = None) -> Given | None:
+    """The place for new images, and the name and content of those in use; None if there are none.
+
+    Args:
+        matched: pairs of Apply, which serve too.
+    """
+    project, given = seen.check.project, seen.check.file(IMAGES)
+    kinds = [*([MATCHED] if matched else []), *([FILE] if given else [])]
+    usual = FILE if given else MATCHED
+    kind = setting(project, "check_images", usual, one_of(kinds or [FILE]))
+    zone, whose = st.container(), st.container()
+    with st.expander("What can I give?"):
+        table, title = (POINTS, OF_RIG) if seen.of_rig else (TABLE, OF_PAIR)
+        st.markdown(CAN_BE_GIVEN.format(table))
+        own = seen.photographs.project
+        use_videos = partial(take_videos, settings=video_settings(own), project=own)
+    with zone:
+
+        def take(given: Dropped[StoredFile]) -> None:
+            given.use(partial(_take, seen, use_videos, given))
+
+        drop_zone(title, "upload_check_images", seen.photographs.keep, take, tables=PARQUET)
+    with whose:
+        ask_whose(ProjectGiven(own))
+        ask_whose_video(use_videos)
+        show_frames_taken(own)
+        _search(seen)
+    if len(kinds) > 1:
+        kind.menu("Check")
+    if matched is not None and kind.value() == MATCHED:
+        st.caption(f"In use: {escape_markdown(matched[0])}")
+        return matched
+    if given is None:
+        return None
+    st.caption(f"In use: {escape_markdown(given.label)}")
+    return given.label, given.read_bytes()
+
+
+def _take(seen: Seen, use_videos: Callable[..., None], given: Dropped[StoredFile]) -> None:
+    """Use what was given: photographs and videos to be searched, or a file as it is."""
+    own = ProjectGiven(seen.photographs.project)
+    tables, data_set = given.of("table"), bool(given.of("data set"))
+    has_points = any(PurePosixPath(name).suffix.lower() == ".csv" for name in given.files)
+    if data_set and (has_points or not given.photographs):
+        _use(seen, given.source, pack_zip(given.files))
+    elif given.photographs:
+        own.name_cameras(seen.cameras)
+        own.add_photographs(given.photographs)
+        _as_in_the_data(seen.check.project, own.project)
+    elif videos := given.of("video"):
+        place_videos(videos, use_videos)
+    elif tables:
+        name, content = next(iter(tables.items()))
+        _use(seen, name, content)
+    else:
+        given.problems += [f"{name}: this is no new image." for name in given.files]
+
+
+def _use(seen: Seen, name: str, content: bytes) -> None:
+    seen.check.keep_images(name, content, seen.rig)
+    setting(seen.check.project, "check_images", FILE, one_of([MATCHED, FILE])).set(FILE)
+
+
+def _search(seen: Seen) -> None:
+    """What is held in the new photographs, and the press that looks for it."""
+    store = seen.photographs
+    project, files = store.project, readable(lambda: store.photographs) or {}
+    if not files:
+        return
+    if not seen.cameras:
+        st.info("The photographs are searched once there are parameters, which have the lenses.")
+        return
+    with st.container(border=True):
+        moments = readable(lambda: store.moments([*seen.cameras]))
+        with st.container(horizontal=True, vertical_alignment="center"):
+            st.markdown(f"{count(len(files), 'photograph')}, {count(len(moments or ()), 'frame')}.")
+            button("Remove the photographs", "check_clear", store.clear)
+        if moments is None:
+            return
+        held, ready = ask_held(store, moments, fold=True)
+        length_m = None
+        if not holds_board(project):
+            length = setting(project, "length_m", seen.length_m, Number(0.0, or_none=True))
+            label = "Distance between targets A and B (m)"
+            length_m = length.number_input(label, format="%.10g") or None
+            ready = ready and length_m is not None
+        keep = partial(_keep, seen, length_m)
+        work = moment_search(store, seen.cameras, moments, held, keep, length_m=length_m)
+        found = project.settings.get(FOUND_BY)
+        if found is not None and found != work.digest:
+            st.warning("The photographs or what is held have changed. Find the targets again.")
+        press_search(work, "targets", "find_new", found is not None, ready)
+
+
+def _as_in_the_data(whole: Project, project: Project) -> None:
+    """Until something else is said, what was held for the calibration is held again."""
+    if "held" in project.settings or "held" not in whole.settings:
+        return
+    same = {name: each for name, each in whole.settings.items() if name.startswith(OF_HELD)}
+    project.keep_settings(same)
+
+
+def _keep(
+    seen: Seen, length_m: float | None, found: all_cameras.FoundRecording, digest: str
+) -> None:
+    """Use the targets that were found as the new images."""
+    store, recording = seen.photographs, found.recording
+    frames = len({*recording.frame.tolist()})
+    label = f"targets found in {frames} frames of {len(store.photographs)} photographs"
+    own = recording.object if length_m is None else RigidObject.bar(length_m)
+    recording = replace(recording, object=own, name=label)
+    seen.check.keep_images(label, pack_zip(pack_recording(recording)), seen.rig)
+    store.project.keep_settings({FOUND_BY: digest})
