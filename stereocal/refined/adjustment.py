@@ -1,4 +1,4 @@
-"""The least squares over all points of N cameras, compiled: a pair is the case of two.
+"""The normal equations of all points of N cameras, compiled: a pair is the case of two.
 
 For each q (see `views`), the 3D points are fitted unit by unit. The chi-square s(q) of a unit is
 the minimum of its sum of squares. The cost is the sum of rho(s) over the units plus the priors. In
@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stereocal.refined.two_views import SHARED, fill_views
 from stereocal.refined.views import (
     DISTORTION,
     EACH,
@@ -31,12 +30,7 @@ from stereocal.refined.views import (
     work_of,
 )
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray, compiled, internal
-from stereocal.rig.decompositions import backward, factor, forward
-
-TOLERANCE = 1e-9
-"""A solve ends when a step is predicted to lower the cost by less: 3e-5 standard errors."""
-ROUGH_TOLERANCE = 1e-2
-"""The same while the limit is still being lowered: a tenth of a standard error."""
+from stereocal.rig.decompositions import factor, forward
 
 
 @internal
@@ -68,16 +62,6 @@ def equations_for(free: BoolArray) -> Equations:
     return Equations(free, np.empty((size, size)), np.empty(size))
 
 
-class State(NamedTuple):
-    """What a step changes: p (k,), R (c, 3, 3), the units' points (n, 6), NaN where first ones are
-    needed, and their chi-squares (n,)."""
-
-    p: FloatArray
-    R: FloatArray
-    points: FloatArray
-    chi_squares: FloatArray
-
-
 @compiled
 def sum_normal_equations(
     stated: Cameras,
@@ -92,7 +76,8 @@ def sum_normal_equations(
     Args:
         stated: with the stated k1, k2, p1, p2; those of q are used.
         limits: (n,): of `loss`.
-        points: (n, 6), updated, and chi_squares: (n,), written: see `State`.
+        points: (n, 6), of the units, updated; NaN where first ones are needed.
+        chi_squares: (n,), written.
     """
     cameras, count, unknowns = with_lenses(stated), len(stated.R), len(stated.q)
     work, index, x = work_of(count), np.empty(unknowns, np.int64), np.empty(OWN)
@@ -213,176 +198,6 @@ def product(pixels: FloatArray, Js: FloatArray, c: int, i: int, j: int) -> float
     return total
 
 
-class Parameters(NamedTuple):
-    """Free parameters p of the unknowns of `views`, or of a pair's shared ones: origin (Q,) + M p.
-
-    Args:
-        by_parameter: (k, Q): the transpose of M.
-        precision: (k, k): of the prior of p, normal with mean 0; 0 for no prior.
-        rotations: (k,): which of p are small ones: they are 0 after each step.
-    """
-
-    origin: FloatArray
-    by_parameter: FloatArray
-    precision: FloatArray
-    rotations: BoolArray
-
-
-@compiled
-def adjust(
-    parameters: Parameters,
-    state: State,
-    lenses: FloatArray,
-    units: Units,
-    baselines: FloatArray,
-    limits: FloatArray,
-    into: Equations,
-    tolerance: float,
-    most_steps: int,
-) -> tuple[float, int, bool]:
-    """Minimise the cost over the free parameters p (Levenberg-Marquardt).
-
-    Args:
-        state: updated, as is H (of `views`) of the equations found.
-        lenses: (c, 23): as of `Cameras`, with the stated k1, k2, p1, p2.
-        baselines: as in `add_baselines`; they are not in H.
-
-    Returns:
-        The cost with the priors, the number of steps tried, and whether it converged.
-    """
-    k, size, gain, cost, damping = len(state.p), len(into.H), np.inf, np.inf, 1e-5
-    q, by_p, precision = np.empty(size), np.empty((k, size)), parameters.precision
-    trial = State(state.p.copy(), state.R.copy(), state.points.copy(), state.chi_squares.copy())
-    tried, with_baselines = Equations(into.free, into.H.copy(), into.g), into.H.copy()
-    A, damped, b, d = np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k)
-    for step in range(most_steps + 1):
-        place(parameters, trial, state.R, q, by_p)
-        total = sum_normal_equations(
-            Cameras(q, trial.R, lenses), units, limits, trial.points, trial.chi_squares, tried
-        ) + prior_cost(trial.p, precision)
-        copy(tried.H, with_baselines)
-        total += add_baselines(baselines, q, trial.R, with_baselines, tried.g)
-        if total <= cost or step == 0:
-            cost = total
-            copy(trial.points, state.points)
-            copy(tried.H, into.H)
-            copy_row(trial.chi_squares, state.chi_squares)
-            copy_row(trial.p, state.p)
-            for c in range(len(state.R)):
-                copy(trial.R[c], state.R[c])
-            if gain < tolerance:
-                return cost, step, True
-            if step > 0:
-                damping *= 0.05
-            reduce_normal_equations(with_baselines, tried.g, by_p, state.p, precision, A, b)
-        else:
-            if gain < 1e-6:  # rounding, or the remaining error of the points
-                return cost, step, True
-            copy(state.points, trial.points)
-            damping = max(20.0 * damping, 1e-4)
-        gain = damped_step(A, b, damping, damped, d)
-        if gain < 0.0:
-            return cost, step + 1, False
-        for i in range(k):
-            trial.p[i] = state.p[i] - d[i]
-    return cost, most_steps, False
-
-
-@internal
-def damped_step(
-    A: FloatArray, b: FloatArray, damping: float, work: FloatArray, d: FloatArray
-) -> float:
-    """Write the step d (k,) of Levenberg and Marquardt, and return the predicted decrease.
-
-    It is -1 if A is not positive definite.
-    """
-    copy(A, work)
-    copy_row(b, d)
-    for i in range(len(d)):
-        work[i, i] *= 1.0 + damping
-    if not factor(work, 0.0):
-        return -1.0
-    forward(work, d)
-    gain = 0.0
-    for i in range(len(d)):
-        gain += d[i] * d[i]
-    backward(work, d)
-    return gain
-
-
-@internal
-def copy(given: FloatArray, into: FloatArray) -> None:
-    """Copy a 2D array into another. An assignment of slices would take a second to compile."""
-    for i in range(given.shape[0]):
-        for j in range(given.shape[1]):
-            into[i, j] = given[i, j]
-
-
-@internal
-def copy_row(given: FloatArray, into: FloatArray) -> None:
-    """Copy a 1D array into another."""
-    for i in range(len(given)):
-        into[i] = given[i]
-
-
-@internal
-def multiply(A: FloatArray, B: FloatArray, C: FloatArray) -> None:
-    """C = A B, for an A with many zeros."""
-    for i in range(A.shape[0]):
-        for j in range(B.shape[1]):
-            C[i, j] = 0.0
-        for k in range(A.shape[1]):
-            if A[i, k] != 0.0:
-                for j in range(B.shape[1]):
-                    C[i, j] += A[i, k] * B[k, j]
-
-
-@internal
-def place(
-    parameters: Parameters, state: State, before: FloatArray, q: FloatArray, by_p: FloatArray
-) -> None:
-    """Write the unknowns q (V,) of `views`, the state's rotations, and the derivatives (k, V) by p.
-
-    Args:
-        before: (c, 3, 3): the rotations before the small ones of p, which become 0.
-    """
-    by_parameter, p, R = parameters.by_parameter, state.p, state.R
-    shared = parameters.origin.copy()
-    for j in range(len(p)):
-        for i in range(len(shared)):
-            shared[i] += p[j] * by_parameter[j, i]
-    if len(shared) == SHARED:
-        by_shared = np.empty((SHARED, len(q)))
-        fill_views(shared, q, R, by_shared)
-        multiply(by_parameter, by_shared, by_p)
-        return
-    copy(by_parameter, by_p)
-    copy_row(shared, q)
-    for c in range(len(R)):
-        turn(shared[EACH * c : EACH * c + TRANSLATION], before[c], R[c])
-        for i in range(TRANSLATION):
-            q[EACH * c + i] = 0.0
-    for j in range(len(p)):
-        p[j] = 0.0 if parameters.rotations[j] else p[j]
-
-
-@internal
-def turn(w: FloatArray, before: FloatArray, R: FloatArray) -> None:
-    """R = exp(w) before (Rodrigues)."""
-    square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-    angle = np.sqrt(square)
-    sine = np.sin(angle) / angle if square > 1e-16 else 1.0
-    versine = (1.0 - np.cos(angle)) / square if square > 1e-16 else 0.5
-    for j in range(3):
-        a, b, c = before[0, j], before[1, j], before[2, j]
-        along = versine * (w[0] * a + w[1] * b + w[2] * c)
-        rest = 1.0 - versine * square
-        R[0, j] = rest * a + sine * (w[1] * c - w[2] * b) + along * w[0]
-        R[1, j] = rest * b + sine * (w[2] * a - w[0] * c) + along * w[1]
-        R[2, j] = rest * c + sine * (w[0] * b - w[1] * a) + along * w[2]
-
-
-@compiled
 def add_baselines(
     baselines: FloatArray, q: FloatArray, R: FloatArray, H: FloatArray, g: FloatArray
 ) -> float:
@@ -391,76 +206,21 @@ def add_baselines(
     Args:
         baselines: (m, 4): the numbers of two cameras, their distance and its standard deviation.
     """
-    cost, J, place = 0.0, np.empty(12), np.empty(12, np.int64)
-    for m in range(len(baselines)):
-        error = fill_baseline(baselines[m], q, R, J, place)
-        cost += error * error
-        for i in range(12):
-            g[place[i]] += J[i] * error
-            for j in range(12):
-                H[place[i], place[j]] += J[i] * J[j]
+    cost = 0.0
+    for first, second, measured, sigma in baselines.tolist():
+        at, J = [EACH * int(first), EACH * int(second)], np.zeros(len(g))
+        pair, T = R[[int(first), int(second)]], [q[c + TRANSLATION : c + LENS] for c in at]
+        apart = T[1] @ pair[1] - T[0] @ pair[0]  # centre = -R^T T
+        length = float(np.linalg.norm(apart))
+        for c, own, of_c, sign in zip(at, pair, T, (-1.0, 1.0), strict=True):
+            by_T = sign * own @ apart / (length * sigma)
+            # turning the camera by w moves its centre by R^T (w x T), the other way
+            J[c : c + LENS] = np.concatenate([np.cross(by_T, of_c), by_T])
+        error = (length - measured) / sigma
+        cost += error**2
+        g += J * error
+        H += np.outer(J, J)
     return cost
-
-
-@internal
-def fill_baseline(
-    baseline: FloatArray, q: FloatArray, R: FloatArray, J: FloatArray, place: IntArray
-) -> float:
-    """Return the error of a baseline; write its derivatives (12,) and the places of both poses."""
-    apart = np.zeros(3)
-    for end in range(2):
-        c = int(baseline[end])
-        for i in range(3):  # centre = -R^T T
-            for j in range(3):
-                apart[j] += (2 * end - 1) * R[c, i, j] * q[EACH * c + TRANSLATION + i]
-    length = np.sqrt(apart[0] ** 2 + apart[1] ** 2 + apart[2] ** 2)
-    for end in range(2):
-        c, k = int(baseline[end]), 6 * end
-        T, by_T = q[EACH * c + TRANSLATION : EACH * c + LENS], J[k + 3 : k + 6]
-        for i in range(3):
-            along = R[c, i, 0] * apart[0] + R[c, i, 1] * apart[1] + R[c, i, 2] * apart[2]
-            by_T[i] = (2 * end - 1) * along / (length * baseline[3])
-        # turning the camera by w moves its centre by R^T (w x T)
-        J[k] = T[2] * by_T[1] - T[1] * by_T[2]
-        J[k + 1] = T[0] * by_T[2] - T[2] * by_T[0]
-        J[k + 2] = T[1] * by_T[0] - T[0] * by_T[1]
-        for i in range(6):
-            place[k + i] = EACH * c + i
-    return float((length - baseline[2]) / baseline[3])
-
-
-@internal
-def prior_cost(p: FloatArray, precision: FloatArray) -> float:
-    """p^T precision p."""
-    total = 0.0
-    for i in range(len(p)):
-        for j in range(len(p)):
-            total += p[i] * precision[i, j] * p[j]
-    return total
-
-
-@internal
-def reduce_normal_equations(
-    H: FloatArray,
-    g: FloatArray,
-    by_p: FloatArray,
-    p: FloatArray,
-    precision: FloatArray,
-    A: FloatArray,
-    b: FloatArray,
-) -> None:
-    """A = D H D^T + precision, b = D g + precision p, with D the derivatives (k, V) by p."""
-    DH = np.empty(by_p.shape)
-    multiply(by_p, H, DH)
-    for i in range(len(p)):
-        b[i] = 0.0
-        for r in range(len(g)):
-            b[i] += by_p[i, r] * g[r]
-        for j in range(len(p)):
-            b[i] += precision[i, j] * p[j]
-            A[i, j] = precision[i, j]
-            for r in range(len(g)):
-                A[i, j] += DH[i, r] * by_p[j, r]
 
 
 @compiled

@@ -10,13 +10,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg.lapack import dposv
+from scipy.spatial.transform import Rotation
 
 from stereocal.refined.adjustment import (
-    ROUGH_TOLERANCE,
-    TOLERANCE,
-    Parameters,
-    State,
-    adjust,
+    add_baselines,
     equations_for,
     length_innovations,
     sum_normal_equations,
@@ -51,6 +49,10 @@ SMALLEST_SIGMA_PX = 1e-3
 SMALLEST_SCATTER = 1e-5
 """Lower bound of the estimated scatter, as a fraction of the bar."""
 MAXIMUM_ROUNDS = 8
+TOLERANCE = 1e-9
+"""A solve ends when a step is predicted to lower the cost by less: 3e-5 standard errors."""
+ROUGH_TOLERANCE = 1e-2
+"""The same while the limit is still being lowered: a tenth of a standard error."""
 SAME_NOISE = 0.01
 """Relative change of the noise in a round, below which it has converged."""
 
@@ -203,23 +205,56 @@ class RobustFit:
         return Units(pixels, rays, motion, distances, 1 / self.sigma_px, length_weight)
 
     def _solve(self, limits: FloatArray, tolerance: float = TOLERANCE) -> None:
-        """Minimise the cost with these limits (f,) of the loss; updates all results."""
-        free, equations = self.unknowns, equations_for(self.free)
-        self.cost, steps, self.converged = adjust(
-            Parameters(free.origin, np.ascontiguousarray(free.M.T), free.precision, self.rotations),
-            State(self.p, self.R, self.points, self.of_units),
-            self.seen.lenses,
-            self._units(1 / self.scatter),
-            self.baselines,
-            limits[self.frame_of] * self.share_of_limit,
-            equations,
-            tolerance,
-            self.settings.maximum_steps,
-        )
-        B = self.views(self.q)[1]
-        self.H[:] = equations.H if B is None else B @ equations.H @ B.T
+        """Minimise the cost with these limits (f,) of the loss, by Levenberg and Marquardt; updates
+        all results."""
+        precision, units = self.unknowns.precision, self._units(1 / self.scatter)
+        limits, into = limits[self.frame_of] * self.share_of_limit, equations_for(self.free)
+        points, of_units, p = self.points.copy(), self.of_units.copy(), self.p
+        gain, damping, self.cost, self.converged = np.inf, 1e-5, np.inf, False
+        for step in range(self.settings.maximum_steps + 1):
+            p, cameras, B = self._placed(p)
+            total = sum_normal_equations(cameras, units, limits, points, of_units, into)
+            H, g = into.H.copy(), into.g
+            total += add_baselines(self.baselines, cameras.q, cameras.R, H, g)
+            total += float(p @ precision @ p)
+            if total <= self.cost or step == 0:
+                self.cost, self.p, self.R = total, p, cameras.R
+                self.points[:], self.of_units[:] = points, of_units
+                self.H[:] = into.H if B is None else B @ into.H @ B.T
+                if gain < tolerance:
+                    self.converged = True
+                    break
+                if step > 0:
+                    damping *= 0.05
+                D = self.unknowns.M.T if B is None else self.unknowns.M.T @ B
+                A, b = D @ H @ D.T + precision, D @ g + precision @ p
+            else:
+                if gain < 1e-6:  # rounding, or the remaining error of the points
+                    self.converged = True
+                    break
+                points[:] = self.points
+                damping = max(20.0 * damping, 1e-4)
+            damped = A.copy()
+            damped.flat[:: len(b) + 1] *= 1.0 + damping
+            _, d, failed = dposv(damped, b)
+            gain = float(b @ d)  # the predicted decrease
+            if failed or not gain >= 0.0:
+                step += 1
+                break
+            p = self.p - d
         self.chi_squares[:] = self.by_frame(self.of_units)
-        self.steps += steps
+        self.steps += step
+
+    def _placed(self, p: FloatArray) -> tuple[FloatArray, Cameras, FloatArray | None]:
+        """The free parameters p (k,), whose small rotations are 0 once the cameras are turned by
+        them, and as of `views`."""
+        cameras, B = self.views(np.asarray(self.unknowns.origin + self.unknowns.M @ p))
+        if B is not None:
+            return p, cameras, B
+        turns = cameras.q[:-1].reshape(-1, EACH)[:, :TRANSLATION]
+        R = Rotation.from_rotvec(turns).as_matrix() @ self.R
+        turns[:] = 0.0
+        return np.where(self.rotations, 0.0, p), Cameras(cameras.q, R, cameras.lenses), None
 
     def sum_at(
         self,
