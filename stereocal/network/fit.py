@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from stereocal.refined.adjustment import add_baselines
 from stereocal.refined.observations import Observations
@@ -107,12 +106,6 @@ def baselines_of(recording: Recording, settings: RigSettings) -> FloatArray:
         if not np.isinf(stated or 0.0)
     ]
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
-
-
-def turned(R: FloatArray, q: FloatArray) -> FloatArray:
-    """(c, 3, 3): the rotations R after the small ones of q."""
-    turns = q[:-1].reshape(-1, EACH)[:, :3]
-    return np.asarray(Rotation.from_rotvec(turns).as_matrix() @ R)
 
 
 def camera_at(stated: Camera, q: FloatArray, number: int) -> Camera:

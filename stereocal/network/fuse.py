@@ -14,9 +14,10 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.network.fit import RigSettings, lens_places, turned, unknowns_of_rig
+from stereocal.network.fit import RigSettings, lens_places, unknowns_of_rig
 from stereocal.refined import views
 from stereocal.refined.refine import RefinedResult
+from stereocal.refined.robust import turned
 from stereocal.refined.two_views import (
     BAR,
     BASELINE,

@@ -57,6 +57,12 @@ SAME_NOISE = 0.01
 """Relative change of the noise in a round, below which it has converged."""
 
 
+def turned(R: FloatArray, q: FloatArray) -> FloatArray:
+    """(c, 3, 3): the rotations R after the small ones of the unknowns q of `views`."""
+    turns = q[:-1].reshape(-1, EACH)[:, :TRANSLATION]
+    return np.asarray(Rotation.from_rotvec(turns).as_matrix() @ R)
+
+
 class RobustFit:
     """A robust fit of frames that N cameras see; a pair is the case of two."""
 
@@ -251,9 +257,8 @@ class RobustFit:
         cameras, B = self.views(np.asarray(self.unknowns.origin + self.unknowns.M @ p))
         if B is not None:
             return p, cameras, B
-        turns = cameras.q[:-1].reshape(-1, EACH)[:, :TRANSLATION]
-        R = Rotation.from_rotvec(turns).as_matrix() @ self.R
-        turns[:] = 0.0
+        R = turned(self.R, cameras.q)
+        cameras.q[:-1].reshape(-1, EACH)[:, :TRANSLATION] = 0.0
         return np.where(self.rotations, 0.0, p), Cameras(cameras.q, R, cameras.lenses), None
 
     def sum_at(

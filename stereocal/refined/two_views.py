@@ -33,20 +33,15 @@ OF_VIEWS = 2 * EACH + 1
 
 
 @compiled
-def fill_views(q: FloatArray, v: FloatArray, R: FloatArray, B: FloatArray) -> None:
-    """Write the unknowns of `views` (33,), the rotations (2, 3, 3), and B (25, 33), the derivatives
-    of v by q.
+def unknowns_of_views(q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The unknowns v of `views` (33,), the rotations (2, 3, 3), and B (25, 33), the derivatives of
+    v by q.
 
     R is a product of rotations about y, x and z; the derivative by an angle is a rotation about its
     axis, rotated by the factors to its left.
     """
-    for i in range(OF_VIEWS):
-        v[i] = 0.0
-        for j in range(SHARED):
-            B[j, i] = 0.0
-    for i in range(3):
-        for j in range(3):
-            R[0, i, j] = 1.0 if i == j else 0.0
+    v, R, B = np.zeros(OF_VIEWS), np.zeros((2, 3, 3)), np.zeros((SHARED, OF_VIEWS))
+    R[0, 0, 0] = R[0, 1, 1] = R[0, 2, 2] = 1.0
     fill_pose(q, q[BASELINE], R[1], v[EACH + TRANSLATION : EACH + LENS])
     cy, sy = np.cos(q[YAW]), np.sin(q[YAW])
     cd, sd = np.cos(q[DELTA]), np.sin(q[DELTA])
@@ -67,12 +62,6 @@ def fill_views(q: FloatArray, v: FloatArray, R: FloatArray, B: FloatArray) -> No
     for i in range(2):
         v[EACH + views.TIME + i], B[TIME + i, EACH + views.TIME + i] = q[TIME + i], 1.0
     v[OF_VIEWS - 1], B[BAR, OF_VIEWS - 1] = q[BAR], 1.0
-
-
-def unknowns_of_views(q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """As `fill_views` writes them."""
-    v, R, B = np.empty(OF_VIEWS), np.empty((2, 3, 3)), np.empty((SHARED, OF_VIEWS))
-    fill_views(q, v, R, B)
     return v, R, B
 
 
