@@ -217,9 +217,9 @@ def draw_forecast(
     pixels = np.empty(noise.shape)
 
     def judge_draw(draw: int) -> list[JudgedSets]:
-        points, seen, start = ends[draw].reshape(-1, 3), pixels[draw], np.empty((4, 4 * bars))
+        points, seen = ends[draw].reshape(-1, 3), pixels[draw]
         photograph(truths[draw], lenses, points, seen)
-        add_noise(model.q, lenses, points, of_noise.along[draw], noise[draw], seen, start)
+        start = add_noise(model.rig, points, of_noise.along[draw], noise[draw], seen)
         found = []
         for half, own in enumerate((slice(2 * bars), slice(2 * bars, None))):
             rays = np.ascontiguousarray(start[:, own])

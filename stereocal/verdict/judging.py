@@ -6,8 +6,6 @@ import numpy as np
 
 from stereocal.evaluation.compiled_run import BINS, count_pairs
 from stereocal.refined.distortion import (
-    FISHEYE,
-    TILTED,
     distort,
     empty_pixel_scale,
     fill_pixel_scale,
@@ -16,6 +14,7 @@ from stereocal.refined.distortion import (
 from stereocal.refined.two_views import BASELINE, DISTORTION, PRIMARY, SECONDARY, undistort_rays
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled
 from stereocal.rig.geometry import bar_length, fill_essential, fill_pose
+from stereocal.rig.rig import Rig
 
 
 @compiled
@@ -41,49 +40,27 @@ def photograph(
             pixels[k, 2 * camera + 1] = q[at + 1] * y + q[at + 3]
 
 
-@compiled
 def add_noise(
-    q: FloatArray,
-    stated_lenses: FloatArray,
-    points: FloatArray,
-    along: float,
-    noise: FloatArray,
-    pixels: FloatArray,
-    start: FloatArray,
-) -> None:
-    """Add noise (n, 4) to the pixels (n, 4) of points (n, 3), and write their rays (4, n).
+    rig: Rig, points: FloatArray, along: float, noise: FloatArray, pixels: FloatArray
+) -> FloatArray:
+    """Add noise (n, 4) to the pixels (n, 4) of points (n, 3), and return their rays (4, n).
 
-    The noise across the epipolar lines of the rig `q` is added as it is; the rest, which moves the
+    The noise across the epipolar lines of the rig is added as it is; the rest, which moves the
     reconstructed point, `along` times.
     """
-    R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
-    lenses = set_distortion(q, DISTORTION, 4, stated_lenses)
-    fill_pose(q, q[BASELINE], R, T)
-    fill_essential(R, T, E)
-    across = np.empty(4)
-    for k in range(len(points)):
-        a, b, c = points[k, 0], points[k, 1], points[k, 2]
-        depth = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + T[2]
-        x, y = start[0, k], start[1, k] = a / c, b / c
-        u = start[2, k] = (R[0, 0] * a + R[0, 1] * b + R[0, 2] * c + T[0]) / depth
-        v = start[3, k] = (R[1, 0] * a + R[1, 1] * b + R[1, 2] * c + T[1]) / depth
-        across[0] = (u * E[0, 0] + v * E[1, 0] + E[2, 0]) / q[PRIMARY]
-        across[1] = (u * E[0, 1] + v * E[1, 1] + E[2, 1]) / q[PRIMARY + 1]
-        across[2] = (x * E[0, 0] + y * E[0, 1] + E[0, 2]) / q[SECONDARY]
-        across[3] = (x * E[1, 0] + y * E[1, 1] + E[1, 2]) / q[SECONDARY + 1]
-        for camera in range(2):
-            if lenses[camera, 1 + TILTED] == FISHEYE:
-                i = 2 * camera
-                _, _, xx, xy, yx, yy = distort(start[i, k], start[i + 1, k], lenses, camera)
-                scale, a, b = 1.0 / (xx * yy - xy * yx), across[i], across[i + 1]
-                across[i], across[i + 1] = scale * (yy * a - yx * b), scale * (xx * b - xy * a)
-        length = dot = 0.0
-        for i in range(4):
-            length += across[i] * across[i]
-            dot += across[i] * noise[k, i]
-        for i in range(4):
-            part = across[i] * dot / length
-            pixels[k, i] += part + along * (noise[k, i] - part)
+    E, both = rig.pose.essential, [own / own[:, 2:] for own in (points, rig.pose.apply(points))]
+    lines, across = (both[1] @ E, both[0] @ E.T), []
+    for camera, rays, line in zip((rig.primary, rig.secondary), both, lines, strict=True):
+        by_pixel = line[:, :2] / np.diag(camera.K)[:2]
+        if camera.is_fisheye:
+            J = camera.pixel_jacobians(rays[:, :2]).transpose(0, 2, 1)
+            by_pixel = np.asarray(np.linalg.solve(J, line[:, :2, None])[..., 0], np.float64)
+        across.append(by_pixel)
+    unit = np.hstack(across)
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    part = unit * np.sum(unit * noise, axis=1, keepdims=True)
+    pixels += part + along * (noise - part)
+    return np.ascontiguousarray(np.hstack([own[:, :2] for own in both]).T)
 
 
 class JudgedSets(NamedTuple):

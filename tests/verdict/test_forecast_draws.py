@@ -162,9 +162,9 @@ def test_tails_of_the_noise_are_found() -> None:
 def test_only_noise_across_the_lines_moves_a_pair_off_them() -> None:
     """The derivative of the residual is found by its definition, by central differences."""
     fitted, points = forecast().refined, rig.bar_ends(3)
-    pixels, start, rays = np.zeros((6, 4)), np.empty((4, 6)), np.ones((6, 2, 3))
+    pixels, rays = np.zeros((6, 4)), np.ones((6, 2, 3))
     noise = np.random.default_rng(4).standard_normal((6, 4))
-    add_noise(fitted.q, fitted.lenses, points, 2.5, noise, pixels, start)
+    start = add_noise(fitted.rig, points, 2.5, noise, pixels)
     rays[:, 0, :2], rays[:, 1, :2] = start[:2].T, start[2:].T
     two = fitted.pose.apply(points)
     assert_allclose(rays, np.stack([points / points[:, 2:], two / two[:, 2:]], axis=1), rtol=1e-12)
