@@ -99,38 +99,13 @@ def move_rays(
             moved[row + 1, k] = rays[row + 1, k] + s[2] * du + s[3] * dv
 
 
-@compiled
-def weigh(
-    errors: FloatArray,
-    pairs: int,
-    weight_2d: float,
-    weight_3d: float,
-    smooth_px: float,
-    smooth_m: float,
-    weights: FloatArray,
-) -> tuple[float, float, float]:
-    """Write the weight of each error.
-
-    Returns:
-        The smoothed objective, the 2D cost in pixels, and the 3D cost in metres.
-    """
-    objective = cost_2d = cost_3d = 0.0
-    for k in range(2 * pairs):
-        square = errors[2 * k] ** 2 + errors[2 * k + 1] ** 2
-        smooth = np.sqrt(square + smooth_px * smooth_px)
-        cost_2d += np.sqrt(square)
-        objective += weight_2d * smooth
-        weights[2 * k] = weights[2 * k + 1] = weight_2d / smooth
-    for k in range(4 * pairs, len(errors)):
-        smooth = np.sqrt(errors[k] ** 2 + smooth_m * smooth_m)
-        cost_3d += abs(errors[k])
-        objective += weight_3d * smooth
-        weights[k] = weight_3d / smooth
-    return objective, cost_2d, cost_3d
+def sizes_of(errors: FloatArray, pairs: int) -> tuple[FloatArray, FloatArray]:
+    """(2 pairs,) and (m,): the norms of the errors in the images, and the errors of the lengths."""
+    in_images = errors[: 4 * pairs].reshape(-1, 2)
+    return np.linalg.norm(in_images, axis=1), np.abs(errors[4 * pairs :])
 
 
-@compiled
-def fill_jacobian(
+def jacobian(
     q: FloatArray,
     M: FloatArray,
     steps: FloatArray,
@@ -140,17 +115,11 @@ def fill_jacobian(
     inverse_jacobians: FloatArray,
     bars: IntArray,
     distances: FloatArray,
-    J: FloatArray,
-) -> None:
-    """Write the derivatives of all errors by the free parameters to J (k, errors)."""
-    moved_q, moved = np.empty(len(q)), np.empty(rays.shape)
-    lower = np.empty(J.shape[1])
-    for j in range(M.shape[1]):
-        for side in range(2):
-            step = steps[j] if side else -steps[j]
-            for i in range(len(q)):
-                moved_q[i] = q[i] + step * M[i, j]
-            move_rays(q, moved_q, lenses, pixels, rays, inverse_jacobians, moved)
-            fill_errors(moved_q, lenses, moved, bars, distances, J[j] if side else lower)
-        for i in range(J.shape[1]):
-            J[j, i] = (J[j, i] - lower[i]) / (2.0 * steps[j])
+) -> FloatArray:
+    """(k, errors): derivatives of all errors by the free parameters."""
+    moved, J = np.empty(rays.shape), np.empty((2, len(steps), 4 * len(pixels) + len(bars)))
+    for side, signed in zip(J, (steps, -steps), strict=True):
+        for errors, along in zip(side, signed[:, None] * M.T, strict=True):
+            move_rays(q, q + along, lenses, pixels, rays, inverse_jacobians, moved)
+            fill_errors(q + along, lenses, moved, bars, distances, errors)
+    return np.asarray((J[0] - J[1]) / (2.0 * steps[:, None]))

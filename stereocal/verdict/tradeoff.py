@@ -23,7 +23,7 @@ from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, unk
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
-from stereocal.verdict.paper_costs import fill_errors, fill_jacobian, weigh
+from stereocal.verdict.paper_costs import fill_errors, jacobian, sizes_of
 
 POINTS = 25
 MAXIMUM_LOG_WEIGHT = 3.0
@@ -104,8 +104,7 @@ class _Curve:
         self.data = *of_images, self.bars, self.distances
         n, m = len(rows), len(rows.bars)
         self.pairs = n
-        self.errors, self.weights = np.empty(4 * n + m), np.empty(4 * n + m)
-        self.J = np.empty((len(unknowns.names), 4 * n + m))
+        self.errors = np.empty(4 * n + m)
         self.steps = np.where(np.isfinite(unknowns.sigma), 1e-4 * unknowns.sigma, 1e-6)
         p = np.zeros(len(unknowns.names))
         cost_2d, cost_3d = self._costs_at(p)
@@ -133,8 +132,8 @@ class _Curve:
     def _costs_at(self, p: FloatArray) -> tuple[float, float]:
         """The 2D cost in pixels and the 3D cost in metres."""
         self._errors_at(p)
-        _, px, m = weigh(self.errors, self.pairs, 1.0, 1.0, 0.0, 0.0, self.weights)
-        return px, m
+        px, m = sizes_of(self.errors, self.pairs)
+        return float(px.sum()), float(m.sum())
 
     def _errors_at(self, p: FloatArray) -> None:
         q = self._q(p)
@@ -150,9 +149,12 @@ class _Curve:
     def _objective(self, p: FloatArray, share: float) -> float:
         """The weighted sum of both costs, in units of their mean errors, plus the priors."""
         self._errors_at(p)
-        weights = 2.0 * (1.0 - share) / self.mean_px, 2.0 * share / self.mean_m
-        smoothing = SMOOTHING * self.mean_px, SMOOTHING * self.mean_m
-        value = weigh(self.errors, self.pairs, *weights, *smoothing, self.weights)[0]
+        px, m = sizes_of(self.errors, self.pairs)
+        smooth_px = np.hypot(px, SMOOTHING * self.mean_px)
+        smooth_m = np.hypot(m, SMOOTHING * self.mean_m)
+        of_px, of_m = 2.0 * (1.0 - share) / self.mean_px, 2.0 * share / self.mean_m
+        self.weights = np.concatenate([np.repeat(of_px / smooth_px, 2), of_m / smooth_m])
+        value = of_px * smooth_px.sum() + of_m * smooth_m.sum()
         return float(value + 0.5 * (p @ self.unknowns.precision @ p))
 
     def _minimise(self, p: FloatArray, share: float) -> FloatArray:
@@ -160,9 +162,9 @@ class _Curve:
         best, damping, fresh = self._objective(p, share), 1e-6, True
         for _ in range(MAXIMUM_STEPS):
             if fresh:
-                fill_jacobian(self._q(p), self.unknowns.M, self.steps, *self.data, self.J)
-                weighted = self.J * self.weights
-                A = weighted @ self.J.T + self.unknowns.precision
+                J = jacobian(self._q(p), self.unknowns.M, self.steps, *self.data)
+                weighted = J * self.weights
+                A = weighted @ J.T + self.unknowns.precision
                 b = weighted @ self.errors + self.unknowns.precision @ p
             scale = 1.0 / np.sqrt(np.diag(A))
             lifted = A * np.outer(scale, scale) + damping * np.eye(len(p))

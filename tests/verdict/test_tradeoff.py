@@ -10,7 +10,7 @@ from stereocal.refined.two_views import undistort_rays
 from stereocal.refined.unknowns import RefineSettings, unknowns_of_pair
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
-from stereocal.verdict.paper_costs import fill_errors, fill_jacobian
+from stereocal.verdict.paper_costs import fill_errors, jacobian
 from stereocal.verdict.tradeoff import TradeOff, costs_of, trade_off
 from tests import known_rig as rig
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
@@ -38,10 +38,8 @@ def test_slopes_are_those_of_the_errors() -> None:
     q = unknowns.origin
     assert undistort_rays(q, lenses, pixels, rays, slopes)
     np.testing.assert_allclose(rays, data.rays, atol=1e-12)
-    J, steps = np.empty((k, 4 * n + m)), np.full(k, 1e-6)
-    fill_jacobian(
-        q, unknowns.M, steps, lenses, pixels, rays, slopes, rows.bars, data.bar_distances_m, J
-    )
+    images = lenses, pixels, rays, slopes
+    J = jacobian(q, unknowns.M, np.full(k, 1e-6), *images, rows.bars, data.bar_distances_m)
     for j in range(k):
         sides = []
         for step in (1e-4, -1e-4):
