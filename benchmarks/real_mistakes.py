@@ -3,10 +3,9 @@
     python -m benchmarks.real_mistakes RECORDING ... [--parts 2] [--mistake NAME ...] [--said]
 
 A recording is a data set, a pair of one with more cameras (sample_data/rig:1-3), or of all of
-them. `file` is how far its files are from those of the same frames as they were recorded: the
-turn in their standard errors, or the error of the baseline in 2 %, whichever is more; `SILENT` is
-more than 3 with nothing said; images mirrored alike keep lengths right. Boards: `wrong_boards
-real`.
+them. The figure is how far its files are from those of the same frames as they were recorded: the
+turn in their standard errors, or 3 for each 2 % of a baseline, whichever is more; `SILENT` is more
+than 3 with nothing said; images mirrored alike keep lengths right. Boards: `wrong_boards real`.
 """
 
 import argparse
@@ -15,6 +14,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -22,9 +22,10 @@ from scipy.spatial.transform import Rotation
 from benchmarks.quarters import recording
 from benchmarks.said import MOST, RIGHT, WRONG, in_words, judged, said_of
 from benchmarks.studies import parser_of
-from benchmarks.wrong_rigs import told
+from benchmarks.wrong_rigs import largest_z, told, with_error
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
+from stereocal.network.rig_file import RigFile
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
@@ -85,21 +86,39 @@ def of_rig(data: Recording, asked: argparse.Namespace) -> None:
     """Each kind of mistake in each part of a recording of three cameras and more."""
     for part in np.array_split(np.unique(data.frame), asked.parts):
         own, found = data.where(np.isin(data.frame, part)), Counter[str]()
-        usual = dict[str, str]()
-        for name in ("sound", *(asked.mistake or OF_RIGS)):
-            change: Change = OF_RIGS.get(name, lambda recording, _: recording)
+        usual, text, sound = told(own)
+        print(f"  frames {part[0]} to {part[-1]}, sound: {usual}; {text}", flush=True)
+        assert sound is not None
+        usual_notes = {*map(_kind, text.split("Note: "))}
+        for name in asked.mistake or OF_RIGS:
             begun = time.process_time()
-            word, text = told(change(own, np.random.default_rng(5)), None)
-            notes = {re.sub(r"[\d.]+", "#", note): note for note in text.split("Note: ")}
-            usual = notes if name == "sound" else usual
-            further = [note for kind, note in notes.items() if kind not in usual]
-            if word == "noted" and name != "sound":
-                word, text = word if further else "as when sound", " ".join(further)
+            word, text, rig = told(OF_RIGS[name](own, np.random.default_rng(5)))
+            off = 0.0
+            if rig is not None:
+                notes = [it for it in text.split("Note: ") if _kind(it) not in usual_notes]
+                off, text = far_from_rig(sound, rig), " ".join(notes)
+                word = with_error("noted" if notes else "silent", off)
             found[word] += 1
-            print(f"  {name}: {word} ({time.process_time() - begun:.0f} s)", flush=True)
+            print(f"  {name}: {word}, {off:.1f} ({time.process_time() - begun:.0f} s)", flush=True)
             if asked.said or word.isupper():
                 print(f"      {text}", flush=True)
-        print(f"  frames {part[0]} to {part[-1]}: {in_words(found)}")
+        print(f"  {in_words(found)}")
+
+
+def _kind(note: str) -> str:
+    """A note without its numbers."""
+    return re.sub(r"[\d.]+", "#", note)
+
+
+def far_from_rig(sound: RigFile, rig: RigFile) -> float:
+    """How far a rig is from that of the sound recording; infinite if it lacks a camera."""
+    if [*rig.poses] != [*sound.poses]:
+        return np.inf
+    lengths = [
+        abs(rig.pair(*pair).pose.baseline / sound.pair(*pair).pose.baseline - 1.0)
+        for pair in combinations(sound.names, 2)
+    ]
+    return float(max(largest_z(rig, sound.poses), max(lengths) / MOST_BASELINE * MOST))
 
 
 def main() -> None:
