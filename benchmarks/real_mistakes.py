@@ -99,15 +99,16 @@ def of_rig(data: Recording, asked: argparse.Namespace) -> None:
                 off, text = far_from_rig(sound, rig), " ".join(notes)
                 word = with_error("noted" if notes else "silent", off)
             found[word] += 1
-            print(f"  {name}: {word}, {off:.1f} ({time.process_time() - begun:.0f} s)", flush=True)
-            if asked.said or word.isupper():
+            spent = time.process_time() - begun
+            print(f"    {name}: {word}, {off:.1f} ({spent:.0f} s)", flush=True)
+            if asked.said:
                 print(f"      {text}", flush=True)
         print(f"  {in_words(found)}")
 
 
 def _kind(note: str) -> str:
-    """A note without its numbers."""
-    return re.sub(r"[\d.]+", "#", note)
+    """What a note says first, without its numbers."""
+    return re.sub(r"[\d.]+", "#", note.partition(":")[0])
 
 
 def far_from_rig(sound: RigFile, rig: RigFile) -> float:

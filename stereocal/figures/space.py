@@ -1,6 +1,6 @@
 """Common parts of 3D figures: upright axes of equal scale, viewpoints, and the cameras."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from stereocal.figures.style import GRID_3D, NEUTRAL, TRANSPARENT, add_trace, line_of, upright
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import Pose
+from stereocal.rig.geometry import AT_ORIGIN, Pose
 from stereocal.rig.rig import PlacedCameras
 
 OUTER_VIEWS = ("Behind", "Above", "Side")
@@ -46,7 +46,7 @@ Z_UP = Pose(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), np.z
 class SceneFrame:
     """The frame of a scene, whose y axis points down: the primary's, or one of a world frame."""
 
-    from_primary: Pose = field(default_factory=lambda: Pose(np.eye(3), np.zeros(3)))
+    from_primary: Pose = AT_ORIGIN
     is_world: bool = False
 
     @classmethod

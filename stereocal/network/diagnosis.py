@@ -10,6 +10,7 @@ from stereocal.errors import StereocalError
 from stereocal.network.fit import RigFit, RigSettings, lens_places
 from stereocal.network.pairs import MOST_NOISE
 from stereocal.network.result import RigCalibration
+from stereocal.refined.diagnosis import heads_in_words
 from stereocal.refined.judge import CONTRADICTED
 from stereocal.refined.movement import Movement
 from stereocal.refined.stated_inputs import moved_length
@@ -17,8 +18,6 @@ from stereocal.refined.unknowns import lens_prior
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.system.numbers import rounded
 
-UPRIGHT = 0.7
-"""Cosine of the angle within which cameras stand alike."""
 OUT_OF_STEP = (
     " If the object moved fast, the cameras may be out of step instead: ask for their time offsets."
 )
@@ -53,7 +52,8 @@ def camera_warnings(fit: RigFit) -> list[str]:
     beyond = filter(None, [beyond_in_words(fit.recording.beyond_view)])
     if not fit.is_determined:
         return [*beyond]
-    return [*beyond, *_on_their_heads(fit), *_lens_warnings(fit), *_baseline_warnings(fit)]
+    heads = heads_in_words(fit.poses, [*fit.recording.cameras])
+    return [*beyond, *heads, *_lens_warnings(fit), *_baseline_warnings(fit)]
 
 
 def _baseline_warnings(fit: RigFit) -> list[str]:
@@ -123,18 +123,6 @@ def _lens_warnings(fit: RigFit) -> list[str]:
         )
         found.append(f"The images contradict the stated lens of camera {name}: {what}")
     return found
-
-
-def _on_their_heads(fit: RigFit) -> list[str]:
-    """Cameras that are upside down beside the others, which are alike."""
-    down = np.array([pose.R[1] for pose in fit.poses])  # of each camera, in the reference's frame
-    others = [np.delete(down, number, axis=0).mean(axis=0) for number in range(len(down))]
-    return [
-        f"The camera {name} stands on its head beside the others. If it was not mounted so, its "
-        "images are turned by half a turn."
-        for name, own, rest in zip(fit.recording.cameras, down, others, strict=True)
-        if len(down) > 2 and np.linalg.norm(rest) > UPRIGHT and own @ rest < -(UPRIGHT**2)
-    ]
 
 
 def moved_in_words(found: Movement, names: Sequence[str], settings: RigSettings) -> str:

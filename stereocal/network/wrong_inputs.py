@@ -50,7 +50,6 @@ from stereocal.refined.judge import (
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.sampling import evenly_spread
 
@@ -287,7 +286,7 @@ def noise_of_rig(
             own = enumerate(recording.cameras.items())
             cameras = {name: camera_at(camera, fit.q, number) for number, (name, camera) in own}
             parts = PARTS if len(fit.frames) >= PARTS * FEWEST_BARS else 1
-            px = typical_noise(fit, fit.sigma_px, _one_on_its_head(fit.poses), parts)
+            px = typical_noise(fit, fit.sigma_px, fit.poses, parts)
             of_lenses = float(fit.p @ fit.unknowns.precision @ fit.p)
             largest = largest_noise(recording, least)
             return RigNoise(px, largest, of_lenses, cameras, tuple(pairs))
@@ -312,9 +311,3 @@ def _first_pairs(
             if fit.sigma_px.value < limit:
                 found.append(PairFit.of(pair, fit))
     return sorted(found, key=lambda fit: fit.noise_px)
-
-
-def _one_on_its_head(poses: Sequence[Pose]) -> bool:
-    """Whether a camera stands on its head beside the others."""
-    down = np.array([pose.R[1] for pose in poses])  # of each camera, in the reference's frame
-    return bool((down @ down.sum(axis=0) < 0.0).any())

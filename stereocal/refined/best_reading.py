@@ -37,6 +37,7 @@ from stereocal.refined.judge import (
 )
 from stereocal.rig.camera import CAMERAS, Camera, one_file_in_words
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import AT_ORIGIN
 from stereocal.system.numbers import rounded
 from stereocal.system.sampling import evenly_spread
 
@@ -146,5 +147,5 @@ def noise_of_half(dataset: Dataset) -> Noise:
         fit = fit_with_lenses(dataset)
     except StereocalError:
         return Noise()
-    on_its_head = bool(fit.pose.R[1, 1] < 0.0)
-    return Noise(typical_noise(fit, fit.sigma_px.value, on_its_head), fitting_px(dataset))
+    poses = AT_ORIGIN, fit.pose
+    return Noise(typical_noise(fit, fit.sigma_px.value, poses), fitting_px(dataset))

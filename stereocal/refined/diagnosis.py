@@ -4,6 +4,8 @@ Candidates in order: single frames, a wrong input, a recording whose geometry do
 pose. If none explains the data, the message says that the cause is unknown.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from stereocal.calibration.checks import warnings_about_copies
@@ -20,8 +22,10 @@ from stereocal.refined.screening import (
     wide_settings,
 )
 from stereocal.refined.two_views import largest_turn_sigma
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import AT_ORIGIN, Pose, on_their_heads
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.numbers import rounded
 
@@ -37,6 +41,8 @@ MAXIMUM_NOISE_PX = 5.0
 """A fit with more noise explains nothing, and its 3D points are not used."""
 NARROW_FIELD = np.radians(6.0)
 """In a smaller field of view all rays are nearly parallel: there is hardly any perspective."""
+UPRIGHT = 0.7
+"""Least cosine between the vertical and the columns of images that tell it."""
 PARALLEL = np.radians(8.0)
 """Bars within this angle of a common direction count as parallel."""
 
@@ -86,12 +92,29 @@ def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool, offer
     failure = screening.failure and f"The frames could not be screened: {screening.failure}"
     fit, dataset = screening.fit, frames_to_judge(dataset, screening)
     cause = offer or (geometry_warning(fit) if fit is not None else "")
+    heads = heads_in_words((AT_ORIGIN, fit.pose), CAMERAS) if fit is not None else []
     if poor and not cause:
         nominal = essential_fit(dataset)
         cause = find_wrong_input(dataset) or nothing_fits(dataset)
         if not cause and nominal.only_scale_is_wrong:
             cause = inconsistency_message(dataset, nominal)
-    return [message for message in (failure, screening.together, cause) if message]
+    return [*filter(None, (failure, screening.together, cause)), *heads]
+
+
+def heads_in_words(poses: Sequence[Pose], names: Sequence[str]) -> list[str]:
+    """Which cameras stand on their heads beside the others; of two it is one of them.
+
+    Args:
+        poses: as of `on_their_heads`, of the cameras with these names.
+    """
+    found = on_their_heads(poses, UPRIGHT)
+    one = [f"The camera {names[number]}" for number in found]
+    others = "others" if len(names) > 2 else "other"
+    return [
+        f"{which} stands on its head beside the {others}. If it was not mounted so, its images are "
+        "turned by half a turn."
+        for which in (one if len(names) > 2 else ["One of the two cameras"][: len(found)])
+    ]
 
 
 def frames_to_judge(dataset: Dataset, screening: Screening) -> Dataset:

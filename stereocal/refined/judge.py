@@ -37,6 +37,7 @@ from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import Camera, same_lens
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose, on_their_heads
 from stereocal.system.numbers import rounded
 
 CROPPED = (
@@ -234,7 +235,7 @@ class Judge(ABC, Generic[Given]):
 
 
 def typical_noise(
-    fit: RefinedResult | RobustFit, sigma_px: float, on_its_head: bool, parts: int = 1
+    fit: RefinedResult | RobustFit, sigma_px: float, poses: Sequence[Pose], parts: int = 1
 ) -> float:
     """The noise in pixels with which half of the frames fit; values far from their priors, and a
     camera that would stand on its head, count as noise.
@@ -246,7 +247,7 @@ def typical_noise(
     half = max(float(np.median(part)) for part in np.array_split(over, parts))
     of_prior = float(fit.p @ fit.unknowns.precision @ fit.p)
     stretched = np.exp(min(of_prior / (2.0 * fit.degrees_of_freedom.sum()), LARGEST_EXPONENT))
-    return float(sigma_px * np.sqrt(half) * stretched * (ALIKE if on_its_head else 1.0))
+    return float(sigma_px * np.sqrt(half) * stretched * (ALIKE if on_their_heads(poses) else 1.0))
 
 
 def fit_with_lenses(dataset: Dataset, **lenses: Any) -> RefinedResult:

@@ -37,7 +37,7 @@ still has such a one; with a camera turned by 0.1 degrees 13 of 54 do, by 0.2 de
 LEFT_OUT = 3.0
 """Standard errors by which more frames are left out after a step than before it, or the other way
 round."""
-OF_PART, BY_ITSELF, NOISE = 0.5, 0.2, 2.0
+OF_PART, BY_ITSELF, NOISE = 0.5, 0.2, 1.5
 """Share of the frames of a part that are left out of the whole, largest share by itself, and
 largest noise of its fit over that of the whole."""
 APART = 1.3

@@ -13,7 +13,7 @@
   Q^R, Section 2.3). Parallel rays and points behind a camera give NaN, never 0.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -160,6 +160,9 @@ def nearest_rotation(R: FloatArray) -> FloatArray:
     """The rotation nearest to a matrix, by the sum of squares of their difference."""
     U, _, V = np.linalg.svd(R)
     return np.asarray(U @ V, dtype=np.float64)
+
+
+AT_ORIGIN = Pose(np.eye(3), np.zeros(3))
 
 
 @compiled
@@ -354,3 +357,24 @@ def sampson(E: FloatArray, rays: FloatArray) -> FloatArray:
     lines, back = p @ E.T, q @ E
     squared = (lines[..., :2] ** 2).sum(axis=-1) + (back[..., :2] ** 2).sum(axis=-1)
     return np.asarray((q * lines).sum(axis=-1) / np.sqrt(squared))
+
+
+def on_their_heads(poses: Sequence[Pose], upright: float = 0.0) -> list[int]:
+    """Numbers of the cameras that stand on their heads beside the others.
+
+    The vertical is the direction to which the rows of all images and the ways from camera to camera
+    are most perpendicular, and the columns most parallel: cameras are tilted more than rolled, and
+    stand more beside than above each other.
+
+    Args:
+        poses: of the cameras in any common frame, `camera_from_common`.
+        upright: least cosine between the vertical and the columns of every image; else none is.
+    """
+    rows, columns = np.array([pose.R[:2] for pose in poses]).transpose(1, 0, 2)
+    away = np.array([pose.inverse().T for pose in poses])
+    away -= away.mean(axis=0)
+    away /= np.linalg.norm(away, axis=1, keepdims=True).max()
+    vertical = np.linalg.eigh(columns.T @ columns - rows.T @ rows - away.T @ away / 2.0)[1][:, -1]
+    down = columns @ vertical
+    down *= np.sign(down.sum())
+    return np.flatnonzero(down < 0.0).tolist() if np.abs(down).min() > upright else []

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from stereocal.rig.camera import CAMERAS, Camera, pixel_scales
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import (
+    AT_ORIGIN,
     Pose,
     homogeneous,
     reprojection_errors_of_rays,
@@ -68,7 +69,7 @@ class Rig:
     @property
     def placed(self) -> dict[str, PlacedCamera]:
         """The primary, which is the reference, and the secondary."""
-        cameras, poses = (self.primary, self.secondary), (Pose(np.eye(3), np.zeros(3)), self.pose)
+        cameras, poses = (self.primary, self.secondary), (AT_ORIGIN, self.pose)
         return dict(zip(CAMERAS, map(PlacedCamera, cameras, poses), strict=True))
 
     def reconstruct(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:

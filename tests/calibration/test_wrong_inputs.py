@@ -43,6 +43,7 @@ ELSEWHERE = (
 """Kinds that another test shows: below, tests/refined/test_time_offset.py, commands/test_cli.py."""
 NAMED = (
     *(name for name in [*MISTAKES][:13] if name not in ELSEWHERE),
+    "one camera upside down",
     "u and v exchanged in one camera",
     "K of twice the image",
     "K of both of half the image",

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from stereocal.calibration.corrections import with_pixels
 from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
 from stereocal.network.in_words import rig_notes, rig_sentence
@@ -22,6 +24,7 @@ from stereocal.simulation.rigs import IMAGE_SIZE, SimulatedRig, simulated_rig
 from stereocal.simulation.simulate import lens_off_by
 from tests.further import further
 from tests.rigs.moving_wand import wave_wand
+from tests.rigs.pair_mistakes import from_the_right, upside_down
 from tests.rigs.spoiled_rigs import MISTAKES, bumped_from, sound
 
 
@@ -31,14 +34,13 @@ def simulated(seed: int, cameras: int = 3) -> SimulatedRig:
 
 def mirrored_in_all(recording: Recording) -> Recording:
     """The images of all cameras mirrored, and their files as of lenses that do not tell."""
-    points, cameras = recording.points.copy(), dict[str, Camera]()
-    points[:, 0] = IMAGE_SIZE[0] - 1.0 - points[:, 0]
+    cameras = dict[str, Camera]()
     for name, camera in recording.cameras.items():
         K, distortion = camera.K.copy(), camera.distortion.copy()
         K[0, 2] = IMAGE_SIZE[0] - 1.0 - K[0, 2]
         distortion[3:4] *= -1.0
         cameras[name] = replace(camera, K=K, distortion=distortion)
-    return replace(recording, points=points, cameras=cameras)
+    return replace(with_pixels(recording, cameras, from_the_right), cameras=cameras)
 
 
 def test_a_sound_rig_of_an_object_whose_ends_are_among_its_points(
@@ -117,9 +119,14 @@ def test_lengths_of_another_unit_are_asked_about() -> None:
 
 
 def test_a_camera_on_its_head_is_said() -> None:
-    """Its points tell it only where the centre of its lens is far from that of its images."""
-    warnings = calibrate_rig(MISTAKES["one upside down"]("5 cameras, waved bar", 7)).warnings
-    assert any("camera c4 stands on its head beside the others" in warning for warning in warnings)
+    """Its points tell it only where the centre of its lens is far from that of its images. Cameras
+    that look down by 27 to 42 degrees, as recorded and with one turned by half a turn."""
+    recording = read_recording("sample_data/rig")
+    recording = recording.where(recording.frame < 150)
+    turned = with_pixels(recording, ["3"], upside_down)
+    assert calibrate_rig(recording).warnings == ()
+    (warning,) = calibrate_rig(turned).warnings
+    assert "camera 3 stands on its head beside the others" in warning
 
 
 def test_the_side_is_said_where_nothing_tells_mirrored_images() -> None:

@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import Any
 
-import numpy as np
-
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.camera_file import K_NAMES
 from stereocal.formats.exchange.camera_format import (
@@ -30,7 +28,7 @@ from stereocal.formats.exchange.text_formats import ANIPOSELIB, ARGUS, CALISCOPE
 from stereocal.formats.exchange.yaml_formats import KALIBR, OPENCV
 from stereocal.formats.file_storage import LARGEST_BYTES, ForeignFile, find_node
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
-from stereocal.rig.geometry import Pose
+from stereocal.rig.geometry import AT_ORIGIN
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.system.atomic_files import write_all
@@ -164,7 +162,7 @@ def export_files(
 
 
 def _posed(rig: Rig) -> list[Posed]:
-    still = Pose(np.eye(3), np.zeros(3))
+    still = AT_ORIGIN
     return [("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose)]
 
 

@@ -35,7 +35,7 @@ from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
 from stereocal.formats.file_storage import ForeignFile, find_node, matrix_of
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import Pose
+from stereocal.rig.geometry import AT_ORIGIN, Pose
 
 
 def _names_of(k: str, side: str, names: Sequence[str]) -> tuple[str, ...]:
@@ -202,7 +202,7 @@ def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> CameraPa
             f"{file.name}: a chain without gaps is expected; the file has {', '.join(names)[:200]}."
         )
     first, last = sorted(chosen.pair)
-    pose: Pose | None = Pose(np.eye(3), np.zeros(3))
+    pose: Pose | None = AT_ORIGIN
     for key in names[first + 1 : last + 1]:
         step = data[key].get("T_cn_cnm1") if isinstance(data[key], dict) else None
         if pose is not None:
