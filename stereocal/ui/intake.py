@@ -4,12 +4,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from types import MappingProxyType
-from typing import Literal, Protocol
+from typing import Literal
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager
 from streamlit.runtime.scriptrunner import get_script_run_ctx
+from streamlit.runtime.uploaded_file_manager import UploadedFile as Upload
 
 from stereocal.errors import RefusedRowsError
 from stereocal.formats.camera_file import ImageSizeError, read_camera, write_camera
@@ -43,17 +44,6 @@ SHOWN = 8
 _SAID = "dropped"
 StoredPhotographs = Mapping[str, StoredFile]
 """Stored ones, by name."""
-
-
-class Upload(Protocol):
-    """An uploaded file as Streamlit passes it."""
-
-    name: str
-    file_id: str
-    size: int
-
-    def getvalue(self) -> bytes:
-        """The content."""
 
 
 def check_uploads(uploads: Sequence[Upload]) -> None:

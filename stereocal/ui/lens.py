@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 import streamlit as st
+from streamlit.runtime.uploaded_file_manager import UploadedFile
 
 from stereocal.errors import StereocalError
 from stereocal.figures import lens as figures
@@ -140,7 +141,7 @@ def _from_file(project: Project | None, which: CameraName) -> None:
 def _from_photographs(which: CameraName) -> ProjectLens | None:
     """The uploader, the forms and the calibration; None while there are no photographs."""
 
-    def take(uploads: Sequence[intake.Upload]) -> None:
+    def take(uploads: Sequence[UploadedFile]) -> None:
         own = ProjectLens(project_to_write(), which)
         with st.spinner("Storing the photographs."):
             given = sort_files(((each.name, each.getvalue()) for each in uploads), own.keep)
