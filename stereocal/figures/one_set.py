@@ -84,13 +84,10 @@ def _words(item: Input) -> str:
     if not item.prior_sigma.any() and not item.accused:
         return f"{item.title}: held as stated, {apart}"
     stated, estimate = (
-        f"{_numbers(values)} {item.unit}".rstrip() for values in (item.stated, item.estimate)
+        f"{' and '.join(rounded(value, 6) for value in np.atleast_1d(values))} {item.unit}".rstrip()
+        for values in (item.stated, item.estimate)
     )
     return f"{item.title}: stated {stated}, estimated {estimate}, {apart}"
-
-
-def _numbers(values: FloatArray) -> str:
-    return " and ".join(f"{rounded(value, 6)}" for value in np.atleast_1d(values))
 
 
 def plot_trade_off(

@@ -7,14 +7,12 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.formats.archives.archive import THROW, Archive
-from stereocal.formats.archives.easywand import open_easywand
 from stereocal.formats.archives.gather import gather
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import write_table
-from stereocal.formats.exchange.exchange import camera_names
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.other_files import is_matlab
 from stereocal.projects.application import ProjectApplication
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import Project
 from stereocal.system.latest import read_once
@@ -33,7 +31,7 @@ def ask_about_archive(project: Project) -> None:
     def form(label: str, content: bytes) -> Use:
         st.markdown(f"**{escape_markdown(label)}** is a file of another program.")
         known = project.inputs.baseline_m is not None
-        names = read_once(_cameras_in, content, label)
+        names = ProjectGiven(project).cameras_in(label, content)
         cameras = _cameras(project, names) if len(names) > 2 else None
         with st.expander("Correct or complete what the file says"):
             asked, (left, right) = Questions(project, "archive_{}"), st.columns(2)
@@ -49,14 +47,6 @@ def ask_about_archive(project: Project) -> None:
 
 def _gathered(content: bytes, label: str, options: ExchangeOptions, known: bool) -> Archive:
     return gather({label: content}, options, baseline_known=known)
-
-
-def _cameras_in(content: bytes, label: str) -> tuple[str, ...]:
-    """Names of the cameras, to choose from; empty if the file has none to choose."""
-    if is_matlab(content):
-        opened = open_easywand(content, label)
-        return () if opened is None else opened.cameras
-    return camera_names(label, content)
 
 
 def _cameras(project: Project, names: tuple[str, ...]) -> tuple[int, int]:

@@ -3,7 +3,7 @@
 `show_pairing(store)` is all that a page needs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -11,7 +11,7 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.frames.pairing import Alone, Pair, short_names
-from stereocal.frames.proposal import Choice, Proposal, Way
+from stereocal.frames.proposal import Proposal, Way
 from stereocal.frames.slips import find_slip
 from stereocal.projects.pair_rows import PairRow
 from stereocal.projects.photographs import ProjectPhotographs
@@ -66,13 +66,9 @@ def _show_same(store: ProjectPhotographs) -> None:
         show_with_button("warning", words, label, "pair_clear", store.clear)
 
 
-def _take(store: ProjectPhotographs, choice: Choice) -> None:
-    store.choose(choice)
-    forget_table()
-
-
-def _undo(store: ProjectPhotographs) -> None:
-    store.undo_choice()
+def _change(act: Callable[..., object], *given: object) -> None:
+    """Change the pairs, and have the table begin with them."""
+    act(*given)
     forget_table()
 
 
@@ -80,7 +76,7 @@ def _way(store: ProjectPhotographs, proposal: Proposal) -> Field:
     """The way to pair, which the project stores as the user's choice."""
 
     def write(way: Way) -> None:
-        _take(store, replace(store.choice, way=way, later=None))
+        _change(store.choose, replace(store.choice, way=way, later=None))
 
     return Field(
         "pair_way", "pair_way", lambda: store.proposal.way, write, fit=one_of(proposal.ways)
@@ -100,10 +96,10 @@ def _show_ways(store: ProjectPhotographs, proposal: Proposal) -> None:
             _way(store, proposal).buttons("Pair the photographs", format_func=titled)
         if proposal.ways:
             turned = replace(choice, exchanged=not choice.exchanged, heard={}, later=None)
-            label, kind = "Exchange the cameras", "tertiary"
-            button(label, "pair_exchange", _take, store, turned, icon="swap_horiz", type=kind)
+            act = "pair_exchange", _change, store.choose, turned
+            button("Exchange the cameras", *act, icon="swap_horiz", type="tertiary")
         if store.can_undo_choice:
-            button("Undo", "pair_undo", _undo, store, icon="undo", type="tertiary")
+            button("Undo", "pair_undo", _change, store.undo_choice, icon="undo", type="tertiary")
 
 
 def _show_slips(store: ProjectPhotographs, proposal: Proposal) -> None:
@@ -117,13 +113,14 @@ def _show_slips(store: ProjectPhotographs, proposal: Proposal) -> None:
         words = f"The times say otherwise: {what}.{more}"
         without = replace(choice, without=(*choice.without, *(one.name for one in slips)))
         label = f"Leave {'it' if len(slips) == 1 else 'them'} out"
-        show_with_button("warning", words, label, "pair_mend", _take, store, without, first=True)
+        act = "pair_mend", _change, store.choose, without
+        show_with_button("warning", words, label, *act, first=True)
     if choice.without:
         with st.container(horizontal=True, vertical_alignment="center"):
             for name in choice.without:
                 rest = replace(choice, without=tuple(o for o in choice.without if o != name))
                 label = f"{escape_markdown(short_names([name])[0])} is left out: put it back"
-                button(label, f"pair_back_{name}", _take, store, rest, icon="undo")
+                button(label, f"pair_back_{name}", _change, store.choose, rest, icon="undo")
 
 
 def _show_found_slip(store: ProjectPhotographs) -> None:
@@ -142,7 +139,7 @@ def _show_found_slip(store: ProjectPhotographs) -> None:
     choice = store.choice
     without = replace(choice, way="order", without=(*choice.without, slip.name))
     label = f"Leave {escape_markdown(short_names([slip.name])[0])} out"
-    act = "pair_mend_found", _take, store, without
+    act = "pair_mend_found", _change, store.choose, without
     show_with_button("warning", str(slip), label, *act, first=True)
 
 
@@ -202,8 +199,8 @@ def _show_item(store: ProjectPhotographs, ask: bool, item: Pair | Alone) -> None
             for name, shown in zip(both, short, strict=True):
                 without = replace(choice, without=(*choice.without, name))
                 told = f"{shown} has no partner: those after it move up by one."
-                label, act = f"Leave {shown} out", (f"pair_without_{name}", _take, store, without)
-                button(label, *act, type="tertiary", help=told)
+                act = f"pair_without_{name}", _change, store.choose, without
+                button(f"Leave {shown} out", *act, type="tertiary", help=told)
 
 
 COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")
@@ -213,10 +210,6 @@ ROUND, _BASE, _ROWS = "photographs_round", "pairs_base", "pairs_known"
 def edit_pairs(store: ProjectPhotographs) -> None:
     """The table to change pairs one by one."""
     rows = store.rows
-
-    def pair_again() -> None:
-        store.keep_rows(None)
-        forget_table()
 
     with st.expander("The pairs as a table, to change them"):
         edited = edited_rows(_table_of_pairs(store, rows))
@@ -231,7 +224,7 @@ def edit_pairs(store: ProjectPhotographs) -> None:
                 st.rerun()
         st.caption(f"{sum(row.use for row in rows):,} of {len(rows):,} pairs are used.")
         left, right = st.columns(2)
-        button("As they were found", "pair_again", pair_again, place=left)
+        button("As they were found", "pair_again", _change, store.keep_rows, None, place=left)
         button("Remove all photographs", "no_photographs", clear, store, place=right)
 
 
@@ -275,8 +268,7 @@ def edited_rows(table: pd.DataFrame) -> list[PairRow]:
 
 def clear(store: ProjectPhotographs) -> None:
     jobs.abandon(store.project, "photographs")  # first: a running job needs the photographs
-    store.clear()
-    forget_table()
+    _change(store.clear)
 
 
 def forget_table() -> None:

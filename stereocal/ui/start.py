@@ -1,7 +1,6 @@
 """What Start shows: the story of the real recording, and the sample data to begin with."""
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -15,6 +14,7 @@ from stereocal.figures import story as figures
 from stereocal.formats.dataset_files import TABLE
 from stereocal.formats.recording_files import POINTS
 from stereocal.projects.application import ProjectApplication, slot_of
+from stereocal.projects.files import StoredFile
 from stereocal.projects.home import find_projects
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
@@ -74,8 +74,10 @@ def show_story() -> None:
 
 def _sample(folder: Path, names: Sequence[str], source: str) -> Project:
     project = Project.create(default_home())
-    bars = _bars() if folder == PHOTOGRAPHS else ()
-    found = {name: ProjectPhotographs(project).keep(name, content) for name, content in bars}
+    store, found = ProjectPhotographs(project), dict[str, StoredFile]()
+    for which in CAMERAS if folder == PHOTOGRAPHS else ():
+        for name, content in _photographs(which):
+            found[f"{which}/{name}"] = store.keep(f"{which}/{name}", content)
     give_dataset(project, _files(folder, names), source, found)
     return project
 
@@ -146,9 +148,9 @@ def other_beginnings() -> None:
 
 def _sample_button(key: str, label: str, make: Callable[[], Project], large: bool = False) -> None:
     """A button that opens a sample's project; a click may end the run of the page."""
-    begin = partial(_begin, projects_in_creation(), partial(_opened_or_made, key, make))
+    making, made = projects_in_creation(), partial(_opened_or_made, key, make)
     width: Literal["stretch", "content"] = "stretch" if large else "content"
-    st.button(label, key=key, on_click=begin, width=width)
+    st.button(label, key=key, on_click=lambda: making.append(pool().submit(made)), width=width)
 
 
 def _opened_or_made(key: str, make: Callable[[], Project]) -> Project:
@@ -167,10 +169,6 @@ def _opened_or_made(key: str, make: Callable[[], Project]) -> Project:
     return project
 
 
-def _begin(making: list[Future[Project]], make: Callable[[], Project]) -> None:
-    making.append(pool().submit(make))
-
-
 def load_sample_boards() -> None:
     """Add the sample's board photographs to the open project or a new one (a callback)."""
     with refusing():
@@ -187,12 +185,6 @@ def _give_boards(project: Project) -> None:
         store = ProjectLens(project, which)
         found = _photographs(f"boards_{which}")
         store.add({name: store.keep(name, content) for name, content in found})
-
-
-def _bars() -> Iterator[tuple[str, bytes]]:
-    for which in CAMERAS:
-        for name, content in _photographs(which):
-            yield f"{which}/{name}", content
 
 
 def _photographs(folder: str) -> Iterator[tuple[str, bytes]]:
