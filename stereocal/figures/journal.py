@@ -22,12 +22,12 @@ from matplotlib.ticker import FuncFormatter, LogFormatterMathtext, LogLocator, N
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.evaluation.summary import MethodSummary
-from stereocal.figures import validation_panels as validation
+from stereocal.figures import validation
 from stereocal.figures.frame_errors import KINDS, FrameKind, frame_panels
 from stereocal.figures.rig import scene_of
 from stereocal.figures.space import frusta
 from stereocal.figures.style import CORRECT_COLOUR, METHOD_COLOURS, NEUTRAL, WRONG_COLOUR
-from stereocal.figures.validation_panels import COLUMNS, Panel, PanelColumn
+from stereocal.figures.validation import COLUMNS, Panel, PanelColumn
 from stereocal.refined.results import Calibration
 from stereocal.rig.compiled import FloatArray
 

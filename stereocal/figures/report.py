@@ -15,8 +15,7 @@ from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.html import html_figure, html_page, html_plot, html_table, paragraphs
 from stereocal.figures.style import in_order
 from stereocal.figures.tables import ANGLE_TITLES, contents_table, validation_table
-from stereocal.figures.validation import plot_validation
-from stereocal.figures.validation_panels import COLUMNS, describe_validation
+from stereocal.figures.validation import COLUMNS, describe_validation, plot_validation
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.rig.camera import CAMERAS

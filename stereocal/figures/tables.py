@@ -11,7 +11,7 @@ from stereocal.calibration.montecarlo import MethodResult
 from stereocal.evaluation.summary import Estimate, MethodSummary
 from stereocal.field.planning.forecast import PlanForecast
 from stereocal.figures.style import in_order
-from stereocal.figures.validation_panels import COLUMNS, standings
+from stereocal.figures.validation import COLUMNS, standings
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.two_views import BAR, is_near_pole, largest_turn_sigma

@@ -1,17 +1,239 @@
-"""The paper's Fig. 4 for the user's rig: PDFs of the errors of each method."""
+"""The paper's Fig. 4 for the user's rig: PDFs of the errors of each method.
+
+Its panels, with their titles and words, serve the figure for print and the tables too.
+"""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
-from stereocal.evaluation.summary import MethodSummary, Pdf
+from stereocal.errors import StereocalError
+from stereocal.evaluation.summary import (
+    ACCEPTABLE,
+    QUANTITIES,
+    Discrimination,
+    MethodSummary,
+    Pdf,
+    best_methods,
+)
 from stereocal.figures import style
-from stereocal.figures import validation_panels as data
-from stereocal.figures.style import CORRECT_COLOUR, WRONG_COLOUR, scatter
-from stereocal.figures.validation_panels import Panel, PanelColumn
+from stereocal.figures.style import CORRECT_COLOUR, METHOD_COLOURS, WRONG_COLOUR, in_order, scatter
+from stereocal.verdict.in_words import digits, interval, percent
+
+COLUMNS = QUANTITIES
+HEADINGS = {
+    "residual": "|Residual|",
+    "reprojection": "Reprojection error",
+    "reconstruction": "3D error",
+}
+AXIS_TITLES = {
+    "residual": "|Residual| (no unit)",
+    "reprojection": "Reprojection error (px)",
+    "reconstruction": "3D error |D − D<sup>R</sup>| / D (%)",
+}
+SHOWN = (0.01, 0.999)
+"""Quantiles of every PDF of a column that its axis must include."""
+MOST_LABELS = 7
+"""Decades of an axis that are all labelled; of more, every second one."""
+UNITS = {"residual": "", "reprojection": " px", "reconstruction": " %"}
+Standing = Literal["best", "level", ""]
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One method and one quantity, and their position in the grid."""
+
+    method: Method
+    quantity: str
+    summary: MethodSummary
+    standing: Standing
+    """`best` if apart from all others beyond the intervals; `level` if it is the lowest, or its
+    interval overlaps that of the lowest."""
+    row: int
+    column: int
+    axis: str
+    """Suffix of Plotly's axis names `x` and `y` for this panel."""
+
+    @property
+    def matching(self) -> Discrimination | None:
+        """Figures of correct and wrong pairs; None in the column of the 3D error."""
+        return None if self.quantity == "reconstruction" else getattr(self.summary, self.quantity)
+
+    @property
+    def curves(self) -> tuple[tuple[str, Pdf, str], ...]:
+        """What each PDF is of, the PDF, and its colour."""
+        if found := self.matching:
+            correct = ("correct", found.correct, CORRECT_COLOUR)
+            return correct, ("wrong", found.wrong, WRONG_COLOUR)
+        return ((self.method, self.summary.reconstruction.pdf, METHOD_COLOURS[self.method]),)
+
+    @property
+    def pdfs(self) -> tuple[Pdf, ...]:
+        """The PDFs that it shows."""
+        return tuple(pdf for _, pdf, _ in self.curves)
+
+    @property
+    def scale(self) -> float:
+        """Units of the axis per unit of the quantity: 3D errors are fractions, drawn in %."""
+        return 1.0 if self.matching else 100.0
+
+    @property
+    def line(self) -> float:
+        """Position of the vertical line, in the unit of the axis."""
+        return self.matching.threshold if self.matching else self.scale * ACCEPTABLE
+
+    @property
+    def line_text(self) -> str:
+        """The value of that line."""
+        return f"{digits(self.line, 2)}{UNITS[self.quantity]}" if self.matching else "1 %"
+
+    @property
+    def figure(self) -> tuple[str, str, str] | None:
+        """Its name, value and interval; None if no bar could be measured."""
+        own = self.summary.main(self.quantity)
+        if not np.isfinite(own.value):
+            return None
+        name = "FCP" if self.matching else "median"
+        return name, f"{percent(own.value)} %", f"({interval(own)})"
+
+    @property
+    def title(self) -> list[str]:
+        """The lines above the panel: its figure, what was counted, and values not in the PDF."""
+        found, lengths = self.matching, self.summary.reconstruction
+        line, counted = "no bar could be measured", f"n = {lengths.pdf.n:,}"
+        if self.figure:
+            name, value, among = self.figure
+            mark = f" · <b>{self.standing}</b>" if self.standing else ""
+            of = f"overlap, {name}" if found else name  # not of the pairs accepted
+            line = f"{of} <b>{value}</b> {among}{mark}"
+            counted = f"95 % within {percent(lengths.p95)} %, {counted}"
+        if found:
+            counted = f"n = {found.correct.n:,} correct, {found.wrong.n:,} wrong"
+        return [line, counted, *filter(None, [", ".join(self.notes)])]
+
+    @property
+    def notes(self) -> list[str]:
+        """The numbers of values that cannot be in the PDF."""
+        missing, zeros = (sum(getattr(p, name) for p in self.pdfs) for name in ("nans", "zeros"))
+        return [f"{missing} without value"] * bool(missing) + [f"{zeros} of zero"] * bool(zeros)
+
+    @property
+    def words(self) -> str:
+        """The panel in words."""
+        found, lengths, text = self.matching, self.summary.reconstruction, "none"
+        if self.figure:
+            _, value, among = self.figure
+            text = f"{value} {among} and {percent(lengths.p95)} %, n = {lengths.pdf.n:,}"
+            if found:
+                text = (
+                    f"{value} {among} with the threshold at {self.line_text}, n = "
+                    f"{found.correct.n:,} correct and {found.wrong.n:,} wrong pairs"
+                )
+        return ", ".join([text, *self.notes])
+
+
+@dataclass(frozen=True, eq=False)
+class PanelColumn:
+    """The panels of one quantity, and the axes that they share."""
+
+    panels: list[Panel]
+
+    @cached_property
+    def most(self) -> float:
+        """The largest density."""
+        return max(float(pdf.density.max(initial=0)) for p in self.panels for pdf in p.pdfs) or 1.0
+
+    @cached_property
+    def span(self) -> tuple[float, float]:
+        """log10 of the ends of the axis: the quantiles `SHOWN` of all PDFs, and all lines."""
+        ends = [float(np.log10(panel.line)) for panel in self.panels]
+        for panel in self.panels:
+            for pdf in panel.pdfs:
+                running = np.cumsum(pdf.density)
+                if running[-1] > 0:
+                    first, last = np.searchsorted(running / running[-1], SHOWN)
+                    edges = pdf.edges[[first, last + 1]] + np.log10(panel.scale)
+                    ends += edges.tolist()
+        margin = 0.03 * max(max(ends) - min(ends), 1.0)
+        return min(ends) - margin, max(ends) + margin
+
+    @property
+    def labels_all(self) -> bool:
+        """Whether every decade of the axis is labelled, else every second one."""
+        return self.span[1] - self.span[0] <= MOST_LABELS
+
+    @property
+    def foot(self) -> list[str]:
+        """The lines below: the quantity, and the numbers of values in bins out of view."""
+        below = above = 0.0
+        for panel in self.panels:
+            for pdf in panel.pdfs:
+                edges = pdf.edges + np.log10(panel.scale)
+                counts = pdf.density * np.diff(pdf.edges) * pdf.n
+                below += float(counts[edges[1:] <= self.span[0]].sum())
+                above += float(counts[edges[:-1] >= self.span[1]].sum())
+        sides = [(round(below), "smaller"), (round(above), "larger")]
+        beyond = " and ".join(f"{n} {side}" for n, side in sides if n)
+        title = [AXIS_TITLES[self.panels[0].quantity]]
+        return [*title, f"Not in view: {beyond} values"] if beyond else title
+
+
+def columns_of(
+    summaries: Mapping[Method, MethodSummary], names: Sequence[str]
+) -> list[PanelColumn]:
+    """The panels of each quantity, a row for each method."""
+    if unknown := [name for name in names if name not in COLUMNS]:
+        raise StereocalError(f'The column "{unknown[0]}" is not known: {", ".join(COLUMNS)}.')
+    found = []
+    for column, name in enumerate(names):
+        marks, panels = standings(summaries, name), []
+        for row, method in enumerate(in_order(summaries)):
+            number = len(names) * row + column
+            standing, axis = marks.get(method, ""), str(number + 1) if number else ""
+            panels.append(Panel(method, name, summaries[method], standing, row, column, axis))
+        found.append(PanelColumn(panels))
+    return found
+
+
+def drawn_bins(pdf: Pdf) -> slice:
+    """The bins to draw, from one before the first value to one after the last."""
+    filled = np.flatnonzero(pdf.density)
+    if not len(filled):
+        return slice(0, 0)
+    return slice(max(0, int(filled[0]) - 1), min(len(pdf.density), int(filled[-1]) + 2))
+
+
+def standings(summaries: Mapping[Method, MethodSummary], quantity: str) -> dict[Method, Standing]:
+    """`best`, or `level` where 95 % intervals overlap that of the lowest; others are not in it."""
+    estimates = {method: own.main(quantity) for method, own in summaries.items()}
+    lowest = estimates[best_methods(summaries)[quantity]]
+    # NaN, where no bar could be measured, is not below anything.
+    level = [method for method, own in estimates.items() if own.low <= lowest.high]
+    return dict.fromkeys(level, "level" if len(level) > 1 else "best")
+
+
+def describe_validation(
+    summaries: Mapping[Method, MethodSummary], columns: Sequence[str] = COLUMNS
+) -> str:
+    """The figure in words, one sentence per column."""
+    sentences = []
+    for column in columns_of(summaries, columns):
+        parts = [
+            f"{METHOD_NAMES[panel.method]} {panel.words}"
+            + (f" ({panel.standing})" if panel.standing else "")
+            for panel in column.panels
+        ]
+        what, quantity = "3D error of bars, median and 95 %", column.panels[0].quantity
+        if quantity != "reconstruction":
+            what = f"Overlap of correct and wrong pairs (FCP), by {HEADINGS[quantity].lower()}"
+        sentences.append(f"{what}: {'; '.join(parts)}.")
+    return f"{' '.join(sentences)} In brackets: 95 % intervals."
+
 
 PANEL_HEIGHT, SPACING = 190, 0.065
 LEFT_WIDTH = 75
@@ -21,7 +243,7 @@ HATCH = {"shape": "/", "fillmode": "replace", "size": 6, "solidity": 0.3, "fgcol
 
 
 def plot_validation(
-    summaries: Mapping[Method, MethodSummary], columns: Sequence[str] = data.COLUMNS
+    summaries: Mapping[Method, MethodSummary], columns: Sequence[str] = COLUMNS
 ) -> go.Figure:
     """PDFs of residual, reprojection error and 3D error; one row per method.
 
@@ -31,7 +253,7 @@ def plot_validation(
     Args:
         columns: the quantities to draw, of `COLUMNS`; on a narrow screen one at a time.
     """
-    drawn = data.columns_of(summaries, columns)
+    drawn = columns_of(summaries, columns)
     panels = [panel for column in drawn for panel in column.panels]
     rows = len(drawn[0].panels)
     above = LINE_HEIGHT * max(len(panel.title) for panel in panels) + 20
@@ -95,7 +317,7 @@ def _axes(
 
 
 def _title(panel: Panel) -> dict[str, Any]:
-    heading = [f"<b>{data.HEADINGS[panel.quantity]}</b>"] if panel.row == 0 else []
+    heading = [f"<b>{HEADINGS[panel.quantity]}</b>"] if panel.row == 0 else []
     above = {"x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom", "yshift": 3, "align": "left"}
     return style.note("<br>".join([*heading, *panel.title]), panel.axis, {"size": 12}) | above
 
@@ -130,9 +352,9 @@ def _traces(column: PanelColumn, panel: Panel) -> list[dict[str, Any]]:
 
 def _pdf(panel: Panel, kind: str, pdf: Pdf, colour: str) -> dict[str, Any]:
     """A PDF as a filled step line; wrong pairs are hatched and dotted."""
-    drawn = data.drawn_bins(pdf)
+    drawn = drawn_bins(pdf)
     ends = panel.scale * 10 ** np.column_stack([pdf.edges[:-1], pdf.edges[1:]])[drawn]
-    unit, what = data.UNITS[panel.quantity], f"{kind} pairs" if panel.matching else "3D error"
+    unit, what = UNITS[panel.quantity], f"{kind} pairs" if panel.matching else "3D error"
     return scatter(
         np.column_stack([np.sqrt(ends.prod(axis=1)), pdf.density[drawn]]),
         f"{what}: %{{customdata[0]:.3~r}} to %{{customdata[1]:.3~r}}{unit}<br>"

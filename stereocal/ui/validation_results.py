@@ -13,8 +13,7 @@ from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.report import report_html
 from stereocal.figures.tables import validation_table
-from stereocal.figures.validation import plot_validation
-from stereocal.figures.validation_panels import describe_validation
+from stereocal.figures.validation import describe_validation, plot_validation
 from stereocal.formats.evaluation_files import Evaluation, summary_json
 from stereocal.projects.project import Project
 from stereocal.refined.screening import Screening

@@ -16,7 +16,7 @@ from stereocal.figures.comparison import describe_comparison
 from stereocal.figures.report import report_html
 from stereocal.figures.story import ROWS, Story, plot_story_lengths, plot_story_lines, read_story
 from stereocal.figures.two_sets import describe_two_sets, frame_views, telling_frame
-from stereocal.figures.validation_panels import describe_validation
+from stereocal.figures.validation import describe_validation
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
 from stereocal.rig.dataset import Dataset

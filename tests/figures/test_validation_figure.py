@@ -16,8 +16,7 @@ from stereocal.evaluation.summary import Estimate, MethodSummary, Pdf, summarise
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES
 from stereocal.figures.tables import validation_table
-from stereocal.figures.validation import plot_validation
-from stereocal.figures.validation_panels import describe_validation
+from stereocal.figures.validation import describe_validation, plot_validation
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.validation_in_words import validation_answer
