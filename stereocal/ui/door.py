@@ -26,13 +26,13 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui import intake
-from stereocal.ui.archives import ask_about_archive
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import page_shown
 from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import drop_zone
 from stereocal.ui.messages import button, readable, show_refusal
 from stereocal.ui.navigation import go_to
+from stereocal.ui.parameter_files import ask_about_archive
 from stereocal.ui.prerequisites import missing_of
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.texts import escape_markdown
