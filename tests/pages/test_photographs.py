@@ -1,4 +1,4 @@
-"""Photographs on the Data page, without a browser."""
+"""Photographs on the Data page, and what is held: bars, balls, tags, boards, other objects."""
 
 from functools import partial
 from pathlib import Path
@@ -7,23 +7,36 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.detection.target import BAR, Balls, Tags
 from stereocal.formats.camera_file import write_camera
+from stereocal.formats.dataset_files import pack_dataset, parse_dataset
+from stereocal.library.calibrations import calibrate
 from stereocal.projects.given import ProjectGiven
+from stereocal.projects.home import title_of
 from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.system.photograph import read_photograph
+from stereocal.ui.holding import held_target
+from tests.ball_bars import CAMERA, COLOURS, ball_bars
 from tests.bar_photographs import bar_set
-from tests.files import description, zipped
+from tests.files import description, encoded, zipped
 from tests.further import further
+from tests.lens import SMALL
 from tests.pages.stored_projects import (
     again,
     drop,
     go,
     messages,
+    page_of,
     project_of,
     run_job,
     told,
     wait_until,
 )
+from tests.pages.test_pages import give_zip
+from tests.rigs.boards import photographs, stereo
+from tests.rigs.objects import BOARD, recorded
 
 BARS = bar_set(7)
 FILES = BARS.files()
@@ -176,3 +189,146 @@ def test_camera_files_whose_names_do_not_tell(app: AppTest, home: Path) -> None:
     press(app, "A third camera")
     assert {*ProjectGiven(project).rig_cameras} == {"hero7", "hero8", "hero9"}
     assert not app.exception and not project.inputs.files
+
+
+def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
+    rig = stereo(np.pi / 2)
+    files = photographs(rig, 9, 6)
+    blank = np.full((SMALL.image_size[1], SMALL.image_size[0]), 110, np.uint8)
+    files |= {f"{side}99.png": encoded(blank) for side in ("left", "right")}
+    drop(app, files)
+    project = project_of(app, home)
+    # As the first photographs show, without a click, and said with their picture.
+    assert "a chessboard with 8x6 inner corners" in told(app, "markdown")
+    assert app.segmented_control(key="held").value == "board"
+    sizes = [app.number_input(key=f"board_{way}").value for way in ("columns", "rows")]
+    assert sizes == [8, 6]
+    # All lengths follow from the squares: none is assumed.
+    assert app.button(key="find_boards").disabled
+    app.number_input(key="board_square_mm").set_value(30.0).run()
+    run_job(app, "find_boards", project, "photographs")
+    assert "9 boards of 8x6 inner corners are in photographs of both" in messages(app)
+    assert project.settings["held"] == "board"
+    assert "Find the boards" not in told(app, "warning")
+    assert not [each for each in app.button if each.key in ("held_yes", "held_bar")]
+    assert not app.exception
+    badges = [item.value for item in app.markdown if "badge" in item.value]
+    assert len(badges) == 10 and "refused" in badges[0] and "Frame 99" in badges[0]
+    dataset = project.dataset
+    assert dataset is not None
+    assert dataset.baseline_is_free
+    # Upside down or not: to 2 % (measured: 0.2 %), from boards of 0.21 m.
+    assert dataset.baseline_m == pytest.approx(rig.baseline, rel=0.02)
+    assert {project.inputs.labels[which] for which in CAMERAS} == {"lens from the boards"}
+    assert title_of(project).startswith("20 photographs of a board")
+    back = parse_dataset(pack_dataset(dataset), "x")
+    assert back.sha256 == dataset.sha256
+    # The bar's own controls are gone, and nothing is missing.
+    assert not [item for item in app.number_input if item.key == "target_distance_m_value"]
+    assert "Complete" in messages(app)
+    assert any("a board of" in item.value for item in app.markdown)
+    assert "have changed" not in messages(app)
+    app.number_input(key="board_square_mm").set_value(60.0).run()
+    assert "Changed since this result: form, photographs or camera files." in messages(app)
+    # Once more, with lenses that are made again: all lengths are twice as large.
+    run_job(app, "find_boards", project, "photographs")
+    again = project.dataset
+    assert again is not None
+    assert again.baseline_m == pytest.approx(2 * dataset.baseline_m, rel=1e-6)
+
+
+def test_pages_of_an_object(app: AppTest, home: Path) -> None:
+    """A board's zip of format 2 is stored as any other, to its digest, and opens on each page."""
+    data = recorded(BOARD, 14)
+    give_zip(app, pack_dataset(data))
+    project = project_of(app, home)
+    dataset = project.dataset
+    assert dataset is not None and dataset.sha256 == data.sha256
+    assert "Complete" in messages(app)
+    project.keep_calibration(calibrate(dataset), project.inputs)
+    project.keep_settings({"validate_runs": 10})
+    for page in ("calibrate", "validate", "apply", "check", "data"):
+        app.switch_page(f"pages/{page}.py").run()
+        assert not app.exception, (page, [item.value for item in app.exception])
+        assert not app.error, (page, [item.value for item in app.error])
+
+
+@pytest.fixture
+def balls(home: Path) -> Project:
+    """A project with photographs of two balls, and the lenses."""
+    project = Project.create(home)
+    store = ProjectPhotographs(project)
+    files, _ = ball_bars(12)
+    store.add({name: store.keep(name, content) for name, content in files.items()})
+    lens = write_camera(CAMERA)
+    project.give({"primary": ("p.json", lens), "secondary": ("s.json", lens)})
+    return project
+
+
+def test_balls_are_stated_and_found(balls: Project) -> None:
+    app = page_of(balls, "data")
+    # Proposed with its picture; the user has not answered yet.
+    assert "bar with two coloured balls" in told(app, "markdown")
+    assert isinstance(held_target(balls), Balls) and "held" not in balls.settings
+    app.button(key="held_yes").click().run()
+    assert balls.settings["held"] == "balls" and "bar with two coloured balls" not in told(
+        app, "markdown"
+    )
+    app.text_input(key="held_balls").set_value("").run()
+    assert "Click ball A" in messages(app) and app.button(key="find_targets").disabled
+    app.text_input(key="held_balls").set_value("red,blurple").run()
+    assert "blurple" in messages(app) and app.button(key="find_targets").disabled
+    app.text_input(key="held_balls").set_value(COLOURS.partition(":")[2]).run()
+    assert "Both balls are found here" in messages(app)
+    run_job(app, "find_targets", balls, "photographs")
+    frames = ProjectPhotographs(balls).frames
+    assert frames is not None and sum(frame.use for frame in frames) >= 10
+    assert isinstance(held_target(balls), Balls)
+    assert "Changed since" not in messages(app)
+    app.segmented_control(key="held").set_value("tags").run()
+    assert "Changed since this result: what you hold" in messages(app) and not app.exception
+
+
+def test_a_bar_is_no_board_that_lies_about(app: AppTest, home: Path) -> None:
+    """A chessboard lies before the primary; its photographs come first, the others later."""
+    files = BARS.files()
+    lying = np.kron(np.indices((5, 7)).sum(axis=0) % 2, np.ones((14, 14))) * 170 + 30
+    for name in files:
+        if "primary" in name:
+            image = read_photograph(files[name], name).copy()
+            image[350:432, 10:124] = 200
+            image[356:426, 18:116] = lying
+            files[name] = encoded(image)
+    drop(app, {name: files[name] for name in files if "primary" in name})
+    project = project_of(app, home)
+    assert not [each for each in app.button if each.key == "held_yes"]
+    drop(app, {name: files[name] for name in files if "secondary" in name})
+    assert "bar with two 2x2 targets" in told(app, "markdown")
+    assert app.segmented_control(key="held").value == "bar2x2"
+    assert app.number_input(key="target_distance_m_value")
+    # Whoever says that it is a board is asked once it is not found.
+    app.segmented_control(key="held").set_value("board").run()
+    assert not [each for each in app.button if each.key == "held_yes"]
+    app.number_input(key="board_square_mm").set_value(30.0).run()
+    run_job(app, "find_boards", project, "photographs")
+    app.button(key="held_bar").click().run()
+    assert held_target(project) == BAR and project.settings["held"] == "bar2x2"
+
+
+def test_tags_are_stated(balls: Project) -> None:
+    app = page_of(balls, "data")
+    app.segmented_control(key="held").set_value("tags").run()
+    app.text_input(key="held_tags").set_value("4X4_50:3").run()
+    assert "tags:4X4_50:3,7" in messages(app) and app.button(key="find_targets").disabled
+    app.text_input(key="held_tags").set_value("4X4_50:3,7").run()
+    assert held_target(balls) == Tags("4X4_50", (3, 7))
+    assert not app.button(key="find_targets").disabled and not app.exception
+
+
+def test_tags_are_printed_before_there_is_a_project(app: AppTest) -> None:
+    app.segmented_control(key="print_what").set_value("tags").run()
+    assert any("Print at 100 %" in item.value for item in app.markdown)
+    app.number_input(key="print_tag_mm").set_value(300.0).run()
+    assert "do not fit on A4" in messages(app)
+    app.text_input(key="print_tags").set_value("4X4_50:3").run()
+    assert "tags:4X4_50:3,7" in messages(app)
