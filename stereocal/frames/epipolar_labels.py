@@ -82,26 +82,27 @@ def decide_labels(
         for i, camera in enumerate(cameras)
     ]
     focal = frame_focal_px(cameras, rays)
-    labels = _compare(rays[0], rays[1], focal, np.random.default_rng(seed))
-    if labels is None:
+    compared = _compare(rays[0], rays[1], focal, np.random.default_rng(seed))
+    if compared is None:
         why = "A and B are in the order along the bar and could not be checked: "
         if len(frames) < MINIMUM_FRAMES:
             why += f"this needs at least {MINIMUM_FRAMES} frames."
         else:
             why += "the points do not determine the pose of the cameras."
         return {f: (False, FrameLabels("unchecked", np.nan, np.nan, why)) for f in frames}
-    least = labels.residual_px.min(axis=1)
+    residual_px, lengths, unique = compared
+    least = residual_px.min(axis=1)
     # A frame fits up to the residual where it would count as an outlier.
     far = outlying(least, SMALLEST_EXCESS_PX)
     limit = float(least[~far].max(initial=0.0)) + SMALLEST_EXCESS_PX
-    better = labels.residual_px[:, 1] < labels.residual_px[:, 0]
-    clear = labels.residual_px.max(axis=1) > 2.0 * limit
-    length = np.where(better, labels.length[:, 1], labels.length[:, 0])[clear & ~far]
+    better = residual_px[:, 1] < residual_px[:, 0]
+    clear = residual_px.max(axis=1) > 2.0 * limit
+    length = np.where(better, lengths[:, 1], lengths[:, 0])[clear & ~far]
     length = length[np.isfinite(length)]
     usual = float(np.median(length)) if len(length) else np.nan
     decided = {}
     for i, frame in enumerate(frames):
-        by_length = None if clear[i] else _by_length(labels.length[i], usual)
+        by_length = None if clear[i] else _by_length(lengths[i], usual)
         exchange = bool(better[i]) if clear[i] else bool(by_length)
         state: FrameState = "swapped" if exchange else "agreed"
         sentence = "A and B of the secondary were exchanged." if exchange else ""
@@ -111,10 +112,10 @@ def decide_labels(
         elif not clear[i] and by_length is None:
             state = "doubtful"
             sentence = _undecided(limit)
-        elif not labels.unique:
+        elif not unique:
             state = "doubtful"
             sentence = "Other labels of A and B fit all frames nearly as well."
-        kept, other = labels.residual_px[i][:: -1 if exchange else 1]
+        kept, other = residual_px[i][:: -1 if exchange else 1]
         report = FrameLabels(state, float(kept), float(other), sentence)
         decided[frame] = exchange, report
     return decided
@@ -140,29 +141,21 @@ def _by_length(length: FloatArray, usual: float) -> bool | None:
     return None
 
 
-@dataclass(frozen=True, eq=False)
-class _Compared:
-    """Residuals and lengths (f, 2) of frames with the original labels, and with exchanged ones."""
-
-    residual_px: FloatArray
-    """Sampson distance, root mean square over both targets."""
-    length: FloatArray
-    """Length of the bar per baseline; NaN where a target is behind a camera."""
-    unique: bool
-    """No other labels fit nearly as well."""
-
-
 def _compare(
     primary: FloatArray, secondary: FloatArray, focal_px: FloatArray, rng: np.random.Generator
-) -> _Compared | None:
+) -> tuple[FloatArray, FloatArray, bool] | None:
     """Compare both labellings of each frame; None if too few frames, or no geometry fits.
 
     Args:
         primary, secondary: (f, 2, 2): normalised points by frame, target, (x, y).
         focal_px: (f,), converts residuals to pixels.
+
+    Returns:
+        Sampson distances in px, RMS over both targets, and lengths of the bar per baseline, NaN
+        behind a camera, (f, 2) with the labels as they are and exchanged; and whether no other
+        labels fit nearly as well.
     """
-    frames = len(primary)
-    if frames < MINIMUM_FRAMES:
+    if len(primary) < MINIMUM_FRAMES:
         return None
     rays = both_ways(primary, secondary)
     poses = []
@@ -183,7 +176,7 @@ def _compare(
             unique = False
     ends = [triangulate_rays(pose.R, pose.T, way.reshape(-1, 4).T.copy()) for way in rays]
     lengths = [np.linalg.norm(points[::2] - points[1::2], axis=1) for points in ends]
-    return _Compared(residual.T, np.column_stack(lengths), unique)
+    return residual.T, np.column_stack(lengths), unique
 
 
 def both_ways(primary: FloatArray, secondary: FloatArray) -> FloatArray:

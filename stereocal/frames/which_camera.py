@@ -24,7 +24,6 @@ ALONE: Mapping[CameraName, re.Pattern[str]] = {
 `cam1` is the first of 1 and 2, and the second of 0 and 1."""
 _NUMBERED = re.compile(r"(?<![a-z])(?:cam(?:era)?|gopro|view|sensor)[ _-]?0*([0-9]{1,3})(?![0-9])")
 _SUFFIX = re.compile(r"[ _.-]0*([0-3])$")
-_NUMBER_OF_CAMERA = re.compile(r"(?:cam(?:era)?)?[\s_.-]*0*(?=.)")
 ALIKE = 0.3
 """Two cameras took at least this part of all photographs each."""
 SMALL = 0.2
@@ -238,19 +237,23 @@ def which_of(names: Iterable[str], cameras: Sequence[str]) -> dict[str, str]:
     for name in names:
         path = PurePosixPath(name.replace("\\", "/").lower())
         for part in (*reversed(path.parent.parts), path.stem):
-            hits = [camera for camera in cameras if _names(part, camera)]
+            hits = [camera for camera in cameras if names_camera(part, camera)]
             if len(hits) == 1:
                 found[name] = hits[0]
                 break
     return found
 
 
-def _names(part: str, camera: str) -> bool:
+def plain_name(camera: str) -> str:
+    """Without what stands before a number: `camera_1`, `cam01` and `1` are the same."""
+    return re.sub(r"(?:cam(?:era)?)?[\s_.-]*0*(?=.)", "", camera.lower(), count=1)
+
+
+def names_camera(part: str, camera: str) -> bool:
     """Whether a folder or stem is or contains a camera's name; `cam1` names camera `1`."""
-    own = camera.lower()
-    if part == own or _NUMBER_OF_CAMERA.sub("", part, count=1) == own:
+    own, plain = camera.lower(), plain_name(camera)
+    if part == own or plain_name(part) == own:
         return True
-    plain = _NUMBER_OF_CAMERA.sub("", own, count=1)
     word = rf"cam(?:era)?[\s_.-]*0*{plain}" if plain.isdigit() else re.escape(own)
     return re.search(rf"(?<![a-z0-9]){word}(?![a-z0-9])", part) is not None or (
         not plain.isdigit() and re.match(rf"{re.escape(own)}(?![a-z])", part) is not None

@@ -139,8 +139,6 @@ class Outcome:
     depths_m: list[float | None]
     """Nearest and farthest; None is unlimited."""
     pairs: int
-    behind: int
-    """Pairs that do not meet in front of both cameras."""
     sentences: list[str]
     notes: list[str]
     """Warnings, a sentence each."""
@@ -235,7 +233,6 @@ def apply_sets(
         threshold_px=matched.threshold_px,
         depths_m=work.shown_depths_m,
         pairs=matched.found,
-        behind=measured.lost,
         sentences=[*matched.sentences, *measured.sentences],
         notes=[*matched.notes, *measured.notes],
         made_with=_made_with(work, matched.threshold_px),

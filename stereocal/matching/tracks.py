@@ -175,37 +175,29 @@ def _samples(
     rig: RigFile, given: TablesByCamera, some: Sequence[int]
 ) -> tuple[list[TwoCameras], list[Rows]]:
     """Every two cameras, first those that see most points together; and the rows of some frames."""
-    pairs = list(combinations([name for name in rig.names if name in given.tables], 2))
-    order = dict.fromkeys(
-        np.concatenate([each.frames for each in given.contents.values()]).tolist()
-    )
-    samples: dict[CameraPair, dict[int, tuple[pd.DataFrame, pd.DataFrame]]] = {}
-    wanted: dict[CameraPair, dict[int, None]] = {}
-    for pair in pairs:
+    wanted = dict[CameraPair, list[int]]()
+    for pair in combinations([name for name in rig.names if name in given.tables], 2):
         one, other = (given.contents[name].frames for name in pair)
-        both = {*np.intersect1d(one, other).tolist()}
-        common = [frame for frame in order if frame in both]
-        wanted[pair] = dict.fromkeys(common[:: max(len(common) // SAMPLE_FRAMES, 1)])
-        samples[pair] = {}
-    seen, kept = Counter[CameraPair](), list[Rows]()
+        common = np.intersect1d(one, other)
+        wanted[pair] = common[:: max(len(common) // SAMPLE_FRAMES, 1)].tolist()
+    looked_at = {*some}.union(*wanted.values())
+    seen, rows = Counter[CameraPair](), dict[int, Rows]()
     for frame, tables in given.side_by_side():
-        rows = dict(zip(given.tables, tables, strict=True))
-        for pair in pairs:
-            seen[pair] += min(len(rows[name]) for name in pair)
-            if frame in wanted[pair]:
-                first, second = (rows[name][[*POINT, *given.columns]] for name in pair)
-                samples[pair][frame] = first, second
-        if frame in some:
-            kept.append(rows)
+        own = dict(zip(given.tables, tables, strict=True))
+        for pair in wanted:
+            seen[pair] += min(len(own[name]) for name in pair)
+        if frame in looked_at:
+            rows[frame] = own
+    columns = [*POINT, *given.columns]
     by_two = [
         TwoCameras(
-            rig.pair(*pair),
-            [samples[pair][frame] for frame in wanted[pair]],
-            f" of the cameras {listed(pair)}",
+            rig.pair(a, b),
+            [(rows[k][a][columns], rows[k][b][columns]) for k in wanted[a, b]],
+            f" of the cameras {listed((a, b))}",
         )
-        for pair in sorted(pairs, key=lambda pair: -seen[pair])
+        for a, b in sorted(wanted, key=lambda pair: -seen[pair])
     ]
-    return by_two, kept
+    return by_two, [rows[frame] for frame in some]
 
 
 def _noise_of_two(rig: RigFile, two: TwoCameras, names: Names) -> float:

@@ -96,21 +96,28 @@ def test_images_of_nothing_belong_to_nothing(truth: SimulatedRig, rig: RigFile) 
     assert len(match_views(fitter, [np.empty((0, 2))] * 3, NOISE)) == 0
 
 
+def tables_of(
+    truth: SimulatedRig, rng: np.random.Generator, frames: int, count: int, extent_m: float = 1.2
+) -> tuple[dict[str, pd.DataFrame], dict[int, FloatArray]]:
+    """Tables of all cameras, with the number of each point, and the points of each frame."""
+    rows, points = {name: list[pd.DataFrame]() for name in truth.cameras}, {}
+    for frame in range(frames):
+        points[frame], images, which = scene(truth, rng, count, extent_m=extent_m)
+        for own, pixels, ids in zip(rows.values(), images, which, strict=True):
+            u, v = pixels.T
+            own.append(pd.DataFrame({"frame": frame, "u": u, "v": v, "truth": ids}))
+    return {name: pd.concat(own) for name, own in rows.items()}, points
+
+
 def matched(
     truth: SimulatedRig, rig: RigFile, folder: Path, names: str = "auto", turned: int = 0
 ) -> tuple[Report, pd.DataFrame]:
     """30 points within 10 cm in each of 10 frames; the third camera's names are `turned`."""
-    rng = np.random.default_rng(8)
-    tables: dict[str, list[pd.DataFrame]] = {name: [] for name in truth.cameras}
-    for frame in range(10):
-        _, images, which = scene(truth, rng, 30, extent_m=0.05)
-        for name, own, ids in zip(truth.cameras, images, which, strict=True):
-            point = (ids + turned * (name == "c3")) % 30
-            about = {"point": [f"P{k}" for k in point], "truth": ids}
-            tables[name].append(
-                pd.DataFrame({"frame": frame, "u": own[:, 0], "v": own[:, 1]} | about)
-            )
-    given = {name: PointTable(pd.concat(parts)) for name, parts in tables.items()}
+    tables, _ = tables_of(truth, np.random.default_rng(8), 10, 30, 0.05)
+    for name, own in tables.items():
+        number = (own["truth"] + turned * (name == "c3")) % 30
+        own["point"] = "P" + number.astype(str)
+    given = {name: PointTable(own) for name, own in tables.items()}
     report = match_tables(rig, given, folder / "tracks.csv", Stated(names=names))
     return report, pd.read_csv(folder / "tracks.csv")
 
@@ -153,17 +160,12 @@ def test_names_that_a_camera_counts_for_itself_do_not_decide(
 def test_the_commands(
     truth: SimulatedRig, rig: RigFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rng = np.random.default_rng(3)
-    tables: dict[str, list[pd.DataFrame]] = {name: [] for name in truth.cameras}
-    true = {}
-    for frame in range(30):
-        true[frame], images, _ = scene(truth, rng, 15)
-        for name, own in zip(truth.cameras, images, strict=True):
-            tables[name].append(pd.DataFrame({"frame": frame, "u": own[:, 0], "v": own[:, 1]}))
-    tables["c1"].append(pd.DataFrame({"frame": [30], "u": [5.0], "v": [5.0]}))  # without partner
+    tables, true = tables_of(truth, np.random.default_rng(3), 30, 15)
+    alone = pd.DataFrame({"frame": [30], "u": [5.0], "v": [5.0]})  # without partner
+    tables["c1"] = pd.concat([tables["c1"], alone])
     given = []
-    for name, parts in tables.items():
-        pd.concat(parts).to_csv(tmp_path / f"{name}.csv", index=False)
+    for name, own in tables.items():
+        own[["frame", "u", "v"]].to_csv(tmp_path / f"{name}.csv", index=False)
         given.append(f"{name}={tmp_path / name}.csv")
     (tmp_path / "rig.json").write_text(rig.dumps())
     files = ["--rig", str(tmp_path / "rig.json"), "--out"]
@@ -176,9 +178,7 @@ def test_the_commands(
     assert (tracks["views"] == 3).mean() > 0.6
     left = pd.read_csv(tmp_path / "lost.csv")
     assert list(left) == ["camera", "frame", "u", "v"] and (left["camera"] == "c1").any()
-    assert len(left) + tracks["views"].sum() == sum(
-        len(own) for own in map(pd.concat, tables.values())
-    )
+    assert len(left) + tracks["views"].sum() == sum(map(len, tables.values()))
 
     tracks_file = str(tmp_path / "tracks.csv")
     assert main(["reconstruct", tracks_file, *files, str(tmp_path / "points.csv")]) == 0

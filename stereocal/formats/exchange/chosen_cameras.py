@@ -1,13 +1,10 @@
 """Which cameras of a file are the primary and the secondary: by name first, then in their order."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stereocal.errors import StereocalError
-
-_PREFIX = re.compile(r"(?i)(cam(era)?)?[\s_.-]*0*(?=.)")
-"""Before the number of a camera: `camera_1`, `cam01` and `1` are the same."""
+from stereocal.frames.which_camera import names_camera, plain_name
 
 
 @dataclass(frozen=True)
@@ -115,25 +112,19 @@ def namesakes(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
 
     Empty if one of them has no namesake, or two have one.
     """
-    for of in (str, _plain):
+    for of in (str, plain_name):
         known = {of(name): k for k, name in enumerate(names)}
         found = [known[of(each)] for each in wanted if of(each) in known]
         if len(known) == len(names) and len({*found}) == len(wanted):
             return found
-    hits = [[k for k, name in enumerate(names) if _shares_word(each, name)] for each in wanted]
+    hits = [[k for k, name in enumerate(names) if _is_named(each, name)] for each in wanted]
     found = [own[0] for own in hits if len(own) == 1]
     return found if len({*found}) == len(wanted) else []
 
 
-def _shares_word(one: str, other: str) -> bool:
-    """Whether the shorter name is a whole word of the other, and no number."""
+def _is_named(one: str, other: str) -> bool:
     word, text = sorted((one.lower(), other.lower()), key=len)
-    whole = rf"(?<![^\W_]){re.escape(word)}(?![^\W_])"
-    return re.search("[a-z]", word) is not None and re.search(whole, text) is not None
-
-
-def _plain(name: str) -> str:
-    return _PREFIX.sub("", name, count=1).lower()
+    return names_camera(text, word)
 
 
 def _called(names: Sequence[str]) -> str:
