@@ -80,6 +80,23 @@ def disk_errors(failed: str) -> Iterator[None]:
         raise StereocalError(f"{failed}: {error.strerror or error}.") from error
 
 
+@contextmanager
+def damaged(
+    message: str, kind: type[StereocalError] = StereocalError, source: str = "", keep: bool = False
+) -> Iterator[None]:
+    """What Python raises within while it parses a damaged file is an error with this message.
+
+    Args:
+        keep: an error that says itself what is wrong stays as it is.
+    """
+    try:
+        yield
+    except DAMAGED as error:
+        if keep and isinstance(error, StereocalError):
+            raise
+        raise kind(message, source) from error
+
+
 @dataclass(frozen=True)
 class RowProblem:
     """A rejected row of a table: its line number (0 if unknown) and the reason."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from stereocal.calibration.methods import Method
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import StereocalError, damaged
 from stereocal.evaluation.compiled_run import BINS
 from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts
 from stereocal.evaluation.summary import MethodSummary, summarise
@@ -99,11 +99,9 @@ def validation_figures(
 def validation_in_summary(path: Path, dataset: Dataset) -> dict[str, dict[str, Any]]:
     """The result of `validation_figures` for a data set, from a `summary.json`."""
     content = read_json(read_whole(path), str(path))
-    try:
+    with damaged("this is not a summary.json of evaluate.", source=str(path)):
         known = {entry["sha256"]: entry["methods"] for entry in content["datasets"]}
         protocol = {name: content["settings"][name] for name in ("runs", "calibration_frames")}
-    except DAMAGED as error:
-        raise StereocalError(f"{path}: this is not a summary.json of evaluate.") from error
     if dataset.sha256 not in known:
         raise StereocalError(f"{path}: it does not contain the data set {dataset.name}.")
     return {method: {**protocol, **found} for method, found in known[dataset.sha256].items()}
@@ -174,7 +172,7 @@ def _content(evaluation: Evaluation) -> dict[str, Any]:
 
 def unpack_evaluation(content: bytes) -> Evaluation:
     """The evaluation of `pack_evaluation`."""
-    try:
+    with damaged("The last validation cannot be read; validate again."):
         arrays = read_arrays(content, "evaluation.npz")
         about = json.loads(arrays["about"].tobytes())
         names, digests = ([str(text) for text in about[key]] for key in ("names", "sha256"))
@@ -182,8 +180,6 @@ def unpack_evaluation(content: bytes) -> Evaluation:
             raise ValueError(names)
         runs = [_runs(arrays, at) for at in range(len(names))]
         return Evaluation(runs, EvaluationSettings.from_json(about["settings"]), names, digests)
-    except DAMAGED as error:
-        raise StereocalError("The last validation cannot be read; validate again.") from error
 
 
 def _runs(arrays: Mapping[str, Array], number: int) -> list[RunCounts]:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields, make_dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
@@ -25,22 +25,9 @@ LONGEST_NAME = 200
 LENS = "a camera file, or an object with focal_mm, sensor_mm [w, h] and image_size [w, h]"
 
 
-@dataclass(frozen=True)
-class _Volume:
-    near_m: float
-    far_m: float
-
-
-@dataclass(frozen=True)
-class _Recording:
-    bar_m: float
-    frames: int
-    noise_px: float
-
-
-@dataclass(frozen=True)
-class _Needed:
-    length_error: float
+_Volume = make_dataclass("_Volume", [("near_m", float), ("far_m", float)])
+_Recording = make_dataclass("_Recording", [("bar_m", float), ("frames", int), ("noise_px", float)])
+_Needed = make_dataclass("_Needed", [("length_error", float)])
 
 
 def read_plan(path: str | Path, lens_model: LensModel | None = None) -> Plan:
@@ -87,10 +74,10 @@ def parse_plan(
         for which in CAMERAS
     )
     pose = _pose(data, source)
-    volume = _part(data.get("volume"), _Volume, f"{source}: volume")
+    volume: Any = _part(data.get("volume"), _Volume, f"{source}: volume")
     uncertainty = _part(data.get("uncertainty"), Uncertainty, f"{source}: uncertainty")
-    recording = _part(data, _Recording, source)
-    needed = None
+    recording: Any = _part(data, _Recording, source)
+    needed: Any = None
     if "needed" in data:
         needed = _part(data["needed"], _Needed, f"{source}: needed").length_error
     name = str(data.get("name") or Path(source).stem)[:LONGEST_NAME]

@@ -10,7 +10,7 @@ from typing import Any
 from llvmlite import binding
 
 from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
-from stereocal.errors import DAMAGED, StereocalError, disk_errors
+from stereocal.errors import StereocalError, damaged, disk_errors
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
 from stereocal.paper_kit.digests import ADJUSTED, SEARCHED, Tolerance, differences, digest_of
@@ -130,7 +130,7 @@ def read_archive(path: Path) -> ReproducibleResult:
     if not isinstance(stated, dict) or stated.get("format") != FORMAT:
         raise StereocalError(f'{path}: {STATEMENT} must be an object with "format": "{FORMAT}".')
     dataset = parse_dataset(files, str(path), lens_model="brown")
-    try:
+    with damaged(f"{STATEMENT} is damaged.", source=str(path), keep=True):
         if not stated["files"] or not {*stated["files"]} <= {*NAMES.values()}:
             raise ValueError(stated["files"])
         refined, validation = stated["refined"], stated["validation"]
@@ -143,10 +143,6 @@ def read_archive(path: Path) -> ReproducibleResult:
             dict(stated["software"]),
             dict(stated["processor"]),
         )
-    except DAMAGED as error:
-        if isinstance(error, StereocalError):
-            raise
-        raise StereocalError(f"{path}: {STATEMENT} is damaged.") from error
 
 
 def _archived(

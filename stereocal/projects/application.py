@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import pandas as pd
 
-from stereocal.errors import DAMAGED, StereocalError, can_be_shown
+from stereocal.errors import StereocalError, can_be_shown, damaged
 from stereocal.formats.inputs import images_in, recording_in
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.point_answers import Answers, answered, answers_alike, layout_of
@@ -80,10 +80,8 @@ class ProjectApplication(ProjectPart):
 
     def point_file(self, side: Asked) -> PointFile | None:
         found = self.database.file(TABLES, side)
-        try:
+        with damaged("The list of point files is damaged; give them again.", DamagedError):
             return None if found is None else of_plain(found.about, PointFile)
-        except DAMAGED as error:
-            raise DamagedError("The list of point files is damaged; give them again.") from error
 
     def points(self, side: Asked) -> Points | None:
         file, stored = self.point_file(side), self.database.file(TABLES, side)
@@ -263,16 +261,14 @@ class ProjectApplication(ProjectPart):
         """
         with self.database.reading():
             packed, files = self.database.result(APPLIED), self.database.files(APPLIED)
-        try:
+        with damaged(
+            "The last result of this page is damaged; match and measure again.", DamagedError
+        ):
             stored = None if packed is None else loaded(packed.decode())
             if stored is None or EARLIER in stored:
                 return None
             outcome = of_plain(stored, Outcome)
             return outcome, {name: files[name] for name in (outcome.matched, POINTS)}
-        except DAMAGED as error:
-            raise DamagedError(
-                "The last result of this page is damaged; match and measure again."
-            ) from error
 
     def forget_result(self) -> None:
         """Delete the last result, so that it can be computed again."""

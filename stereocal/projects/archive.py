@@ -19,7 +19,7 @@ from itertools import chain, count
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import StereocalError, damaged
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.inputs import MANIFEST
 from stereocal.projects.application import APPLIED, ASKING, CHECK, POINT_FILES, SETS, TABLES, WORLD
@@ -146,33 +146,29 @@ def unpack_project(source: Path | bytes, name: str, home: Path) -> Project:
 
 def _fill(project: Project, opened: OpenZip, source: str) -> None:
     manifest, database = _manifest(opened, source), project.database
-    try:
-        with database.transaction() as db:
-            pairs = [(each, database.of_pair(each["name"])) for each in manifest.get("pairs", [])]
-            for own, store in ((manifest, database), *pairs):
-                for part, names in ((INPUT, VALUES), (BAR, OF_BAR), (SETTING, None)):
-                    values = dict(own["values"].get(part, {}))
-                    kept = {key: values[key] for key in (names or values) if key in values}
-                    store.keep_values(part, kept)
-                for item in own["files"]:
-                    part, name, path = (str(item[key]) for key in ("part", "name", "path"))
-                    if part not in FOLDERS:
-                        raise ValueError(part)
-                    stored = replace(_unpacked(opened, path, store), about=item["about"])
-                    store.name_files(part, {name: stored})
-                for kind, file_name in RESULTS.items():
-                    path = f"{own.get('folder', '')}results/{file_name}"
-                    if path in opened.names:
-                        store.keep_result(kind, opened.read(path))
-                _ = Project(store).dataset
-            edits = [(json.dumps(dict(edit)),) for edit in manifest["edits"]]
-            db.executemany("INSERT INTO edit (json) VALUES (?)", edits)
-            recording = ProjectRecording(project)
-            _ = recording.read(), recording.rig
-    except StereocalError:
-        raise
-    except DAMAGED as error:
-        raise StereocalError(f"{MANIFEST} is damaged.", source) from error
+    told = f"{MANIFEST} is damaged."
+    with damaged(told, source=source, keep=True), database.transaction() as db:
+        pairs = [(each, database.of_pair(each["name"])) for each in manifest.get("pairs", [])]
+        for own, store in ((manifest, database), *pairs):
+            for part, names in ((INPUT, VALUES), (BAR, OF_BAR), (SETTING, None)):
+                values = dict(own["values"].get(part, {}))
+                kept = {key: values[key] for key in (names or values) if key in values}
+                store.keep_values(part, kept)
+            for item in own["files"]:
+                part, name, path = (str(item[key]) for key in ("part", "name", "path"))
+                if part not in FOLDERS:
+                    raise ValueError(part)
+                stored = replace(_unpacked(opened, path, store), about=item["about"])
+                store.name_files(part, {name: stored})
+            for kind, file_name in RESULTS.items():
+                path = f"{own.get('folder', '')}results/{file_name}"
+                if path in opened.names:
+                    store.keep_result(kind, opened.read(path))
+            _ = Project(store).dataset
+        edits = [(json.dumps(dict(edit)),) for edit in manifest["edits"]]
+        db.executemany("INSERT INTO edit (json) VALUES (?)", edits)
+        recording = ProjectRecording(project)
+        _ = recording.read(), recording.rig
 
 
 def _manifest(opened: OpenZip, source: str) -> dict[str, Any]:
@@ -186,11 +182,9 @@ def _manifest(opened: OpenZip, source: str) -> dict[str, Any]:
             "to open it.",
             source,
         )
-    try:
+    with damaged(f"{MANIFEST} is damaged.", source=source):
         # Neither NaN nor lone surrogates, which no page can show.
         json.dumps(manifest, ensure_ascii=False, allow_nan=False).encode()
-    except ValueError as error:
-        raise StereocalError(f"{MANIFEST} is damaged.", source) from error
     return dict(manifest)
 
 

@@ -9,7 +9,7 @@ from typing import Any, get_type_hints
 
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.calibration.montecarlo import MethodResult
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import StereocalError, damaged
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
@@ -81,7 +81,7 @@ def unpack_calibration(
     Args:
         dataset_of: returns the data set of the `inputs`.
     """
-    try:
+    with damaged("The last result of this project cannot be read; calibrate again."):
         data = json.loads(content)
         dataset = dataset_of(data["inputs"])
         if dataset.sha256 != data["dataset_sha256"]:
@@ -107,10 +107,6 @@ def unpack_calibration(
             return found
         stored = of_plain(data["refined"], _REFINED)
         return replace(found, refined=RefinedResult(dataset=found.fitted, **vars(stored)))
-    except DAMAGED as error:
-        raise StereocalError(
-            "The last result of this project cannot be read; calibrate again."
-        ) from error
 
 
 def _with_refined(found: Calibration) -> Calibration:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from stereocal.errors import DAMAGED
+from stereocal.errors import damaged
 from stereocal.matching.clicks import Click, Clicks, Key
 from stereocal.projects.database import DamagedError
 from stereocal.projects.project import Project, ProjectPart
@@ -39,10 +39,8 @@ class ProjectClicks(ProjectPart):
     def acts(self) -> list[Act]:
         """All that can be undone, the last one last."""
         stored = self.database.values(CLICKS)
-        try:
+        with damaged("The points clicked here are damaged.", DamagedError):
             return [of_plain(stored[name], Act) for name in sorted(stored)]
-        except DAMAGED as error:
-            raise DamagedError("The points clicked here are damaged.") from error
 
     @property
     def clicks(self) -> Clicks:

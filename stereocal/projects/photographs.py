@@ -6,7 +6,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError
+from stereocal.errors import RefusedRowsError, StereocalError, damaged
 from stereocal.frames.all_cameras import by_folder, match_names
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
 from stereocal.frames.pairing import Moments, Pairing
@@ -35,6 +35,7 @@ BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
 BOARDS_LABEL = "corners found in the photographs"
 FOUND_LABELS = TABLE_LABEL, BOARDS_LABEL
+DAMAGED_PAIRS = "The table of pairs is damaged: remove all photographs, and give them again."
 _PROPOSED: Latest[Proposal] = Latest(16)
 
 
@@ -82,14 +83,10 @@ class ProjectPhotographs(ProjectPart):
     @property
     def _decisions(self) -> list[Decided]:
         """All in turn, the present one last, with the pairs as edited."""
-        try:
+        with damaged(DAMAGED_PAIRS, DamagedError):
             before = of_plain(self._value("pairing", []), list[Decided]) or [Decided()]
             rows = None if self._edited is None else of_plain(self._edited, list[PairRow])
             return [*before[:-1], replace(before[-1], rows=rows)]
-        except DAMAGED as error:
-            raise DamagedError(
-                "The table of pairs is damaged: remove all photographs, and give them again."
-            ) from error
 
     def _decide(self, decisions: Sequence[Decided]) -> None:
         last = decisions[-1] if decisions else Decided()
@@ -297,11 +294,8 @@ class ProjectPhotographs(ProjectPart):
         labels: dict[Slot, str] = {"correspondences": BOARDS_LABEL}
         if lenses is not None:
             labels |= dict.fromkeys(CAMERAS, lenses)
-        files = {
-            slot: (labels[slot], each)
-            for slot, each in packed_files(dataset).items()
-            if slot in labels
-        }
+        packed = packed_files(dataset)
+        files = {slot: (label, packed[slot]) for slot, label in labels.items()}
         values: dict[str, Any] = {"target_distance_m": dataset.target_distance_m}
         why = {str(frame): why for frame, why in doubtful.items()}
         about = {"boards_found": sentence, "boards_doubtful": why, "found_by": search}

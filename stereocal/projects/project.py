@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from stereocal.calibration.methods import Method
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import DAMAGED, StereocalError, damaged
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import TABLE, pack_pair, parse_zip
@@ -139,10 +139,8 @@ class Project:
         stored = {name: values[name] for name in VALUES if name in values}
         stored["files"] = {slot: file.sha256 for slot, file in files.items()}
         stored["labels"] = {slot: file.label for slot, file in files.items()}
-        try:
+        with damaged("What was given to the project is damaged.", DamagedError):
             return of_plain(stored, Inputs)
-        except DAMAGED as error:
-            raise DamagedError("What was given to the project is damaged.") from error
 
     def give(
         self, files: Mapping[Slot, tuple[str, bytes]], drop: Sequence[Slot] = (), **values: Any

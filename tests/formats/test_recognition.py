@@ -1,16 +1,12 @@
 """What is this file? And files given together: the usable ones are taken, the others named."""
 
-import io
-
 import numpy as np
 import pytest
-from PIL import Image
 
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.formats.dropped import Dropped, sort_files
 from stereocal.formats.recognition import recognise
 from stereocal.frames.which_camera import which_camera
-from stereocal.system.photograph import read_photograph
 from tests.files import encoded, zipped
 from tests.lens import SMALL
 from tests.pages.test_pages import FIELD
@@ -84,27 +80,6 @@ def test_the_rest_is_taken_and_each_other_file_is_named() -> None:
     named = ("cut.png", "IMG.heic", "field/left/10.png", "field/again.zip")
     assert len(given.problems) == len(named)
     assert all(any(name in each for each in given.problems) for name in named)
-
-
-def test_photographs_as_cameras_and_programs_write_them() -> None:
-    """Turned by EXIF, 16 bits, with transparency: the same grey values, in the sensor's frame."""
-    image = np.arange(60 * 80, dtype=np.uint16).reshape(60, 80) % 200
-    eight = image.astype(np.uint8)
-    turned, exif = io.BytesIO(), Image.Exif()
-    exif[0x0112] = 6
-    Image.fromarray(eight).save(turned, "PNG", exif=exif)
-    alpha = np.dstack([eight, eight, eight, np.full_like(eight, 7)])
-    files = {
-        "left 2.png": turned.getvalue(),
-        "left 3.png": encoded(256 * image, ".png"),
-        "left 10.TIF": encoded(256 * image, ".tif"),
-        "left 11.png": encoded(alpha, ".png"),
-    }
-    given = sort(files)
-    assert not given.problems and {*given.sizes.values()} == {(80, 60)}
-    for name, content in given.photographs.items():
-        read = read_photograph(content, name)
-        assert np.array_equal(read // (256 if read.dtype == np.uint16 else 1), image)
 
 
 def test_files_of_both_cameras_with_the_same_names() -> None:
