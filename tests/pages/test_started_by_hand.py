@@ -51,24 +51,3 @@ def test_videos_of_cameras_started_by_hand(home: Path, tmp_path: Path) -> None:
     first, second = (int(name.split("/")[1][:6]) for name in frames[5].files)
     assert abs((first - second) / 15 - START_S) < 1 / 30
     assert sum(frame.use for frame in frames) > 60
-
-
-@pytest.mark.soak  # likewise
-def test_videos_of_three_cameras_started_by_hand(home: Path, tmp_path: Path) -> None:
-    pytest.importorskip("av")
-    videos = write_sample(tmp_path, cameras=3, seconds=7)
-    project = Project.create(home)
-    project.keep_settings({"held": "balls", "held_balls": "red,yellow", "video_by_hand": True})
-    lens = (tmp_path / "camera.json").read_bytes()
-    app = go(drop(go(session(project), "data"), {f"{p.stem}.json": lens for p in videos}), "data")
-    drop(app, {path.name: path.read_bytes() for path in videos})
-    ended(project, "video")
-    app.run()
-    app.button(key="find_in_all_cameras").click().run()
-    ended(project, "photographs")
-    app.run()
-    assert not app.exception
-    assert "All pairs together" in told(app)
-    table = ProjectRecording(project).parts["points.csv"].read_bytes().splitlines()
-    frames = [{*line.split(b",")[1:2]} for line in table if line.startswith(b"60,")]
-    assert set.union(*frames) == {b"left", b"right", b"third"}
