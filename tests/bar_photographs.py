@@ -7,10 +7,16 @@ from itertools import islice
 
 import numpy as np
 
+from stereocal.formats.camera_file import write_camera
+from stereocal.frames.frame import Frame
+from stereocal.frames.search import detect_frames
+from stereocal.projects.inputs import Slot
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.rig.camera import Camera
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import field_rig
 from tests.files import encoded
+from tests.lens import AtOnce
 from tools.photographs.bars import BarSettings, PhotographPair, photograph_bars, place_visible_bars
 from tools.photographs.rendering import PhotographSettings
 
@@ -36,6 +42,20 @@ class BarSet:
             ):
                 found[name + suffix] = encoded(image, suffix)
         return found
+
+    @property
+    def cameras(self) -> dict[Slot, tuple[str, bytes]]:
+        """The camera files, as a project is given them."""
+        return {
+            "primary": ("primary.json", write_camera(self.rig.primary)),
+            "secondary": ("secondary.json", write_camera(self.rig.secondary)),
+        }
+
+    def frames_of(self, store: ProjectPhotographs) -> list[Frame]:
+        """What is found in the photographs of a project that has them."""
+        about = store.pairing, store.photographs, (self.rig.primary, self.rig.secondary)
+        frames, _ = detect_frames(*about, AtOnce(), lambda _: None, lambda *_: None)
+        return frames
 
 
 def small(camera: Camera) -> Camera:

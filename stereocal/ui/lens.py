@@ -115,12 +115,10 @@ def _choose_camera(project: Project | None) -> tuple[CameraName, str]:
     shown = partial(choose, place=left, format_func=str.capitalize)
     which: CameraName = shown(project, "lens_camera", "Camera", CAMERAS)
     how: str = choose(project, "lens_how", "I have", (BOARD, FILE), place=right)
-    has_boards = False
-    if project is not None:
-        try:
-            has_boards = any(ProjectLens(project, each).photographs for each in CAMERAS)
-        except StereocalError:  # reported where they are shown
-            has_boards = True
+    stores = [] if project is None else [ProjectLens(project, each) for each in CAMERAS]
+    # What is damaged is reported where they are shown.
+    found = readable(lambda: [each.photographs for each in stores], told=False)
+    has_boards = found is None or any(found)
     if how == BOARD and has_sample_photographs() and not has_boards:
         st.button("Try with sample photographs", key="sample_boards", on_click=load_sample_boards)
     return which, how

@@ -33,10 +33,8 @@ from stereocal.ui.videos import show_frames_taken
 
 def has_photographs(project: Project) -> bool:
     """Whether the project has photographs."""
-    try:
-        return bool(ProjectPhotographs(project).photographs)
-    except StereocalError:  # reported where they are shown
-        return True
+    # What is damaged is reported where they are shown.
+    return readable(lambda: ProjectPhotographs(project).photographs, told=False) != {}
 
 
 def show_photographs(project: Project | None) -> None:

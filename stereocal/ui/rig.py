@@ -4,12 +4,7 @@ import numpy as np
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.figures.rig_report import (
-    camera_table,
-    describe_rig_graph,
-    plot_cameras,
-    plot_rig_graph,
-)
+from stereocal.figures import rig_report
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
@@ -95,7 +90,7 @@ def _show_rig(store: ProjectRecording, rig: RigFile) -> None:
                 open_pair(store, str(np.ravel(point["customdata"])[0]))
                 return
 
-    graph, words = plot_rig_graph(rig), describe_rig_graph(rig)
+    graph, words = rig_report.plot_rig_graph(rig), rig_report.describe_rig_graph(rig)
     show_figure(graph, words, GRAPH, on_select=open_clicked, selection_mode="points")
     st.caption("A click on a line opens that pair.")
     if loops := loops_sentence(rig):
@@ -105,8 +100,8 @@ def _show_rig(store: ProjectRecording, rig: RigFile) -> None:
     st.caption("A pair by itself, on the pages Calibrate and Validate:")
     pair_buttons(store.project)
     st.header("The cameras", divider="gray")
-    show_figure(plot_cameras(rig), words, "rig_cameras")
-    st.table(camera_table(rig))
+    show_figure(rig_report.plot_cameras(rig), words, "rig_cameras")
+    st.table(rig_report.camera_table(rig))
 
 
 def pair_buttons(project: Project, page: str = "calibrate") -> None:

@@ -4,10 +4,7 @@ import json
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import TABLE
-from stereocal.frames.pairing import pair_names
-from stereocal.frames.search import detect_frames
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.library.calibrations import calibrate
@@ -50,28 +47,12 @@ def finished_project(home: Path) -> str:
         name.split("/")[1]: store.keep(name, content) for name, content in bars.files().items()
     }
     store.add(files)
-    rig = bars.rig
-    project.give(
-        {
-            "primary": ("primary.json", write_camera(rig.primary)),
-            "secondary": ("secondary.json", write_camera(rig.secondary)),
-        },
-        name=NAME,
-        baseline_m=rig.pose.baseline,
-        target_distance_m=BAR_M,
-    )
+    baseline_m = bars.rig.pose.baseline
+    project.give(bars.cameras, name=NAME, baseline_m=baseline_m, target_distance_m=BAR_M)
+    store.keep_corrected(bars.frames_of(store))
     with ThreadPoolExecutor(2) as executor:
-        frames, _ = detect_frames(
-            pair_names(files),
-            files,
-            (rig.primary, rig.secondary),
-            executor,
-            lambda _stage: None,
-            lambda _done, _total: None,
-        )
         lens = calibrate_lens(search(BOARDS, 1), LensSettings(subset=8, repeats=12), executor)
-    assert frames is not None and lens is not None
-    store.keep_corrected(frames)
+    assert lens is not None
     boards = ProjectLens(project, "primary")
     first = encoded(photographed(facing()))
     boards.add({"00.png": boards.keep("00.png", first)})

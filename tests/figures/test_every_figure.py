@@ -14,16 +14,7 @@ import pytest
 from skimage.color import deltaE_ciede2000, xyz2lab
 from skimage.color.colorconv import xyz_from_rgb
 
-from stereocal.figures.style import (
-    CORRECT_COLOUR,
-    GRID_3D,
-    METHOD_COLOURS,
-    METHOD_SYMBOLS,
-    NEUTRAL,
-    TARGET_COLOURS,
-    TARGET_SYMBOLS,
-    WRONG_COLOUR,
-)
+from stereocal.figures import style
 from stereocal.rig.compiled import FloatArray
 from tests.figures.every_figure import PLOTS, every_figure
 
@@ -100,10 +91,14 @@ def test_simulation_keeps_greys_and_merges_what_the_blind_confuse() -> None:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_lines_stand_out_from_the_page(page: str) -> None:
-    named = {str(method): colour for method, colour in METHOD_COLOURS.items()}
-    named |= {f"target {letter}": colour for letter, colour in TARGET_COLOURS.items()}
-    named |= {"correct": CORRECT_COLOUR, "wrong": WRONG_COLOUR, "neutral": NEUTRAL}
-    named["grid of a 3D scene"] = GRID_3D
+    named = {str(method): colour for method, colour in style.METHOD_COLOURS.items()}
+    named |= {f"target {letter}": colour for letter, colour in style.TARGET_COLOURS.items()}
+    named |= {
+        "correct": style.CORRECT_COLOUR,
+        "wrong": style.WRONG_COLOUR,
+        "neutral": style.NEUTRAL,
+    }
+    named["grid of a 3D scene"] = style.GRID_3D
     found = {name: contrast(colour, PAGES[page]) for name, colour in named.items()}
     faint = {name: round(value, 2) for name, value in found.items() if value < LINE_CONTRAST}
     assert not faint
@@ -167,12 +162,15 @@ def test_check_sees_a_figure_that_colour_alone_tells_apart() -> None:
 
 
 def test_methods_and_targets_have_signs_of_their_own() -> None:
-    for colours, symbols in ((METHOD_COLOURS, METHOD_SYMBOLS), (TARGET_COLOURS, TARGET_SYMBOLS)):
+    for colours, symbols in (
+        (style.METHOD_COLOURS, style.METHOD_SYMBOLS),
+        (style.TARGET_COLOURS, style.TARGET_SYMBOLS),
+    ):
         assert len(set(symbols.values())) == len(symbols) == len(colours)
         for first, second in itertools.combinations(colours.values(), 2):
             assert nearest(first, second) > APART  # measured: 12.3 for methods, 15.9 for targets
     # Wrong pairs are hatched and dotted too.
-    assert nearest(CORRECT_COLOUR, WRONG_COLOUR) > APART
+    assert nearest(style.CORRECT_COLOUR, style.WRONG_COLOUR) > APART
 
 
 NONE = np.empty(0)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import Method
+from stereocal.figures import one_set
 from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
 from stereocal.figures.lens import (
     arrow_scale,
@@ -16,13 +17,6 @@ from stereocal.figures.lens import (
     describe_residual_field,
     plot_draws,
     plot_residual_field,
-)
-from stereocal.figures.one_set import (
-    describe_disagreement,
-    describe_trade_off,
-    disagreement_table,
-    plot_disagreement,
-    plot_trade_off,
 )
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics.quality import lens_residuals, preview, typical_and_noise_px
@@ -93,7 +87,7 @@ FIELD = read_dataset(Path(__file__).parents[2] / "sample_data" / "field")
 def test_trade_off_has_both_curves_all_sets_and_the_point() -> None:
     curves = curves_of_field()
     costs: dict[Method, tuple[float, float]] = {"2d": (9.0, 0.03), "3d": (1200.0, 0.026)}
-    figure = plot_trade_off(curves, costs, curves.freed[2])
+    figure = one_set.plot_trade_off(curves, costs, curves.freed[2])
     by_name = {trace.name: trace for trace in figure.data}
     names = ["Nominal lenses", "Lenses freed", "2D set", "3D set", "The slider's point"]
     assert list(by_name) == names
@@ -105,7 +99,7 @@ def test_trade_off_has_both_curves_all_sets_and_the_point() -> None:
     assert by_name["3D set"].x[0] == 1200.0 and by_name["2D set"].x[0] == 9.0
     assert figure.layout.xaxis.type == "log"  # so that all sets are in it
     assert figure.layout.yaxis.type == "log"  # 23 to 490 mm
-    words = describe_trade_off(curves, costs)
+    words = one_set.describe_trade_off(curves, costs)
     assert "3D set 1200 px and 26.0 mm" in words
 
 
@@ -130,19 +124,19 @@ def test_accuracy_shows_both_maps_cameras_and_targets(quantity: Quantity, unit: 
 def test_an_accused_input_stands_out() -> None:
     wrong = replace(FIELD, baseline_m=4.7)
     inputs = compare_inputs(refine(wrong, RefineSettings(baseline_sigma_m=0.005))).inputs
-    figure = plot_disagreement(inputs)
+    figure = one_set.plot_disagreement(inputs)
     bars = figure.data[0]
     assert list(bars.y)[-1] == "Baseline"
     assert bars.x[-1] > ACCUSED
     assert bars.marker.color[-1] != bars.marker.color[0]
     assert bars.marker.pattern.shape[-1] == "/" and bars.marker.pattern.shape[0] == ""
     assert figure.layout.shapes[0].x0 == ACCUSED
-    assert "Baseline: stated 4.7 m" in describe_disagreement(inputs)
+    assert "Baseline: stated 4.7 m" in one_set.describe_disagreement(inputs)
 
 
 def test_the_table_of_inputs_says_stated_and_estimated() -> None:
     inputs = compare_inputs(refined_field()).inputs
-    table = disagreement_table(inputs)
+    table = one_set.disagreement_table(inputs)
     assert len(table) == len(inputs) <= 8
     baseline = next(item for item in inputs if item.key == "baseline")
     row = table.loc["Baseline"]
@@ -153,4 +147,4 @@ def test_the_table_of_inputs_says_stated_and_estimated() -> None:
     held = compare_inputs(
         refine(FIELD, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS))
     ).inputs
-    assert "held as stated" in set(disagreement_table(held)["Estimated"])
+    assert "held as stated" in set(one_set.disagreement_table(held)["Estimated"])

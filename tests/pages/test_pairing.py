@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from stereocal.formats.camera_file import write_camera
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.system.photograph import GreyImage
@@ -43,13 +42,8 @@ def stored(home: Path, frames: int, lost: int, timed: bool) -> ProjectPhotograph
                 name = pattern.format(first + i)
                 files[name] = store.keep(name, png((pair.primary, pair.secondary)[camera], seconds))
     store.add(files)
-    rig = bars.rig
-    cameras = {
-        "primary": ("p.json", write_camera(rig.primary)),
-        "secondary": ("s.json", write_camera(rig.secondary)),
-    }
     store.project.keep_settings({"held": "bar2x2"})
-    store.project.give({which: cameras[which] for which in ("primary", "secondary")})
+    store.project.give(bars.cameras)
     return store
 
 

@@ -15,7 +15,7 @@ from stereocal.projects.given import ProjectGiven
 from stereocal.projects.home import title_of
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import read_photograph
 from stereocal.ui.holding import held_target
 from tests.ball_bars import CAMERA, COLOURS, ball_bars
@@ -58,8 +58,7 @@ def find(app: AppTest, home: Path) -> None:
 
 
 def cameras() -> dict[str, bytes]:
-    sides: tuple[CameraName, ...] = CAMERAS
-    return {f"{side}.json": write_camera(getattr(BARS.rig, side)) for side in sides}
+    return dict(BARS.cameras.values())
 
 
 def give_cameras_and_lengths(app: AppTest) -> None:
@@ -116,8 +115,7 @@ def test_from_photographs_to_a_complete_data_set_which_a_cancelled_search_leaves
 
 def dataset_files() -> dict[str, bytes]:
     files = {f"rig/{name}": content for name, content in FILES.items()}
-    for slot in ("primary", "secondary"):
-        files[f"rig/{slot}.json"] = write_camera(getattr(BARS.rig, slot))
+    files |= {f"rig/{name}": content for name, content in cameras().items()}
     return files | {"rig/dataset.json": description("field day", 2.0, 0.9)}
 
 

@@ -1,7 +1,6 @@
 """The review of one frame on the Data page, without a browser: all but the photographs."""
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -9,9 +8,7 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.formats.camera_file import write_camera
 from stereocal.frames.frame import Centre, Frame
-from stereocal.frames.search import detect_frames
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import read_review
@@ -26,15 +23,7 @@ BARS = bar_set(7)
 @cache
 def found_frames(store: ProjectPhotographs) -> tuple[Frame, ...]:
     """The frames as detection finds them; frame 3 and 5 are made to need a person."""
-    with ThreadPoolExecutor(1) as executor:
-        frames, _ = detect_frames(
-            store.pairing,
-            store.photographs,
-            (BARS.rig.primary, BARS.rig.secondary),
-            executor,
-            lambda _: None,
-            lambda *_: None,
-        )
+    frames = BARS.frames_of(store)
     assert all(frame.state == "found" for frame in frames)
     frames[2] = replace(frames[2], state="doubtful", reason="Look at it.", use=False)
     hidden = replace(frames[4], state="refused", reason="Secondary: one target.", use=False)
@@ -51,12 +40,7 @@ def new_store(home: Path) -> ProjectPhotographs:
     project = Project.create(home)
     store = ProjectPhotographs(project)
     store.add({name: store.keep(name, content) for name, content in BARS.files().items()})
-    cameras = {"primary": BARS.rig.primary, "secondary": BARS.rig.secondary}
-    project.give(
-        {name: (f"{name}.json", write_camera(camera)) for name, camera in cameras.items()},  # type: ignore[misc]
-        baseline_m=2.0,
-        target_distance_m=0.9,
-    )
+    project.give(BARS.cameras, baseline_m=2.0, target_distance_m=0.9)
     return store
 
 
