@@ -8,15 +8,7 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from stereocal.figures import style
-from stereocal.figures.style import (
-    CORRECT_COLOUR,
-    NEUTRAL,
-    WRONG_COLOUR,
-    Photograph,
-    add_trace,
-    count,
-    thinned,
-)
+from stereocal.figures.style import Photograph, add_trace, count, thinned
 from stereocal.matching.threshold import ThresholdChoice
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.rig import camera_in_words
@@ -33,7 +25,7 @@ ON_PHOTOGRAPH = {"color": "white", "shadow": "0 0 3px #000, 0 0 3px #000"}
 BINS_PER_DECADE = 10
 MAXIMUM_DECADES = 5.0
 """Range of the histogram below the largest error; smaller errors count in the first bin."""
-HATCH = {"shape": "/", "fgcolor": WRONG_COLOUR, "bgcolor": style.TRANSPARENT, "size": 6}
+HATCH = {"shape": "/", "fgcolor": style.WRONG_COLOUR, "bgcolor": style.TRANSPARENT, "size": 6}
 
 
 def plot_matches(
@@ -54,9 +46,9 @@ def plot_matches(
     """
     figure = style.blank(350)
     figure.layout.uirevision, figure.layout.showlegend, figure.layout.margin.pad = side, False, 0
-    colour = NEUTRAL
+    colour = style.NEUTRAL
     if photograph is not None:
-        box, colour = (-0.5, -0.5, size[0] - 0.5, size[1] - 0.5), WRONG_COLOUR
+        box, colour = (-0.5, -0.5, size[0] - 0.5, size[1] - 0.5), style.WRONG_COLOUR
         figure.layout.images = style.photograph_behind(photograph, box)
     alone = points[unmatched(pairs, points, side)]
     marker = {"symbol": "circle-open", "size": 9, "line": {"width": 2}, "color": colour}
@@ -152,8 +144,13 @@ def plot_pair_errors(nearest: FloatArray, threshold_px: float) -> go.Figure:
     edges = np.logspace(*ends, round(decades * BINS_PER_DECADE) + 1)
     figure = style.blank(340)
     for name, errors, colour, fill in (
-        ("Best partner", nearest[:, 0], CORRECT_COLOUR, {"fillcolor": style.FILLS["correct"]}),
-        ("Runner-up", nearest[:, 1], WRONG_COLOUR, {"fillpattern": HATCH}),
+        (
+            "Best partner",
+            nearest[:, 0],
+            style.CORRECT_COLOUR,
+            {"fillcolor": style.FILLS["correct"]},
+        ),
+        ("Runner-up", nearest[:, 1], style.WRONG_COLOUR, {"fillpattern": HATCH}),
     ):
         known = errors[np.isfinite(errors)]
         counts, _ = np.histogram(np.clip(known, edges[0], edges[-1]), edges)

@@ -7,20 +7,9 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.field.world import frame
 from stereocal.field.world.find import find_world
-from stereocal.field.world.frame import (
-    BASELINE,
-    CAMERA,
-    FIRST,
-    SURVEY,
-    VIEW,
-    Axes,
-    Observed,
-    Survey,
-    Throw,
-    WorldFrame,
-    WorldSettings,
-)
+from stereocal.field.world.frame import Axes, Observed, Survey, Throw, WorldFrame, WorldSettings
 from stereocal.formats.world_file import (
     FRAME,
     is_json,
@@ -107,32 +96,36 @@ def _found(
     cameras = pair_in_table(rig, content, file.label)
     observed = read_observed(content, file.label, rate, cameras)
     key = f"{file.name} {rate} {rig.digest} {cameras}"
-    frame = _world(key, rig, observed, _settings(project, observed, cameras), cameras)
-    st.success(escape_markdown(frame.sentence))
-    for note in frame.notes:
+    found = _world(key, rig, observed, _settings(project, observed, cameras), cameras)
+    st.success(escape_markdown(found.sentence))
+    for note in found.notes:
         st.caption(escape_markdown(note))
-    if residuals := frame.about.get("residuals_m"):
+    if residuals := found.about.get("residuals_m"):
         axes = [f"{axis} (mm)" for axis in "xyz"]
         table = 1000 * pd.DataFrame.from_dict(residuals, orient="index", columns=axes)
         st.caption("Residuals, measured minus surveyed")
         table, height = table.rename_axis("Point").reset_index(), min(35 * len(table) + 38, 283)
         shown = dict.fromkeys(axes, st.column_config.NumberColumn(format="%.1f"))
         st.dataframe(table, hide_index=True, height=height, column_config=shown)
-    offer(f"Download {WORLD_FILE}", lambda: write_world(frame, rig), WORLD_FILE, "download_world")
-    return frame.pose
+    offer(f"Download {WORLD_FILE}", lambda: write_world(found, rig), WORLD_FILE, "download_world")
+    return found.pose
 
 
 def _settings(project: Project, observed: Observed, cameras: CameraPair) -> WorldSettings:
     """Origin and axes, and what else the table does not say."""
     survey, throw = isinstance(observed, Survey), isinstance(observed, Throw)
-    origins = {SURVEY: "the survey's own"} if survey else {}
+    origins = {frame.SURVEY: "the survey's own"} if survey else {}
     first, second = map(camera_in_words, cameras)
-    directions = {**origins, VIEW: f"where {first} looks", BASELINE: f"from {first} to {second}"}
-    origins[CAMERA] = first
+    directions = {
+        **origins,
+        frame.VIEW: f"where {first} looks",
+        frame.BASELINE: f"from {first} to {second}",
+    }
+    origins[frame.CAMERA] = first
     if isinstance(observed, Survey):
         origins |= {name: name for name in observed.names}
     elif isinstance(observed, Throw):
-        origins[FIRST] = "the first point of the throw"
+        origins[frame.FIRST] = "the first point of the throw"
     else:
         directions |= {line.name: line.name for line in observed if line.kind == "level"}
     left, middle, right, last = st.columns(4)

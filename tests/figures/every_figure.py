@@ -33,16 +33,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.rig import Rig
 from stereocal.verdict.tradeoff import TradeOff, costs_of, trade_off
 from tests.field.plans import plan
-from tests.figures.test_apply_figures import (
-    CHOICE,
-    FRAMES,
-    NEAREST,
-    PAIRS,
-    POINTS,
-    PRIMARY_TABLE,
-    SECONDARY_TABLE,
-    SET,
-)
+from tests.figures import test_apply_figures as applied
 from tests.known_rig import BAR_M
 from tests.lens import search
 
@@ -98,7 +89,7 @@ def every_figure() -> dict[str, Drawn]:
         lens = calibrate_lens(search(12, 1), LensSettings(subset=8, repeats=12), executor)
     assert runs is not None and lens is not None
     pooled, by_dataset = summarise_all(["one", "two"], runs)
-    check = check_lengths(POINTS, 1.01 * BAR_M, "end_primary", ("A", "B"))
+    check = check_lengths(applied.POINTS, 1.01 * BAR_M, "end_primary", ("A", "B"))
     sets: dict[Method, Rig] = {
         method: Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)
         for method in METHODS
@@ -106,9 +97,11 @@ def every_figure() -> dict[str, Drawn]:
     costs = costs_of(
         dataset, sets | {"refined": Rig(refined.primary, refined.secondary, refined.pose)}
     )
-    tables = [table[table["frame"] == 1] for table in (PRIMARY_TABLE, SECONDARY_TABLE)]
+    tables = [
+        table[table["frame"] == 1] for table in (applied.PRIMARY_TABLE, applied.SECONDARY_TABLE)
+    ]
     left, right = (table[["u", "v"]].to_numpy() for table in tables)
-    pairs = PAIRS[PAIRS["frame"] == 1]
+    pairs = applied.PAIRS[applied.PAIRS["frame"] == 1]
     story = read_story(STORY)
     views = frame_views(replace(calibration, refined=refined), telling_frame(calibration))
     plans = [
@@ -130,16 +123,19 @@ def every_figure() -> dict[str, Drawn]:
         "frame_errors": ((calibration,),),
         "lengths": ((check,),),
         "matches": (
-            (pairs, left, "primary", SET.primary.image_size),
+            (pairs, left, "primary", applied.SET.primary.image_size),
             (pairs, {"primary": left, "secondary": right}, 1),
         ),
         "misfit": ((misfit,),),
         "offsets": ((offset_of_pair(rig, ("1", "2")),),),
-        "pair_errors": ((NEAREST, 0.8), (NEAREST, FRAMES, 0.8, CHOICE)),
+        "pair_errors": (
+            (applied.NEAREST, 0.8),
+            (applied.NEAREST, applied.FRAMES, 0.8, applied.CHOICE),
+        ),
         "plan_baselines": ((plans[0],),),
         "plan_depths": ((plans,),),
         "plan_map": ((plans[0],),),
-        "points": ((POINTS, "frame", SET), (POINTS,)),
+        "points": ((applied.POINTS, "frame", applied.SET), (applied.POINTS,)),
         "residual_field": ((lens,),),
         "rig": ((calibration, "3d"),),
         "story_lengths": ((story,),),

@@ -9,14 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from stereocal.calibration.methods import Method
-from stereocal.figures.journal import (
-    COLUMN_MM,
-    PAGE_MM,
-    draw_frame_errors,
-    draw_rig,
-    draw_validation,
-    rendered,
-)
+from stereocal.figures import journal
 from stereocal.workflow import Run
 from tests.further import further
 from tests.paper_kit.answers import of_field, of_recording
@@ -28,15 +21,15 @@ Drawn = tuple[Callable[[float], Figure], str]
 def validation() -> Drawn:
     found = of_field().evaluation
     assert found is not None
-    return partial(draw_validation, found.summaries), "Refined set"
+    return partial(journal.draw_validation, found.summaries), "Refined set"
 
 
 def errors(answer: Callable[[], Run], word: str) -> Drawn:
-    return partial(draw_frame_errors, answer().calibration), word
+    return partial(journal.draw_frame_errors, answer().calibration), word
 
 
 def rig(answer: Callable[[], Run], method: Method, word: str) -> Drawn:
-    return partial(draw_rig, answer().calibration, method), word
+    return partial(journal.draw_rig, answer().calibration, method), word
 
 
 DRAWN: dict[str, Callable[[], Drawn]] = {
@@ -51,14 +44,16 @@ DRAWN: dict[str, Callable[[], Drawn]] = {
 @pytest.mark.parametrize(
     ("name", "width_mm"),
     [
-        ("validation", COLUMN_MM),
-        ("rig", COLUMN_MM),
-        *further(*((name, width) for name in DRAWN for width in (COLUMN_MM, PAGE_MM))),
+        ("validation", journal.COLUMN_MM),
+        ("rig", journal.COLUMN_MM),
+        *further(
+            *((name, width) for name in DRAWN for width in (journal.COLUMN_MM, journal.PAGE_MM))
+        ),
     ],
 )
 def test_svg_and_pdf_hold_the_figure_on_their_page(name: str, width_mm: float) -> None:
     draw, word = DRAWN[name]()
-    found = rendered(draw, width_mm)
+    found = journal.rendered(draw, width_mm)
     root = ElementTree.fromstring(found["svg"])
     assert float(root.attrib["width"].removesuffix("pt")) == pytest.approx(width_mm * POINTS_PER_MM)
     assert word in "".join(root.itertext())
@@ -82,7 +77,7 @@ def test_the_figure_says_what_the_page_says() -> None:
     """The figures of the Plotly panels: FCP, interval and threshold of the 2D set."""
     found = of_field()
     assert found.evaluation is not None
-    svg = rendered(validation()[0], PAGE_MM)["svg"]
+    svg = journal.rendered(validation()[0], journal.PAGE_MM)["svg"]
     panels = "".join(ElementTree.fromstring(svg).itertext())
     matching = found.evaluation.summaries["2d"].reprojection
     assert f"FCP {100 * matching.fcp.value:.2g} %" in panels
