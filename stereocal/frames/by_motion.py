@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.frames.pairing import ByHand, Moments, Motion, Pair, Pairing, counted
+from stereocal.frames.pairing import ByHand, Moments, Motion, Pair, Pairing
 from stereocal.network.started_by_hand import (
     STANDS_OUT,
     BroughtIntoStep,
@@ -25,7 +25,7 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 
 ALIKE = 3.0
 """Photographs within which the sound and the images agree: sound is a few hundredths of a second
@@ -53,7 +53,7 @@ def paired_by_motion(
     named = {str(name): camera for name, camera in zip(CAMERAS, cameras, strict=True)}
     motion, told = found_by_motion(pairing.by_hand, points, named, held, orders)
     pairs = pairs_of(pairing.by_hand.moments(motion.later), *CAMERAS)
-    sentence = f"{counted(len(pairs))} by the motion. {told}"
+    sentence = f"{count(len(pairs), 'pair')} by the motion. {told}"
     return Pairing(pairs, (), pairing.unknown, sentence, False, pairing.by_hand, motion)
 
 

@@ -7,7 +7,7 @@ costs as little: then the times alone do not tell, and `Alignment.sure` is False
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -56,15 +56,9 @@ class Alignment:
     """(k, 2): rows of the two cameras, in order of time."""
     clocks_s: float
     """By how much the clock of the second camera is ahead."""
-    sure: bool
-    """Whether every other difference of the clocks fits clearly worse."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Tried:
-    pairs: IntArray
-    clocks: float
     cost: float
+    sure: bool = False
+    """Whether every other difference of the clocks fits clearly worse."""
 
 
 def times_of(names: Sequence[str], taken: Mapping[str, Taken]) -> Times:
@@ -120,7 +114,7 @@ def align(first: FloatArray, second: FloatArray, steps: tuple[float, float]) -> 
         if len(best.pairs) < LEAST_PAIRS:
             return None
         scatter = min(scatter, max(least, _rms(first, second, best)))
-        tried = [_try(first, second, each.clocks, scatter) for each in tried]
+        tried = [_try(first, second, each.clocks_s, scatter) for each in tried]
     best = min(tried, key=lambda one: one.cost)
     if len(best.pairs) < LEAST_PAIRS:
         return None
@@ -128,7 +122,7 @@ def align(first: FloatArray, second: FloatArray, steps: tuple[float, float]) -> 
     others = [one.cost for one in tried if not taken & {*map(tuple, one.pairs.tolist())}]
     enough = len(best.pairs) >= LEAST_SHARE * smaller
     alone = min(others, default=np.inf) - best.cost >= MARGIN
-    return Alignment(best.pairs, best.clocks, enough and alone)
+    return replace(best, sure=enough and alone)
 
 
 def _candidates(first: FloatArray, second: FloatArray, reach: float) -> list[float]:
@@ -145,7 +139,7 @@ def _candidates(first: FloatArray, second: FloatArray, reach: float) -> list[flo
     return found
 
 
-def _try(first: FloatArray, second: FloatArray, clocks: float, scatter: float) -> _Tried:
+def _try(first: FloatArray, second: FloatArray, clocks: float, scatter: float) -> Alignment:
     """The pairs at about a difference of the clocks, which they correct."""
     pairs = np.empty((0, 2), np.int64)
     for _ in range(3):
@@ -156,7 +150,7 @@ def _try(first: FloatArray, second: FloatArray, clocks: float, scatter: float) -
     apart = (second[pairs[:, 1]] - first[pairs[:, 0]] - clocks) / scatter
     alone = len(first) + len(second) - 2 * len(pairs)
     together = TOGETHER * (abs(clocks) <= REACH * scatter)
-    return _Tried(pairs, clocks, float(0.5 * apart @ apart) + ALONE * alone - together)
+    return Alignment(pairs, clocks, float(0.5 * apart @ apart) + ALONE * alone - together)
 
 
 def _pairs(first: FloatArray, second: FloatArray, scatter: float) -> IntArray:
@@ -186,6 +180,6 @@ def _solve(apart: FloatArray, rows: IntArray, columns: IntArray) -> IntArray:
     return np.column_stack([rows[i[near]], columns[np.sort(j[near])]])
 
 
-def _rms(first: FloatArray, second: FloatArray, one: _Tried) -> float:
-    apart = second[one.pairs[:, 1]] - first[one.pairs[:, 0]] - one.clocks
+def _rms(first: FloatArray, second: FloatArray, one: Alignment) -> float:
+    apart = second[one.pairs[:, 1]] - first[one.pairs[:, 0]] - one.clocks_s
     return float(np.sqrt(np.mean(apart**2)))

@@ -12,7 +12,7 @@ from pathlib import PurePosixPath
 
 from stereocal.frames.conventions import NameReading, readings_by_words
 from stereocal.rig.camera import CAMERAS
-from stereocal.system.numbers import plural
+from stereocal.system.numbers import count
 
 Moments = Mapping[int, Mapping[str, str]]
 """By frame and camera, the photograph."""
@@ -220,11 +220,6 @@ def short_names(names: Sequence[str]) -> list[str]:
     return stems if len({*stems}) == len(names) else [*names]
 
 
-def counted(count: int, what: str = "pair") -> str:
-    """A number of things in words."""
-    return f"{count or 'No'} {plural(count, what)}"
-
-
 def first_names(names: Sequence[str]) -> str:
     """The first three names, and how many more."""
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
@@ -265,7 +260,7 @@ def _sentence(best: _Read, others: Sequence[_Read]) -> str:
     marks = f': "{first}" marks the primary camera\'s photographs, "{second}" the secondary\'s'
     plain = best.reading.words == CAMERAS  # the project's own folders too
     sentences = [
-        f"{counted(len(best.pairs))} by name{'' if plain else marks}.",
+        f"{count(len(best.pairs), 'pair')} by name{'' if plain else marks}.",
         *missing(best.alone),
     ]
     if best.rivals:

@@ -23,7 +23,6 @@ from stereocal.frames.pairing import (
     Pair,
     Pairing,
     best_reading,
-    counted,
     first_names,
     missing,
     natural,
@@ -32,6 +31,7 @@ from stereocal.frames.pairing import (
 )
 from stereocal.frames.sides import Sides, sides_of
 from stereocal.rig.camera import CAMERAS
+from stereocal.system.numbers import count
 from stereocal.system.taken import Source, Taken
 
 Way = Literal["name", "time", "order", "motion"]
@@ -164,7 +164,7 @@ def _by_time(sides: Sides, times: Sequence[Times], aligned: Alignment) -> Pairin
     fine = max(own.step for own in times) < 1.0
     apart = duration(abs(aligned.clocks_s), fine)
     sentences = [
-        f"{counted(len(twos))} by {what}; the clocks are {apart} apart.",
+        f"{count(len(twos), 'pair')} by {what}; the clocks are {apart} apart.",
         *([] if aligned.sure else ["Another difference of the clocks fits nearly as well."]),
         *_about(sides, alone),
     ]
@@ -177,15 +177,14 @@ def _in_order(sides: Sides) -> Pairing:
     rest = first[len(second) :], second[len(first) :]
     alone = tuple(Alone(name, camera) for camera in (0, 1) for name in rest[camera])
     longer = int(len(second) > len(first))
+    in_order = f"{count(len(twos), 'pair')} in order"
     if sides.equal:
-        sentences = [
-            f"{counted(len(twos))} in order: both cameras have as many. Look whether they agree."
-        ]
+        sentences = [f"{in_order}: both cameras have as many. Look whether they agree."]
     else:
-        sentences = [f"{counted(len(twos))} in order, the first with the first."]
+        sentences = [f"{in_order}, the first with the first."]
         more = len(alone)
         sentences.append(
-            f"The {CAMERAS[longer]} camera has {counted(more, 'photograph')} more than the "
+            f"The {CAMERAS[longer]} camera has {count(more, 'photograph')} more than the "
             f"{CAMERAS[1 - longer]}; the names do not tell which {'has' if more == 1 else 'have'} "
             "no partner: look for the first wrong pair, or find the targets, which may tell."
         )

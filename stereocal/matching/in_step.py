@@ -19,6 +19,7 @@ from stereocal.errors import StereocalError
 from stereocal.matching.own_count import RATE, SHIFT, Seen
 from stereocal.matching.point_table import POINT, PointTable
 from stereocal.network.rig_file import RigFile
+from stereocal.network.started_by_hand import STANDS_OUT
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.geometry import sampson
@@ -26,8 +27,6 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import MeasuredOffset, interpolate
 from stereocal.system.sampling import evenly_spread
 
-STANDS_OUT = 1.5
-"""How many times farther from the epipolar lines points must lie at any other offset."""
 FRAMES, FEWEST, APART = 40, 8, 2
 """Frames that an offset is judged by, at least so many; and frames between offsets that compete."""
 MOST_OFFSETS = 20_000

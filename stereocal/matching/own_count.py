@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from stereocal.matching.trajectories import naming_columns
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset, interpolate
 
 SHIFT = "time_shift_frames"
 """Column of points that were shifted: by how many frames, 0 where they have no neighbours."""
 TIME = "time_frame"
-ROWS_PER_TRACK = 3
-"""Fewest rows per name, on average; a column with fewer is a measurement, not a name."""
 SMOOTH = 0.5
 """Frames follow each other if a step is shorter than this part of the distance from the middle of
 all points. Measured: 0.19 on a real recording at 10 frames a second; 1.4 at random positions."""
@@ -85,11 +84,10 @@ def _tracks(
     if not pd.Series(times).duplicated().any():
         one = np.zeros(len(points), dtype=np.int64)
         return one if _follow(one, times, pixels) else None
-    for name in points.columns.difference(["frame", TIME, *columns], sort=False):
+    further = points.columns.difference(["frame", TIME, *columns], sort=False)
+    for name in naming_columns(points.assign(frame=times), further):
         codes = pd.factorize(points[name])[0].astype(np.int64)
-        twice = pd.DataFrame({"time": times, "name": codes}).duplicated().any()
-        few = 0 < codes.max() + 1 <= len(points) / ROWS_PER_TRACK
-        if few and not twice and (codes >= 0).all() and _follow(codes, times, pixels):
+        if (codes >= 0).all() and _follow(codes, times, pixels):
             return codes
     return None
 

@@ -1,6 +1,8 @@
 """What a table of 3D points (`points.csv`) holds, and its trajectories: points of the same name, or
 the only point of each frame, in successive frames."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import pandas as pd
 
@@ -39,10 +41,14 @@ def track_columns(points: pd.DataFrame) -> list[str]:
     """
     if len(points) >= ROWS_PER_TRACK and not points["frame"].duplicated().any():
         return [ONE_A_FRAME]
-    further = sorted(further_columns(points), key=lambda name: name != TRACK)
+    return naming_columns(points, sorted(further_columns(points), key=lambda name: name != TRACK))
+
+
+def naming_columns(points: pd.DataFrame, columns: Iterable[str]) -> list[str]:
+    """Those of the columns that can name tracks: of few values, none of them twice in a frame."""
     return [
         name
-        for name in further
+        for name in columns
         if 1 <= points[name].nunique() <= len(points) / ROWS_PER_TRACK
         and not points[["frame", name]].dropna().duplicated().any()
     ]
