@@ -120,12 +120,11 @@ def _labelled(
 def _at_primary(centres: Mapping[int, FloatArray], late: float) -> dict[int, FloatArray]:
     """The centres with those of the secondary at the instants of the primary's frames; where they
     have no neighbours, as they are."""
-    frames, found = np.array([*centres]), np.array([*centres.values()])
-    for target in (0, 1):
-        seen = found[:, 1, target]
-        about = np.zeros_like(frames), frames, seen, np.full(len(frames), late)
-        moved = interpolate(*about)
-        found[:, 1, target] = np.where(moved.known[:, None], moved.positions, seen)
+    found = np.array([*centres.values()])
+    frames, targets = np.repeat([*centres], 2), np.tile([0, 1], len(found))
+    seen = found[:, 1].reshape(-1, 2)
+    moved = interpolate(targets, frames, seen, np.full(len(seen), late))
+    found[:, 1] = np.where(moved.known[:, None], moved.positions, seen).reshape(-1, 2, 2)
     return dict(zip(centres, found, strict=True))
 
 

@@ -99,11 +99,7 @@ def _rays(frames: Sequence[Frame], which: int, camera: Camera) -> FloatArray:
         a, b = frame.centres[which]
         if a and b:
             ends[:] = (a.u, a.v), (b.u, b.v)
-    seen = np.isfinite(pixels).all(axis=(1, 2))
-    rays = np.full_like(pixels, np.nan)
-    if seen.any():
-        rays[seen] = camera.undistort(pixels[seen].reshape(-1, 2)).reshape(-1, 2, 2)
-    return rays
+    return camera.undistort(pixels.reshape(-1, 2)).reshape(-1, 2, 2)
 
 
 def _shifted(rays: Sequence[FloatArray], by: int) -> tuple[FloatArray, FloatArray]:

@@ -14,7 +14,7 @@ time; otherwise the table is read whole and sorted. Parquet needs the optional p
 import csv
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -300,8 +300,8 @@ class TableWriter:
         self,
         path: Path | None,
         columns: list[str] | None,
-        as_parquet: bool = False,
-        passed_on: list[pd.DataFrame] | None = None,
+        as_parquet: bool,
+        passed_on: list[pd.DataFrame] | None,
     ) -> None:
         self._path, self._columns, self._passed_on = path, columns, passed_on
         self._parquet: Any = _parquet_library() if as_parquet else None
@@ -356,13 +356,9 @@ def open_table(
         columns: of the table; None: those of the first rows.
         passed_on: gets the rows that are written.
     """
-    if path is None:
-        writer = TableWriter(None, columns, passed_on=passed_on)
-        yield writer
-        writer.write()
-        return
-    with write_in_parts(path) as temporary:
-        writer = TableWriter(temporary, columns, is_parquet(path), passed_on)
+    with nullcontext() if path is None else write_in_parts(path) as temporary:
+        as_parquet = path is not None and is_parquet(path)
+        writer = TableWriter(temporary, columns, as_parquet, passed_on)
         try:
             yield writer
             writer.write()

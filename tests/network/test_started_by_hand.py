@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +11,12 @@ from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
 from stereocal.network.frame_rates import at_slowest
 from stereocal.network.started_by_hand import bring_into_step, offset_of_pair
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.recording import Recording
-from stereocal.rig.rigid_object import RigidObject
+from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import field_rig
 from tests.further import further
-from tests.rigs.moving_bar import move_bar
+from tests.rigs.moving_bar import move_bar, record
 
 PAIR = ("1", "2")
 
@@ -69,14 +71,11 @@ def test_cameras_that_recorded_at_different_times_have_no_offset() -> None:
 
 def _joined(*parts: Recording) -> Recording:
     """One after the other, each with its own numbers of frames."""
-    return replace(
-        parts[0],
-        frame=np.concatenate([each.frame for each in parts]),
-        camera=np.concatenate([each.camera for each in parts]),
-        target=np.concatenate([each.target for each in parts]),
-        points=np.concatenate([each.points for each in parts]),
-        sigma_px=np.concatenate([each.sigma_px for each in parts]),
-    )
+    columns = ("frame", "camera", "target", "points", "sigma_px")
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(each, name) for each in parts]) for name in columns
+    }
+    return replace(parts[0], **joined)
 
 
 def _resting(at: int, first: int, frames: int) -> Recording:
@@ -112,29 +111,11 @@ def test_a_long_rest_before_and_after_does_no_harm() -> None:
 
 def test_short_arcs_at_the_ends_of_a_smooth_motion_do_not_hide_the_offset() -> None:
     """Of 60 frames a second, 50 at an end of the recordings fit at a wrong offset, to the noise."""
-    rng = np.random.default_rng(2)
+    rng, start = np.random.default_rng(6), 200.4
     bar = move_bar(field_rig(), rng, 1200, 0.9, frames_between=60)
-    rig, start = bar.rig, 200.4
-    rows = []
-    for number, (camera, times) in enumerate(
-        ((rig.primary, np.arange(1000)), (rig.secondary, start + np.arange(900)))
-    ):
-        for target, points in enumerate(bar.ends_m(times).transpose(1, 0, 2)):
-            seen = camera.project(points if number == 0 else rig.pose.apply(points))
-            seen += rng.normal(0.0, 0.2, seen.shape)
-            inside = ((seen > 0) & (seen < np.array(camera.image_size) - 1)).all(axis=1)
-            for frame in np.flatnonzero(inside):
-                rows.append((frame, number, target, *seen[frame]))
-    frame, camera_of, target_of, u, v = np.array(rows).T
-    counted = Recording(
-        "smooth",
-        {"left": rig.primary, "right": rig.secondary},
-        RigidObject.bar(0.9, 0.001),
-        frame.astype(np.int64),
-        camera_of.astype(np.int64),
-        target_of.astype(np.int64),
-        np.column_stack([u, v]),
-        np.full(len(u), np.nan),
+    data = record(replace(bar, frames=900), rng, 0.2, "smooth", TimeOffset(start))
+    own = replace(
+        Recording.of_pair(data), frame=np.tile(data.correspondences.time_frame, len(CAMERAS))
     )
-    found = offset_of_pair(counted, ("left", "right"))
+    found = offset_of_pair(own, CAMERAS)
     assert abs(found.measured.frames - start) < 4 * found.measured.sigma < 0.1
