@@ -40,7 +40,7 @@ def run(parsed: argparse.Namespace) -> None:
     if board is not None:
         refuse_given(parsed, "is for a bar, not for a board", "doubtful")
     with workers_from(parsed, compile_detection) as executor:
-        found = in_search(parsed, executor, target, lambda search: search.found(target))
+        found = in_search(parsed, executor, target)
     if isinstance(found, Recording):
         if parsed.out.suffix.lower() != ".csv":
             write_recording(parsed.out, found)

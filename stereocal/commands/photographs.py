@@ -1,24 +1,23 @@
 """The photographs of two cameras for a command, and frames of videos as such."""
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
 from stereocal.commands.console import Options, in_stages, report, say
 from stereocal.detection.target import BRIGHT, Balls, Board, Target
 from stereocal.errors import StereocalError
 from stereocal.formats.recording_files import pack_recording
+from stereocal.frames.frame import Frame
 from stereocal.frames.proposal import WAYS
 from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.library.targets import PhotographSearch
 from stereocal.rig.recording import Recording
 from stereocal.system.atomic_files import write_all, write_atomically
 
-T = TypeVar("T")
 PAIR_BY: Options = {
     "--pair-by": {
         "choices": [*WAYS],
@@ -30,12 +29,9 @@ PAIR_BY: Options = {
 
 
 def in_search(
-    parsed: argparse.Namespace,
-    executor: Executor,
-    target: Target | Board,
-    work: Callable[[PhotographSearch], T],
-) -> T:
-    """The result of a search in the photographs of a data set, with a bar for each stage."""
+    parsed: argparse.Namespace, executor: Executor, target: Target | Board
+) -> list[Frame] | Recording:
+    """What is found in the photographs of a data set, with a bar for each stage."""
     search = PhotographSearch(parsed.dataset, executor, say, parsed.pair_by, parsed.lens_model)
     if search.is_described or not isinstance(target, Board):
         _ = search.known  # before the long work
@@ -44,7 +40,7 @@ def in_search(
     if parsed.videos is not None:
         coloured = isinstance(target, Balls) and BRIGHT not in target.colours
         search = replace(search, heard=_take_frames(parsed, search.cameras, coloured))
-    return in_stages(lambda begin, show: work(replace(search, begin=begin, progress=show)))
+    return in_stages(lambda begin, show: replace(search, begin=begin, progress=show).found(target))
 
 
 def _take_frames(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,7 @@ from stereocal.rig.correspondences import (
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.tables import EMPTY, Column, Reasons, Values, read_rows
 
+Texts: TypeAlias = "pd.Series[str]"
 REQUIRED = ("frame", "target", *PIXELS)
 NUMBERS = (
     *(Column(name, is_whole=True) for name in ("frame", TIME)),
@@ -94,11 +96,7 @@ def read_table(content: bytes, source: str) -> Table:
 
 
 def codes_of(
-    words: "pd.Series[str]",
-    codes: Mapping[str, int],
-    allowed: str,
-    written: "pd.Series[str]",
-    reasons: Reasons,
+    words: Texts, codes: Mapping[str, int], allowed: str, written: Texts, reasons: Reasons
 ) -> IntArray:
     """The codes of words; adds rows with others, as `written` under the name of that column."""
     found = words.map(codes)
@@ -108,9 +106,7 @@ def codes_of(
     return np.asarray(found.fillna(0), dtype=np.int64)
 
 
-def _object(
-    targets: "pd.Series[str]", values: Values, reasons: Reasons, source: str
-) -> RigidObject:
+def _object(targets: Texts, values: Values, reasons: Reasons, source: str) -> RigidObject:
     """The object of the columns `OBJECT`; adds rows that contradict an earlier one."""
     places = np.column_stack([values[name] for name in OBJECT])
     found: dict[str, FloatArray] = {}

@@ -118,9 +118,7 @@ def _by_beginning(content: bytes) -> Kind | None:
         return "photograph"
     if content[4:8] in (b"ftyp", b"moov", b"mdat", b"wide"):
         return "video"
-    if content[:4] == b"RIFF" and content[8:11] == b"AVI":
-        return "video"
-    return None
+    return "video" if content[:4] == b"RIFF" and content[8:11] == b"AVI" else None
 
 
 def _by_text(name: str, content: bytes) -> Kind | None:

@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 
 from stereocal.detection.detect import State
-from stereocal.errors import DAMAGED, StereocalError, can_be_shown
+from stereocal.errors import StereocalError, can_be_shown, damaged
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import SOURCES, TARGETS, Correspondences
@@ -119,15 +119,11 @@ def pack_frames(frames: Sequence[Frame]) -> bytes:
 
 def unpack_frames(content: bytes) -> list[Frame]:
     """The frames of `pack_frames`."""
-    try:
+    with damaged("The found targets cannot be read; find them again.", keep=True):
         data = json.loads(content)
         if data["format"] != FRAMES_FORMAT:
             raise StereocalError("The found targets were written by another version of stereocal.")
         return [frame_from_json(item) for item in data["frames"]]
-    except DAMAGED as error:
-        if isinstance(error, StereocalError):
-            raise
-        raise StereocalError("The found targets cannot be read; find them again.") from error
 
 
 def describe_frames(frames: Sequence[Frame]) -> str:

@@ -2,14 +2,12 @@
 
 import io
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import damaged
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused
 from stereocal.intrinsics.calibrate_lens import LensCalibration
 from stereocal.intrinsics.lens_fit import PARAMETERS, LensSettings
@@ -18,6 +16,7 @@ from stereocal.system.arrays import read_arrays, shaped
 from stereocal.system.records import of_plain
 
 RESULT_FORMAT = "stereocal-lens/1"
+DAMAGED_LENS = "The last lens result of this project cannot be read; calibrate the lens again."
 MAXIMUM_PIXELS = 1_000_000
 """Along one side of a photograph."""
 
@@ -77,13 +76,13 @@ def _pack(search: BoardSearch, head: dict[str, Any], arrays: dict[str, Any]) -> 
 
 def unpack_search(content: bytes) -> BoardSearch:
     """The boards of `pack_search`."""
-    with _damage_told():
+    with damaged(DAMAGED_LENS):
         return _search(*_unpack(content))
 
 
 def unpack_lens(content: bytes) -> LensCalibration:
     """The calibration of `pack_lens`."""
-    with _damage_told():
+    with damaged(DAMAGED_LENS):
         head, arrays = _unpack(content)
         settings = of_plain(head["settings"], LensSettings)
         search = _search(head, arrays)
@@ -95,16 +94,6 @@ def unpack_lens(content: bytes) -> LensCalibration:
         lens = LensCalibration(search, settings, drawn, draws, of_all)
         lens.camera.to_json()  # raises an error for an invalid camera
         return lens
-
-
-@contextmanager
-def _damage_told() -> Iterator[None]:
-    try:
-        yield
-    except DAMAGED as error:
-        raise StereocalError(
-            "The last lens result of this project cannot be read; calibrate the lens again."
-        ) from error
 
 
 def _unpack(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:

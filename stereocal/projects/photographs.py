@@ -100,9 +100,7 @@ class ProjectPhotographs(ProjectPart):
     def rows(self) -> list[PairRow]:
         """The pairs as edited, or as proposed if nobody has edited them."""
         edited = self._decisions[-1].rows
-        if edited is None:
-            return [PairRow(pair) for pair in self.proposal.pairing.pairs]
-        return edited
+        return [*map(PairRow, self.proposal.pairing.pairs)] if edited is None else edited
 
     def moments(self, cameras: Sequence[str]) -> Moments:
         """The photographs of each moment: of two cameras the pairs that are used, of a rig those

@@ -19,6 +19,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, homogeneous
 from stereocal.rig.rig import Rig
 
+Depths = tuple[float, float]
 TRUTH_FORMAT = "stereocal-truth/1"
 TRUTH = "truth.json"
 FIELD_BASELINE_M = 4.5
@@ -91,7 +92,7 @@ def place_bars(
     rng: np.random.Generator,
     frames: int,
     length_m: float,
-    depths_m: tuple[float, float] = FIELD_DEPTHS_M,
+    depths_m: Depths = FIELD_DEPTHS_M,
     margin_px: float = MARGIN_PX,
 ) -> Scene:
     """Draw bars at random positions and in random directions, both ends in view of both cameras.
@@ -218,11 +219,7 @@ def truth_of(scene: Scene, noise_px: float, seed: int) -> dict[str, Any]:
 
 
 def _random_bars(
-    camera: Camera,
-    rng: np.random.Generator,
-    count: int,
-    length_m: float,
-    depths_m: tuple[float, float],
+    camera: Camera, rng: np.random.Generator, count: int, length_m: float, depths_m: Depths
 ) -> FloatArray:
     """Ends (count, 2, 3) of bars whose centres are in the image of `camera`, in its frame."""
     pixels = rng.uniform(0.0, 1.0, (count, 2)) * (np.array(camera.image_size) - 1.0)
@@ -234,7 +231,7 @@ def _random_bars(
 
 
 def in_view(
-    camera: Camera, points: FloatArray, depths_m: tuple[float, float], margin_px: float
+    camera: Camera, points: FloatArray, depths_m: Depths, margin_px: float
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """(n,): whether points (n, 3) in the camera's frame are in the depth range and in its image."""
     near, far = depths_m

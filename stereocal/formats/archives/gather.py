@@ -15,7 +15,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Archive, baseline_taken, lens_taken, points_taken
 from stereocal.formats.archives.easywand import EasyWandFile, open_easywand, read_easywand
 from stereocal.formats.correspondences_csv import REQUIRED, read_table
-from stereocal.formats.exchange.chosen_cameras import chosen_pair, has_cameras, namesakes
+from stereocal.formats.exchange.chosen_cameras import Wanted, chosen_pair, has_cameras, namesakes
 from stereocal.formats.exchange.exchange import camera_names, format_of, read_camera_pair
 from stereocal.formats.exchange.options import Contents, ExchangeOptions
 from stereocal.formats.matlab_file import SAVE_AGAIN
@@ -90,9 +90,6 @@ def names_in(files: Contents) -> tuple[str, ...]:
         several = camera_names(name, content)
         found += several if len(several) > 1 else [PurePath(name).stem]
     return tuple(found)
-
-
-Wanted = tuple[str | int, str | int] | None
 
 
 def _wanted(

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from stereocal.errors import StereocalError
 from stereocal.frames.which_camera import names_camera, plain_name
 
+Wanted = tuple[str | int, str | int] | None
+
 
 @dataclass(frozen=True)
 class ChosenPair:
@@ -39,10 +41,7 @@ class ChosenPair:
 
 
 def chosen_pair(
-    cameras: Sequence[str],
-    wanted: tuple[str | int, str | int] | None,
-    source: str,
-    also: Sequence[str] = (),
+    cameras: Sequence[str], wanted: Wanted, source: str, also: Sequence[str] = ()
 ) -> ChosenPair:
     """The primary and the secondary among the cameras of a file.
 

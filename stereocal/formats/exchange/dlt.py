@@ -165,9 +165,8 @@ def _rows(file: ForeignFile) -> list[list[str]]:
     found = [[cell.strip(' ",') for cell in row] for row in rows]
     if found and all(len(row) > 1 and not row[-1] for row in found):
         found = [row[:-1] for row in found]
-    if between == ",":
-        return found
-    return [[cell.replace(",", ".") for cell in row] for row in found]
+    commas = "," if between == "," else "."
+    return [[cell.replace(",", commas) for cell in row] for row in found]
 
 
 def _is_number(cell: str) -> bool:
