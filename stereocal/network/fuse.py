@@ -152,6 +152,8 @@ def fuse(recording: Recording, pairs: Sequence[PairFit], settings: RigSettings) 
             g += J.T @ (A @ d + b)
         b = M.T @ g + unknowns.precision @ p
         step = -unknowns.covariance(H) @ b
+        if not np.isfinite(step).all():
+            raise np.linalg.LinAlgError("the pairs leave a camera free")
         moved = p + step
         R, p = turned(R, M @ moved), np.where(at_origin, 0.0, moved)
         if -float(step @ b) < CONVERGED:

@@ -198,7 +198,8 @@ def _explained(K: FloatArray, g: FloatArray, weights: FloatArray) -> tuple[float
 
 def _inverse(A: FloatArray) -> FloatArray:
     """The inverse of a normal matrix whose units differ, in what it determines."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(A), np.finfo(float).tiny))
+    diagonal = np.diag(A)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     units = np.outer(scale, scale)
     return np.asarray(np.linalg.pinv(A * units, SMALLEST, hermitian=True) * units)
 

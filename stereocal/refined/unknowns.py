@@ -160,8 +160,11 @@ class Unknowns:
         return dict(zip(self.names, p.tolist(), strict=True))
 
     def covariance(self, information: FloatArray) -> FloatArray:
-        """(k, k): covariance of p, from the priors and the information (25, 25) about q."""
+        """(k, k): covariance of p, from the priors and the information (25, 25) about q; NaN where
+        nothing is known of one."""
         A = self.M.T @ information @ self.M + self.precision
+        if not (np.diag(A) > 0.0).all():
+            return np.full_like(A, np.nan)
         scale = 1.0 / np.sqrt(np.diag(A))  # the units differ by orders of magnitude
         return np.asarray(np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale))
 

@@ -1,5 +1,6 @@
 """Stated uncertainties against what simulations show."""
 
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -43,6 +44,12 @@ def test_errors_are_near_the_cramer_rao_bound(rigs: int) -> None:
     most = 1.1 + 1.4 / np.sqrt(rigs)
     assert rotation < most
     assert length < most
+
+
+def test_an_unknown_of_which_nothing_is_known_has_no_error(result: RefinedResult) -> None:
+    """As of a camera whose pairs all fail; NumPy warned of a division by zero."""
+    free = replace(result.unknowns, precision=np.zeros_like(result.unknowns.precision))
+    assert np.isnan(free.covariance(np.zeros((25, 25)))).all()
 
 
 def test_slopes_of_a_distance_are_those_of_finite_differences(result: RefinedResult) -> None:
