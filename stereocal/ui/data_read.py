@@ -3,6 +3,7 @@ step."""
 
 from functools import partial
 
+import plotly.graph_objects as go
 import streamlit as st
 
 from stereocal.figures.coverage import describe_coverage, plot_coverage
@@ -12,6 +13,7 @@ from stereocal.network.started_by_hand import bring_into_step
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.recording import Recording
+from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.lengths import show_rig
@@ -20,6 +22,9 @@ from stereocal.ui.photographs import has_photographs
 from stereocal.ui.prerequisites import is_asked
 from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
 from stereocal.ui.texts import escape_markdown
+
+_DRAWN: Latest[go.Figure] = Latest(8)
+"""The figures of the data shown last, by their digest: every act on the page draws it again."""
 
 
 def show_what_was_read(project: Project | None) -> None:
@@ -42,8 +47,9 @@ def show_what_was_read(project: Project | None) -> None:
         f"{count(len(dataset.correspondences.frames), 'frame')}."
     )
     show_rig(project, dataset)
-    figure, words = plot_coverage(dataset, is_narrow()), describe_coverage(dataset)
-    clicked = partial(open_clicked_frame, project)
+    narrow, clicked = is_narrow(), partial(open_clicked_frame, project)
+    figure = _DRAWN.once(f"{dataset.sha256} {narrow}", lambda: plot_coverage(dataset, narrow))
+    words = describe_coverage(dataset)
     show_figure(figure, words, COVERAGE, on_select=clicked, selection_mode="points")
     st.caption("A click on a point opens its frame.")
     st.table(contents_table(dataset))
