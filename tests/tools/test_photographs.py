@@ -1,7 +1,6 @@
 """Photographs of the bar, their backgrounds, what spoils them, and the sample that is shipped."""
 
 import json
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import FIELD_BAR_M, Scene, field_rig
 from stereocal.system.photograph import read_colours
+from tests.bar_photographs import small
 from tests.further import further
 from tests.simulation.test_simulate import assert_same_numbers
 from tools.photographs.__main__ import main
@@ -36,15 +36,10 @@ PLAIN = PhotographSettings(read_noise=0.0, full_well_e=np.inf, vignetting=0.0)
 
 def small_scene(seed: int, frames: int) -> Scene:
     """The field rig with a quarter of its pixels in each direction, and bars in view."""
-    cameras = []
     rig = field_rig()
-    for camera in (rig.primary, rig.secondary):
-        K = camera.K.copy()
-        K[:2] /= 4.0
-        cameras.append(replace(camera, K=K, image_size=(584, 432)))
-    small = Rig(cameras[0], cameras[1], rig.pose)
+    shrunk = Rig(small(rig.primary), small(rig.secondary), rig.pose)
     return place_visible_bars(
-        small, np.random.default_rng(seed), frames, FIELD_BAR_M, 0.3, (6.0, 9.0), margin_px=50.0
+        shrunk, np.random.default_rng(seed), frames, FIELD_BAR_M, 0.3, (6.0, 9.0), margin_px=50.0
     )
 
 
