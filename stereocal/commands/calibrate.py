@@ -170,10 +170,8 @@ def _table_of(calibration: Calibration) -> list[str]:
         told["refined"] = (refined.steps, refined.seconds, refined.stop_reason)
     for name, (evaluations, seconds, stopped) in told.items():
         errors = calibration.errors[name]
-        mean, p95 = (
-            "none" if math.isnan(fraction) else f"{100 * fraction:.4f}"
-            for fraction in (errors.mean_length, errors.p95_length)
-        )
+        fractions = errors.mean_length, errors.p95_length
+        mean, p95 = ("none" if math.isnan(own) else f"{100 * own:.4f}" for own in fractions)
         lines.append(
             f"{name:<10} {errors.mean_reprojection_px:>15.4f} {mean:>14} {p95:>12} "
             f"{evaluations:>12} {seconds:>8.3f}  {stopped}"

@@ -39,13 +39,10 @@ OPTIONS: Options = {
 
 def run(parsed: argparse.Namespace) -> None:
     datasets = [dataset_from(parsed, path) for path in parsed.datasets]
-    settings = EvaluationSettings(
-        settings_from(parsed, calibration_frames=None),
-        parsed.runs,
-        parsed.calibration_frames,
-        parsed.splits,
-        refine_settings_from(parsed) if parsed.refined else None,
-    )
+    search = settings_from(parsed, calibration_frames=None)
+    refined = refine_settings_from(parsed) if parsed.refined else None
+    splits = parsed.runs, parsed.calibration_frames, parsed.splits
+    settings = EvaluationSettings(search, *splits, refined)
     found = [Run(dataset, settings.calibration, settings.refined) for dataset in datasets]
     screenings = [run.screening for run in found]
     kept = [screening.dataset for screening in screenings]

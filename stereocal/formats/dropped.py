@@ -140,16 +140,13 @@ def differing_sizes(sizes: Mapping[str, tuple[int, int]]) -> list[str]:
         usual = max(own, key=own.count, default=None)
         if usual is None or 2 * own.count(usual) <= len(own):
             continue
-        for name in lot:
+        for name in (name for name in lot if sizes[name] != usual):
             width, height = sizes[name]
-            if (width, height) == usual:
-                continue
-            turned = (height, width) == usual
-            remedy = (
-                "give it without being turned" if turned else "give it in the size of the others"
+            how = (
+                "without being turned" if (height, width) == usual else "in the size of the others"
             )
             said.append(
                 f"{name}: it has {width}x{height} px, the other photographs of its camera "
-                f"{usual[0]}x{usual[1]} px: {remedy}, or leave its frame out."
+                f"{usual[0]}x{usual[1]} px: give it {how}, or leave its frame out."
             )
     return said

@@ -85,19 +85,13 @@ def _deeplabcut(rows: list[list[str]]) -> PointLayout | None:
         return None
     coords = names.index("coords")
     marks = [cell.strip().lower() for cell in rows[coords]]
-    columns = tuple(
-        PointColumns(
-            "cam1",
-            " ".join(row[k].strip() for row in rows[1:coords] if k < len(row)),
-            k,
-            k + 1,
-            k + 2 if marks[k + 2 : k + 3] == ["likelihood"] else None,
-        )
-        for k in range(1, len(marks) - 1)
-        if marks[k] == "x"
-    )
+    columns: list[PointColumns] = []
+    for k in (k for k in range(1, len(marks) - 1) if marks[k] == "x"):
+        point = " ".join(row[k].strip() for row in rows[1:coords] if k < len(row))
+        likelihood = k + 2 if marks[k + 2 : k + 3] == ["likelihood"] else None
+        columns.append(PointColumns("cam1", point, k, k + 1, likelihood))
     ask = "How likely must a point be to count? Below 0.6 it is often wrong."
-    found = PointLayout("DeepLabCut", columns, coords + 1, frame=0, questions=(ask,))
+    found = PointLayout("DeepLabCut", tuple(columns), coords + 1, frame=0, questions=(ask,))
     return found if columns else None
 
 

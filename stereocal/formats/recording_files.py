@@ -346,16 +346,8 @@ def read_points_csv(
             row = int(its_rows[at])
             rows.reasons.setdefault(row, f"{_at(rows, row)}: the {what}")
     rows.check(source)
-    recording = Recording(
-        name="",
-        cameras=dict(cameras),
-        object=rigid_object,
-        frame=rows.values["frame"].astype(np.int64),
-        camera=codes["camera"],
-        target=codes["target"],
-        points=points,
-        sigma_px=rows.values[SIGMA],
-    )
+    seen = rows.values["frame"].astype(np.int64), codes["camera"], codes["target"], points
+    recording = Recording("", dict(cameras), rigid_object, *seen, rows.values[SIGMA])
     with naming(source):
         return recording.within_view()
 

@@ -298,18 +298,11 @@ def _lines(raw: pd.DataFrame, values: Values, reasons: Reasons) -> tuple[Line, .
             reasons.setdefault(row, f"{name} is a {kind_of[name]} line in an earlier row")
         elif any(each[row].any() != each[row].all() for each in known):
             reasons.setdefault(row, "one of u and v is empty")
-    rows_of = {name: np.array(names) == name for name in kind_of}
-    return tuple(
-        Line(
-            name,
-            kind,
-            (
-                pixels[rows_of[name] & known[0].all(axis=1), :2],
-                pixels[rows_of[name] & known[1].all(axis=1), 2:],
-            ),
-        )
-        for name, kind in kind_of.items()
-    )
+    seen, found = [each.all(axis=1) for each in known], []
+    for name, kind in kind_of.items():
+        own = np.array(names) == name
+        found.append(Line(name, kind, (pixels[own & seen[0], :2], pixels[own & seen[1], 2:])))
+    return tuple(found)
 
 
 def _throw(raw: pd.DataFrame, values: Values, reasons: Reasons, frame_rate: float) -> Throw:

@@ -125,11 +125,8 @@ def _with_refined(found: Calibration) -> Calibration:
 def _method(data: Mapping[str, Any], name: Method) -> MethodResult:
     # Results of version 1.0 have the pose's two entries among their own.
     found = of_plain({"pose": {key: data.get(key) for key in "RT"}, **data}, MethodResult)
-    sound = (
-        data.get("method", name) == name
-        and math.isfinite(found.cost)
-        and math.isfinite(found.seconds)
-    )
+    finite = math.isfinite(found.cost) and math.isfinite(found.seconds)
+    sound = finite and data.get("method", name) == name
     trace = found.trace
     if not sound or (trace and not len(trace.cost) == len(trace.delta) == len(trace.ratio)):
         raise ValueError(name)

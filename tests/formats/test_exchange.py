@@ -146,23 +146,22 @@ class TestPeers:
         )
 
 
-class TestMatlab:
-    def test_rows_times_the_matrix(self) -> None:
-        """As MATLAB computes: points are rows, and the first pixel is (1, 1)."""
-        text = export_files(FULL, "matlab")["stereo_parameters.m"].decode()
-        given: dict[str, FloatArray] = {}
-        for part in text.split("];")[:-1]:
-            name, _, body = part.rpartition("= [")
-            given[name.split()[-1]] = np.array(
-                [row.split() for row in body.strip().splitlines()], dtype=float
-            )
-        moved = POINTS @ given["RotationOfCamera2"] + given["TranslationOfCamera2"]
-        np.testing.assert_allclose(moved, RIG.apply(POINTS), rtol=0, atol=1e-12)
-        ray = SECONDARY.undistort(SECONDARY.project(moved))
-        pixels = np.column_stack([ray, np.ones(len(ray))]) @ given["K2"].T
-        undistorted = SECONDARY.undistort_to_pixels(SECONDARY.project(moved))
-        np.testing.assert_allclose(pixels[:, :2], undistorted + 1, rtol=0, atol=1e-9)
-        np.testing.assert_array_equal(given["ImageSize2"], [[1024, 1280]])
+def test_rows_times_the_matrix() -> None:
+    """As MATLAB computes: points are rows, and the first pixel is (1, 1)."""
+    text = export_files(FULL, "matlab")["stereo_parameters.m"].decode()
+    given: dict[str, FloatArray] = {}
+    for part in text.split("];")[:-1]:
+        name, _, body = part.rpartition("= [")
+        given[name.split()[-1]] = np.array(
+            [row.split() for row in body.strip().splitlines()], dtype=float
+        )
+    moved = POINTS @ given["RotationOfCamera2"] + given["TranslationOfCamera2"]
+    np.testing.assert_allclose(moved, RIG.apply(POINTS), rtol=0, atol=1e-12)
+    ray = SECONDARY.undistort(SECONDARY.project(moved))
+    pixels = np.column_stack([ray, np.ones(len(ray))]) @ given["K2"].T
+    undistorted = SECONDARY.undistort_to_pixels(SECONDARY.project(moved))
+    np.testing.assert_allclose(pixels[:, :2], undistorted + 1, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(given["ImageSize2"], [[1024, 1280]])
 
 
 def solve_dlt(table: FloatArray, views_of: list[FloatArray]) -> FloatArray:

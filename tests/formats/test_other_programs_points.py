@@ -154,13 +154,8 @@ class TestWhoWroteIt:
     @pytest.mark.parametrize(
         ("content", "name"),
         [
-            (DLTDV5, "dltdv5"),
-            (DLTDV8, "dltdv8"),
-            (ARGUS, "argus"),
-            (WAND, "wand"),
-            (tracktor(0), "tracktor"),
-            (sleap(0), "sleap"),
-            (deeplabcut(0), "deeplabcut"),
+            *zip((DLTDV5, DLTDV8, ARGUS, WAND), ("dltdv5", "dltdv8", "argus", "wand"), strict=True),
+            *((write(0), write.__name__) for write in (tracktor, sleap, deeplabcut)),
             (trackmate(0, "pixel", 1), "trackmate"),
             (b"t,x,y\n1,2,3\n", "table"),
             (odd(0), None),
@@ -305,13 +300,9 @@ class TestHdf5:
         tracks = np.arange(2 * 2 * 1 * 3, dtype=float).reshape(2, 2, 1, 3)
         tracks[1, 0, 0, 1] = np.nan
         table = pixels(point_text(hdf5(tracks=tracks, node_names=[b"nose"]), "a.h5"), 0)
-        assert table[["frame", "u", "v", "track"]].to_numpy().tolist() == [
-            [0, 0, 3, "track_0"],
-            [0, 6, 9, "track_1"],
-            [1, 1, 4, "track_0"],
-            [2, 2, 5, "track_0"],
-            [2, 8, 11, "track_1"],
-        ]
+        rows = table[["frame", "u", "v"]].to_numpy().tolist()
+        assert rows == [[0, 0, 3], [0, 6, 9], [1, 1, 4], [2, 2, 5], [2, 8, 11]]
+        assert [name[-1] for name in table["track"]] == [*"01001"]
 
     def test_deeplabcuts_is_named_and_never_read(self, tmp_path: Path) -> None:
         content = hdf5(**{"df_with_missing/table": np.zeros(3)})

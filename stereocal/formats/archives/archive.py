@@ -89,18 +89,10 @@ class Archive:
             notes += ("The baseline is a result of the other program, not a measurement.",)
         elif baseline_m == np.inf:
             measured, sigma = None, np.inf
-        return with_baseline_found(
-            Dataset(
-                name=name,
-                primary=self.primary,
-                secondary=self.secondary,
-                correspondences=self.correspondences.of_frames([]),
-                baseline_m=(self.baseline_m or 1.0) if measured is None else measured,
-                target_distance_m=distance,
-                baseline_sigma_m=sigma,
-                notes=" ".join(notes),
-            ).with_points(self.correspondences)
-        )
+        lengths = (self.baseline_m or 1.0) if measured is None else measured, distance, sigma
+        none, about = self.correspondences.of_frames([]), " ".join(notes)
+        found = Dataset(name, self.primary, self.secondary, none, *lengths, notes=about)
+        return with_baseline_found(found.with_points(self.correspondences))
 
 
 def with_background(bars: BarPoints, points: BarPoints) -> tuple[BarPoints, str]:
