@@ -68,12 +68,8 @@ def simulated_rig(
         rows += [(int(frame), number, int(target)) for frame, target in at]
         pixels.append(images.reshape(frames, -1, 2)[seen])
     focal, centre = LENS_ERRORS
-    nominal = {
-        name: lens_off_by(
-            camera, rng.normal(0.0, focal), (rng.normal(0.0, centre), rng.normal(0.0, centre))
-        )
-        for name, camera in true.items()
-    }
+    off = {name: rng.normal(0.0, (focal, centre, centre)).tolist() for name in names}
+    nominal = {name: lens_off_by(true[name], f, (cx, cy)) for name, (f, cx, cy) in off.items()}
     frame, which, target = np.array(rows, dtype=np.int64).T
     images = np.concatenate(pixels)
     unknown = np.full(len(frame), np.nan)

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
 
@@ -103,15 +104,11 @@ def test_wrong_input(dataset: Path, tmp_path: Path) -> None:
     ],
 )
 def test_options_without_effect_are_rejected(
-    command: str,
-    option: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    command: str, option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "rig.json").write_text('{"format": "stereocal-rig/1"}')
-    assert main([*command.split(), *option.split(), "--out", "out"]) == 2
+    with chdir(tmp_path):
+        assert main([*command.split(), *option.split(), "--out", "out"]) == 2
     assert capsys.readouterr().err.startswith(f"stereocal: {option.split()[0]} is for ")
 
 

@@ -1,6 +1,7 @@
 """Commands sample, plan, print and world; and one sentence for bad input in all commands."""
 
 import json
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -140,16 +141,12 @@ COMMANDS = (
 @pytest.mark.parametrize("name", ["nothing_there.csv", "damaged.csv", "empty.csv"])
 @pytest.mark.parametrize("command", COMMANDS)
 def test_one_sentence_exit_2_and_no_file(
-    command: str,
-    name: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    command: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("damaged.csv").write_bytes(b"\x00\xff{[\n" * 9)
-    Path("empty.csv").touch()
-    assert main([*command.format(name).split(), "--out", "new"]) == 2
+    (tmp_path / "damaged.csv").write_bytes(b"\x00\xff{[\n" * 9)
+    (tmp_path / "empty.csv").touch()
+    with chdir(tmp_path):
+        assert main([*command.format(name).split(), "--out", "new"]) == 2
     said = capsys.readouterr()
     (sentence,) = (line for line in said.err.splitlines() if line.startswith("stereocal"))
     assert name.split(".")[0] in sentence and "Traceback" not in said.err

@@ -96,15 +96,8 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(name: str, given: Path, tmp_path:
     pytest.fail("A process of the command stays.")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "both"),
-    [
-        ("--help", True),
-        ("--help", False),
-        pytest.param("calibrate", True, marks=pytest.mark.soak),
-        pytest.param("calibrate", False, marks=pytest.mark.soak),
-    ],
-)
+@pytest.mark.parametrize("both", [True, False])
+@pytest.mark.parametrize("arguments", ["--help", pytest.param("calibrate", marks=pytest.mark.soak)])
 def test_a_pipe_that_nobody_reads(arguments: str, both: bool, tmp_path: Path) -> None:
     words = ["--help"]
     if arguments == "calibrate":

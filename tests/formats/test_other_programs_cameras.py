@@ -145,8 +145,8 @@ class TestRosFiles:
     def test_the_pose_is_of_the_order(self, tmp_path: Path) -> None:
         """A folder has no order: there, the left camera is the primary, and that is said."""
         folder = str(CASES / "ros_order_ignored")
+        out = tmp_path / "p.json"
         for words, secondary_first in (((), False), (("--cameras", "right,left"), True)):
-            out = tmp_path / "p.json"
             assert main(["convert", folder, "--from", "ros", *words, "--out", str(out)]) == 0
             read = RigParameters.load(out)
             pose = read.pose.inverse() if secondary_first else read.pose

@@ -40,21 +40,16 @@ def test_missing_parts_are_named_until_complete(tmp_path: Path) -> None:
     project = Project.create(tmp_path)
     assert len(project.inputs.missing) == 5
     project.give({"primary": ("p.json", (FIELD / "primary.json").read_bytes())}, baseline_m=4.5)
-    assert project.inputs.missing == [
-        "the table of points",
-        "the secondary camera's file",
-        "the distance between the targets",
-    ]
+    points, camera = "the table of points", "the secondary camera's file"
+    assert project.inputs.missing == [points, camera, "the distance between the targets"]
     assert project.dataset is None
 
 
 def test_a_planned_length_is_missing_until_it_is_measured(tmp_path: Path) -> None:
     project = filled(tmp_path)
     project.give({}, planned=["baseline_m", "target_distance_m"])
-    assert [words.partition(" as ")[0] for words in project.inputs.missing] == [
-        "the baseline",
-        "the distance between the targets",
-    ]
+    named = [words.partition(" as ")[0] for words in project.inputs.missing]
+    assert named == ["the baseline", "the distance between the targets"]
     assert project.dataset is None
     # A baseline that is left free needs no measuring.
     project.give({}, baseline_free=True)
