@@ -10,11 +10,11 @@ from stereocal.figures import style
 from stereocal.figures.style import NOWHERE, add_trace, blank, line_of
 from stereocal.intrinsics.calibrate_lens import LensCalibration
 from stereocal.intrinsics.lens_fit import PARAMETERS
-from stereocal.intrinsics.quality import coverage, lens_residuals, typical_and_noise_px, with_error
+from stereocal.intrinsics.quality import coverage, lens_residuals, typical_and_noise_px
 from stereocal.refined.misfit import FEWEST_POINTS, LEVEL, Misfit
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.residual_field import ResidualField
-from stereocal.system.numbers import count, rounded
+from stereocal.system.numbers import count, rounded, with_error
 from stereocal.verdict.in_words import percent
 
 BLUE, ORANGE = style.METHOD_COLOURS["2d"], style.METHOD_COLOURS["3d"]

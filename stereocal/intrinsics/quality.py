@@ -12,6 +12,7 @@ from stereocal.intrinsics.calibrate_lens import RECOMMENDED_VIEWS, LensCalibrati
 from stereocal.intrinsics.lens_fit import LensSettings, better_model, held_out_px
 from stereocal.rig.camera import Camera
 from stereocal.rig.residual_field import ResidualField, cells_of, residual_field
+from stereocal.system.numbers import decimals_of, with_error
 from stereocal.system.photograph import FileContent, read_photograph
 
 COVERAGE_CELLS = 10
@@ -48,7 +49,7 @@ def lens_rows(lens: LensCalibration) -> list[tuple[str, str, str, str, str]]:
         if lens.settings.free[at] == 0:
             rows.append((name, "0", "held at 0", "", "0"))
             continue
-        digits = _digits(lens.standard_errors[at])
+        digits = decimals_of(lens.standard_errors[at])
         value, sigma, spread, of_all = (
             f"{each[at]:.{digits}f}"
             for each in (lens.values, lens.standard_errors, lens.spread, lens.of_all)
@@ -61,19 +62,6 @@ def lens_fit_table(lens: LensCalibration) -> pd.DataFrame:
     """The rows for the screen."""
     titles = [title.capitalize() for title in LENS_COLUMNS]
     return pd.DataFrame(lens_rows(lens), columns=titles).set_index("Parameter")
-
-
-def with_error(value: float, sigma: float) -> str:
-    """`7124.3 ± 1.4`: the error with two significant digits, the value with as many decimals."""
-    digits = _digits(sigma)
-    return f"{value:.{digits}f} ± {sigma:.{digits}f}"
-
-
-def _digits(sigma: float) -> int:
-    """Decimals that show two digits of an error."""
-    if not sigma > 0:
-        return 3
-    return min(max(1 - math.floor(math.log10(sigma)), 0), 9)
 
 
 def coverage(search: BoardSearch) -> float:

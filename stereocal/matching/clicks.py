@@ -30,7 +30,7 @@ from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.epipolar_curve import epipolar_curve
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import rounded, with_error
 
 CLICK_PX = 1.0
 """Noise of a click, one standard deviation of a coordinate, until the points show their own."""
@@ -137,8 +137,7 @@ class Length(NamedTuple):
     frames: int = 1
 
     def __str__(self) -> str:
-        decimals = int(np.clip(1 - np.floor(np.log10(max(self.sigma_m, 1e-9))), 0, 9))
-        return f"{self.metres:.{decimals}f} ± {self.sigma_m:.{decimals}f} m"
+        return f"{with_error(self.metres, self.sigma_m)} m"
 
 
 class Settled(NamedTuple):

@@ -28,7 +28,7 @@ from stereocal.refined.two_views import shared_unknowns
 from stereocal.refined.uncertainty import point_jacobians
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import rounded, with_error
 
 EXACT_PX = 1e-3
 """Errors of exact points count as this."""
@@ -67,9 +67,7 @@ class PointNoise:
     @property
     def in_words(self) -> str:
         if self.source == "estimated":
-            error = self.relative_error * self.sigma_px
-            places = int(np.clip(1 - np.floor(np.log10(max(error, 1e-9))), 0, 6))
-            return f"{self.sigma_px:.{places}f} ± {error:.{places}f} px"
+            return f"{with_error(self.sigma_px, self.relative_error * self.sigma_px)} px"
         where = "stated" if self.source == "stated" else "their columns state"
         return f"{rounded(self.sigma_px)} px, as {where}"
 

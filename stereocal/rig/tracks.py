@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.system.numbers import with_error
 
 WINDOW = np.array([-1.0, 0.0, 1.0, 2.0])
 """Frames about an instant between frame 0 and frame 1."""
@@ -125,8 +126,7 @@ class MeasuredOffset(TimeOffset):
 
     def interval(self, value: float) -> str:
         """A value with the standard error of the offset."""
-        decimals = max(2, 1 - math.floor(math.log10(self.sigma))) if self.sigma else 3
-        return f"{value:.{decimals}f} ± {self.sigma:.{decimals}f}"
+        return with_error(value, self.sigma, least=2)
 
 
 @dataclass(frozen=True, eq=False)

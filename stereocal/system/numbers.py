@@ -26,6 +26,17 @@ def rounded(value: float, significant: int = 2) -> str:
 SINGULAR = {"are": "is", "were": "was", "have": "has", "do": "does", "lie": "lies"}
 
 
+def with_error(value: float, sigma: float, least: int = 0) -> str:
+    """`7124.3 ± 1.4`: the error with two significant digits, the value with as many decimals."""
+    decimals = max(decimals_of(sigma), least)
+    return f"{value:.{decimals}f} ± {sigma:.{decimals}f}"
+
+
+def decimals_of(sigma: float) -> int:
+    """Decimals that show two digits of an error; 3 of one that is 0."""
+    return min(max(1 - math.floor(math.log10(sigma)), 0), 9) if 0 < sigma < math.inf else 3
+
+
 def plural(n: int, what: str) -> str:
     """A noun as it follows this number: `frame` of 1, `frames` of 0, 2 and more."""
     return what if n == 1 else f"{what}s"

@@ -8,7 +8,7 @@ from stereocal.evaluation.summary import Estimate
 from stereocal.field.checking.findings import LARGEST_NOISE_RATIO, Recheck
 from stereocal.field.checking.repair import length_error
 from stereocal.rig.compiled import FloatArray
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import decimals_of, rounded
 from stereocal.verdict.in_words import digits, named_frames
 
 CHECK_FORMAT = "stereocal-check/1"
@@ -228,8 +228,7 @@ def _longer(change: Estimate) -> str:
 
 def _range(estimate: Estimate, factor: float, unit: str) -> str:
     """The size of a value with its interval, in the digits that the interval leaves."""
-    spread = max(factor * (estimate.high - estimate.low), 1e-9)
-    places = int(np.clip(1 - np.floor(np.log10(spread)), 0, 6))
+    places = decimals_of(factor * (estimate.high - estimate.low))
     ends = (estimate.low, estimate.high) if estimate.value >= 0 else (-estimate.high, -estimate.low)
     value, low, high = (f"{factor * x:.{places}f}" for x in (abs(estimate.value), *ends))
     return f"{value}{unit} ({low} to {high})"
