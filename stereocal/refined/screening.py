@@ -257,10 +257,11 @@ def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
     put_back = frames.tolist() if settings.all_frames else settings.frames_put_back
     found = screen(dataset, put_back, by_user, settings.time_offset, settings.time_drift)
     fit = found.fit
-    if fit and (message := other_size(fit, MAXIMUM_LEFT_OUT)):
-        raise StereocalError(message)
-    if fit and (message := camera_moved(fit)):
-        raise MovedError(message)
+    size = fit and other_size(fit, MAXIMUM_LEFT_OUT)
+    if fit and (moved := camera_moved(fit)):
+        raise MovedError(f"{size} Or: {moved}" if size else moved)
+    if size:
+        raise StereocalError(size)
     return found
 
 

@@ -19,14 +19,18 @@ from stereocal.refined.two_recordings import other_size
 from stereocal.rig.rigid_object import BoardPattern
 from tests import known_rig as rig
 from tests.rigs.board_mistakes import board_of
-from tests.rigs.board_pairs import draw_placings, drawn_rig, seen_by, sound, waved
+from tests.rigs.board_pairs import BoardPair, draw_placings, drawn_rig, seen_by, sound, waved
 from tests.rigs.pair_mistakes import moved, turned_after
 
 PAIR = sound(0, frames=16, baseline=True)
 
 
-def test_moved_camera_is_told_with_its_frame() -> None:
-    spoiled = moved(PAIR.dataset, np.random.default_rng(3), 1.0)
+@pytest.mark.parametrize(
+    ("pair", "seed"),
+    [(PAIR, [3]), pytest.param(sound(1, frames=16), [1, 5], id="or another board")],
+)
+def test_moved_camera_is_told_with_its_frame(pair: BoardPair, seed: list[int]) -> None:
+    spoiled = moved(pair.dataset, np.random.default_rng(seed), 1.0)
     with pytest.raises(StereocalError, match=r"A camera moved between frames [789] "):
         screened(spoiled, CalibrationSettings())
 
