@@ -3,7 +3,7 @@
 import numpy as np
 
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled, internal
-from stereocal.rig.geometry import bar_length, fill_essential, fill_pose, reprojection_shift
+from stereocal.rig.geometry import reprojection_shift
 
 LOWEST, HIGHEST, BIN_WIDTH = -12.0, 6.0, 0.02
 """Range of the bins in log10, and their width."""
@@ -12,44 +12,6 @@ UNDERFLOW, OVERFLOW = BINS, BINS + 1
 """Two more counters: for values below the range or 0, and for values above it or NaN."""
 RESIDUAL, REPROJECTION = 0, 1
 WRONG, CORRECT = 0, 1
-
-
-@compiled
-def validate_rays(
-    angles: FloatArray,
-    baseline: float,
-    pixel_scale: FloatArray,
-    rays: FloatArray,
-    partners: IntArray,
-    bar_rays: FloatArray,
-    distances: FloatArray,
-    counts: CountArray,
-    nans: IntArray,
-    lengths: FloatArray,
-    correct_px: FloatArray,
-) -> None:
-    """Count the errors of all pairs with the angles of each method, and measure the bars.
-
-    Args:
-        rays: (4, n).
-        partners: (n, p): the secondary points paired with each primary point.
-        bar_rays: (4, 2 m): the ends A of the bars, then the ends B.
-        distances: (m,), in metres.
-        counts: (methods, 2, 2, BINS + 2), added to: residual, reprojection; wrong, correct; bin.
-        nans: (methods, 2), added to: wrong, correct.
-        lengths: (methods, m), written: D^R / D.
-        correct_px: (methods,), written: mean reprojection error of the correct pairs that have one.
-    """
-    R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
-    bars = len(distances)
-    for method in range(len(angles)):
-        fill_pose(angles[method], baseline, R, T)
-        fill_essential(R, T, E)
-        correct_px[method] = count_pairs(
-            R, T, E, rays, pixel_scale, partners, counts[method], nans[method]
-        )
-        for k in range(bars):
-            lengths[method, k] = bar_length(R, T, bar_rays, k, k + bars) / distances[k]
 
 
 @compiled
@@ -64,6 +26,12 @@ def count_pairs(
     nans: IntArray,
 ) -> float:
     """Add |residual| and reprojection error of all pairs to `counts`, and the NaN to `nans`.
+
+    Args:
+        rays: (4, n).
+        partners: (n, p): the secondary points paired with each primary point.
+        counts: (2, 2, BINS + 2): residual, reprojection; wrong, correct; bin.
+        nans: (2,): wrong, correct.
 
     Returns:
         The mean reprojection error of the correct pairs with a value, in pixels; NaN if none has.

@@ -27,7 +27,7 @@ from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import minimise, reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.evaluation.compiled_run import BINS, validate_rays
+from stereocal.evaluation.compiled_run import BINS, count_pairs
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import undistort_rays
@@ -35,7 +35,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, triangulate_rays
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.system.settings import Settings, described, joined
@@ -294,26 +294,22 @@ def _test(
     Args:
         baseline_m, rays, pixel_scale: of a set of its own; None: those of the data set.
     """
-    seen = dataset.rays if rays is None else rays
+    rays = dataset.rays if rays is None else rays
+    scale = dataset.pixel_scale if pixel_scale is None else pixel_scale
+    baseline_m = dataset.baseline_m if baseline_m is None else baseline_m
     counts = np.zeros((len(angles), 2, 2, BINS + 2), dtype=np.int32)
     nans = np.zeros((len(angles), 2), dtype=np.int64)
     correct_px = np.empty(len(angles))
-    bars = dataset.bars_among(rows)
+    bars, tested = dataset.bars_among(rows), np.ascontiguousarray(rays[:, rows])
     lengths = np.empty((len(angles), np.count_nonzero(bars)))
-    ends = dataset.correspondences.bars[bars].T.ravel()
-    validate_rays(
-        angles,
-        dataset.baseline_m if baseline_m is None else baseline_m,
-        dataset.pixel_scale if pixel_scale is None else pixel_scale,
-        np.ascontiguousarray(seen[:, rows]),
-        partners,
-        np.ascontiguousarray(seen[:, ends]),
-        dataset.bar_distances_m[bars],
-        counts,
-        nans,
-        lengths,
-        correct_px,
-    )
+    one, other = (rays[:, ends] for ends in dataset.correspondences.bars[bars].T)
+    R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    for at, own in enumerate(angles):
+        fill_pose(own, baseline_m, R, T)
+        fill_essential(R, T, E)
+        correct_px[at] = count_pairs(R, T, E, tested, scale, partners, counts[at], nans[at])
+        apart = triangulate_rays(R, T, one) - triangulate_rays(R, T, other)
+        lengths[at] = np.linalg.norm(apart, axis=1) / dataset.bar_distances_m[bars]
     return RunCounts(counts, nans, lengths, angles, correct_px)
 
 

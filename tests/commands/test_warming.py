@@ -95,7 +95,7 @@ for one in gc.get_objects():
 """
 OF_BOTH_LENSES = {
     *("_fill_errors", "cost", "count_pairs", "reprojection_cost"),
-    *("reprojection_shift", "search", "validate_rays"),
+    *("reprojection_shift", "search"),
 }
 """A fisheye has a scale of the pixels at each point."""
 
