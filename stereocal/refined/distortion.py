@@ -132,24 +132,13 @@ def set_distortion(q: FloatArray, first: int, each: int, lenses: FloatArray) -> 
     return found
 
 
-@internal
-def fill_pixel_scale(
-    q: FloatArray, focal_lengths: int, lenses: FloatArray, camera: int, scale: FloatArray
-) -> None:
-    """Write a row of `camera.pixel_scales` with the lens of q; `lenses` has its distortion."""
-    if scale.ndim == 3:
-        scale[camera, 0, 0], scale[camera, 0, 1] = q[focal_lengths], lenses[camera, 0]
-        scale[camera, 0, 2] = q[focal_lengths + 1]
-        if lenses[camera, 1 + TILTED] == FISHEYE:
-            scale[camera, 0, 3] = lenses[camera, 5]
-        for i in range(4):
-            scale[camera, 1, i] = lenses[camera, 1 + i]
-    else:
-        scale[camera, 0], scale[camera, 1] = q[focal_lengths], lenses[camera, 0]
-        scale[camera, 2] = q[focal_lengths + 1]
-
-
-def empty_pixel_scale(lenses: FloatArray) -> FloatArray:
-    """An array of the shape that `fill_pixel_scale` takes for some lenses."""
-    fisheye = (lenses[:, 1 + TILTED] == FISHEYE).any()
-    return np.zeros((len(lenses), 2, 4) if fisheye else (len(lenses), 3))
+def pixel_scales_of(focal_lengths: FloatArray, lenses: FloatArray) -> FloatArray:
+    """As `camera.pixel_scales`, of fx and fy (c, 2) and lenses (c, 23) with their distortion."""
+    fisheye = lenses[:, 1 + TILTED] == FISHEYE
+    scales = np.column_stack([focal_lengths[:, 0], lenses[:, 0], focal_lengths[:, 1]])
+    if not fisheye.any():
+        return scales
+    found = np.zeros((len(lenses), 2, 4))
+    found[:, 0, :3], found[:, 0, 3] = scales, np.where(fisheye, lenses[:, 5], 0.0)
+    found[:, 1] = lenses[:, 1:5]
+    return found

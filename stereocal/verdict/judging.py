@@ -5,15 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from stereocal.evaluation.compiled_run import BINS, count_pairs
-from stereocal.refined.distortion import (
-    distort,
-    empty_pixel_scale,
-    fill_pixel_scale,
-    set_distortion,
-)
+from stereocal.refined.distortion import distort, pixel_scales_of, set_distortion
 from stereocal.refined.two_views import BASELINE, DISTORTION, PRIMARY, SECONDARY, undistort_rays
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled
-from stereocal.rig.geometry import bar_length, fill_essential, fill_pose
+from stereocal.rig.geometry import fill_essential, fill_pose, triangulate_rays
 from stereocal.rig.rig import Rig
 
 
@@ -92,46 +87,20 @@ def judge(
         distances: (m,), the true lengths in metres.
         partners: (n, p): the secondary points paired with each primary point.
     """
-    s = len(sets)
-    found = JudgedSets(
-        np.zeros((s, 2, 2, BINS + 2), dtype=np.int32), np.empty((s, len(distances))), np.empty(s)
-    )
-    scale, nans = empty_pixel_scale(stated_lenses), np.zeros((s, 2), dtype=np.int64)
-    _judge(sets, stated_lenses, scale, pixels, start, distances, partners, nans, *found)
-    return found
-
-
-@compiled
-def _judge(
-    sets: FloatArray,
-    stated_lenses: FloatArray,
-    scale: FloatArray,
-    pixels: FloatArray,
-    start: FloatArray,
-    distances: FloatArray,
-    partners: IntArray,
-    nans: IntArray,
-    counts: CountArray,
-    lengths: FloatArray,
-    correct_px: FloatArray,
-) -> None:
-    R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
-    rays, inverse_jacobians = start.copy(), np.empty((len(pixels), 2, 4))
-    for s in range(len(sets)):
-        q = sets[s]
-        lenses = set_distortion(q, DISTORTION, 4, stated_lenses)
+    s, bars, lenses = len(sets), len(distances), stated_lenses.copy()
+    counts = np.zeros((s, 2, 2, BINS + 2), dtype=np.int32)
+    found = JudgedSets(counts, np.full((s, bars), np.nan), np.full(s, np.nan))
+    nans, inverse_jacobians = np.zeros(2, dtype=np.int64), np.empty((len(pixels), 2, 4))
+    R, T, E, rays = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), start.copy()
+    for at, q in enumerate(sets):
+        lenses[:, 1:5] = q[DISTORTION : DISTORTION + 8].reshape(2, 4)
         if not undistort_rays(q, lenses, pixels, rays, inverse_jacobians):
-            for i in range(rays.shape[0]):
-                for k in range(rays.shape[1]):
-                    rays[i, k] = start[i, k]
-            correct_px[s] = np.nan
-            for k in range(len(distances)):
-                lengths[s, k] = np.nan
+            rays = start.copy()
             continue
         fill_pose(q, q[BASELINE], R, T)
         fill_essential(R, T, E)
-        for camera in range(2):
-            fill_pixel_scale(q, PRIMARY + 4 * camera, lenses, camera, scale)
-        correct_px[s] = count_pairs(R, T, E, rays, scale, partners, counts[s], nans[s])
-        for k in range(len(distances)):
-            lengths[s, k] = bar_length(R, T, rays, 2 * k, 2 * k + 1) / distances[k]
+        scale = pixel_scales_of(q[[[PRIMARY, PRIMARY + 1], [SECONDARY, SECONDARY + 1]]], lenses)
+        found.correct_px[at] = count_pairs(R, T, E, rays, scale, partners, counts[at], nans)
+        ends = triangulate_rays(R, T, rays).reshape(bars, 2, 3)
+        found.lengths[at] = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / distances
+    return found
