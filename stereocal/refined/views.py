@@ -341,14 +341,23 @@ def fit_points(
         cameras: with the stated k1, k2, p1, p2.
         pixels, rays: (n, c, 2); NaN where a camera does not see a point.
     """
-    n, count = len(pixels), len(cameras.q)
+    n = len(pixels)
     fits = PointFits(
         np.full((n, 3), np.nan),
         np.full(pixels.shape, np.nan),
         np.full((n, 3, 3), np.nan),
-        np.full((n if derivatives else 0, 3, count), np.nan),
+        np.full((n if derivatives else 0, 3, len(cameras.q)), np.nan),
     )
     _fill_fits(cameras, np.ascontiguousarray(pixels), np.ascontiguousarray(rays), fits)
+    if derivatives:
+        at = np.flatnonzero(np.isfinite(fits.points[:, 0]))
+        by_point, by_view = jacobians_of(cameras, fits.points[at])
+        by_point[np.isnan(pixels[at, :, 0])] = 0.0
+        gain = np.einsum("nij,nckj->nick", fits.covariances[at], by_point)
+        fits.by_shared[at, :, :-1] = -np.einsum("nick,nckv->nicv", gain, by_view).reshape(
+            len(at), 3, -1
+        )
+        fits.by_shared[at, :, -1] = 0.0
     return fits
 
 
@@ -381,11 +390,6 @@ def _fill_fits(stated: Cameras, pixels: FloatArray, rays: FloatArray, fits: Poin
             backward(work.V, b)
             for i in range(3):
                 fits.covariances[n, i, j] = b[i]
-        if len(fits.by_shared):
-            fill_shared(cameras, unit, x, True, work)
-            fill_point_derivatives(
-                seen[0], work.Jx[0], work.Js[0], fits.covariances[n], fits.by_shared[n]
-            )
 
 
 @internal
@@ -396,24 +400,6 @@ def copy_views(views: FloatArray, to: FloatArray) -> int:
         there += not np.isnan(views[c, 0])
         to[c, 0], to[c, 1] = views[c, 0], views[c, 1]
     return there
-
-
-@internal
-def fill_point_derivatives(
-    pixels: FloatArray, Jx: FloatArray, Js: FloatArray, covariance: FloatArray, by: FloatArray
-) -> None:
-    """Write the derivatives of a fitted point by the unknowns, (3, Q)."""
-    by[:] = 0.0
-    for c in range(len(pixels)):
-        if np.isnan(pixels[c, 0]):
-            continue
-        for k in range(2):
-            for j in range(3):
-                gain = 0.0
-                for m in range(3):
-                    gain += covariance[j, m] * Jx[c, k, m]
-                for i in range(EACH):
-                    by[j, EACH * c + i] -= gain * Js[c, k, i]
 
 
 def jacobians_of(cameras: Cameras, points: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -48,6 +48,7 @@ from tests.rigs.refined_rigs import (
     random_rig,
     smooth_fields,
     stated,
+    waved,
     waved_scene,
     with_waves,
 )
@@ -214,10 +215,9 @@ def waved_cases(trials: int) -> Iterator[Case]:
     """Rigs calibrated with a waved bar, whose noise is alike for runs of frames."""
     for seed in range(trials):
         rng = np.random.default_rng([seed, 91])
-        scene = waved_scene(random_rig(rng), rng, FRAMES, RUN)
-        data = in_runs(stated(scene, rng, OFF), rng, RUN, OFF.noise_px)
+        cameras, data = waved(rng, FRAMES, RUN, OFF, alike_px=OFF.noise_px)
         fit = refine(data, OFF.settings())
-        yield Case(scene.rig, data, prior_of(refined_parameters(fit)), rng)
+        yield Case(cameras, data, prior_of(refined_parameters(fit)), rng)
 
 
 def waved_bars(case: Case, *rigs: Rig) -> NewImages:

@@ -11,15 +11,7 @@ from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from tests.further import further
-from tests.rigs.refined_rigs import (
-    Misjudged,
-    in_runs,
-    random_rig,
-    smooth_fields,
-    stated,
-    waved_scene,
-    with_waves,
-)
+from tests.rigs.refined_rigs import Misjudged, waved
 
 FIXED = RefineSettings(
     primary=LensPrior(0.0, 0.0),
@@ -32,12 +24,9 @@ EXACT = Misjudged(0.0, 0.0, 0.0, 0.0)
 
 def fitted(seed: int, length: int, frames: int = 200) -> tuple[RefinedResult, Rig]:
     """A fit of a waved bar, with noise that is alike for runs of frames, and the truth."""
-    rng = np.random.default_rng([seed, length])
-    scene = waved_scene(random_rig(rng), rng, frames, length)
-    data = stated(scene, rng, EXACT)
-    if length > 1:
-        data = in_runs(data, rng, length, 0.2)
-    return refine(data, FIXED), scene.rig
+    rng, alike_px = np.random.default_rng([seed, length]), 0.2 if length > 1 else None
+    cameras, data = waved(rng, frames, length, EXACT, alike_px=alike_px)
+    return refine(data, FIXED), cameras
 
 
 def angle_errors(found: RefinedResult, truth: Rig) -> np.ndarray:
@@ -59,9 +48,8 @@ def test_errors_are_as_large_as_stated(length: int) -> None:
 def test_runs_count_where_neighbours_do_not_show_that_errors_are_alike() -> None:
     """Smooth errors of the lenses, as large as the noise: quarters in time differ by 1.4 to 1.7 of
     what independent frames would state, and by 1.2 of this."""
-    rng = np.random.default_rng([1, 20])
-    scene = waved_scene(random_rig(rng), rng, 200, 20)
-    found = refine(with_waves(stated(scene, rng, EXACT), smooth_fields(rng), 0.2))
+    _, data = waved(np.random.default_rng([1, 20]), 200, 20, EXACT, wave_px=0.2)
+    found = refine(data)
     assert not found.clusters.has_runs
     assert found.design_effect > 1.5
 
@@ -93,8 +81,7 @@ def test_runs_accuse_no_sound_input() -> None:
     settings = RefineSettings(primary=lens, secondary=lens)
     accused = 0
     for seed in range(20):
-        rng = np.random.default_rng([seed, 77])
-        data = stated(waved_scene(random_rig(rng), rng, 150, 15), rng, EXACT)
-        found = compare_inputs(refine(in_runs(data, rng, 15, 0.3), settings)).inputs
+        _, data = waved(np.random.default_rng([seed, 77]), 150, 15, EXACT, alike_px=0.3)
+        found = compare_inputs(refine(data, settings)).inputs
         accused += any(item.accused for item in found)
     assert accused <= 3

@@ -8,15 +8,7 @@ import pytest
 from stereocal.figures.lens import describe_misfit, plot_misfit
 from stereocal.refined.misfit import FEWEST_POINTS, Misfit, misfit_of
 from stereocal.refined.refine import RefinedResult, refine
-from tests.rigs.refined_rigs import (
-    Misjudged,
-    in_runs,
-    random_rig,
-    smooth_fields,
-    stated,
-    waved_scene,
-    with_waves,
-)
+from tests.rigs.refined_rigs import Misjudged, waved
 
 
 @functools.cache
@@ -26,11 +18,8 @@ def fit_of(seed: int, wave_px: float, alike_px: float = 0.0) -> RefinedResult:
     Args:
         alike_px: errors that frames of a run share, at no place in particular.
     """
-    rng = np.random.default_rng([seed, 27])
-    scene = waved_scene(random_rig(rng), rng, 200, 10)
-    data = stated(scene, rng, Misjudged(0.0, 0.0, 0.0, 0.0, 0.2))
-    data = with_waves(data, smooth_fields(rng), wave_px)
-    return refine(in_runs(data, rng, 10, alike_px))
+    rng, exact = np.random.default_rng([seed, 27]), Misjudged(0.0, 0.0, 0.0, 0.0, 0.2)
+    return refine(waved(rng, 200, 10, exact, wave_px, alike_px)[1])
 
 
 def of_rig(seed: int, wave_px: float, alike_px: float = 0.0) -> Misfit:

@@ -195,3 +195,24 @@ def waved_scene(cameras: Rig, rng: np.random.Generator, frames: int, length: int
     half = (1 - share) * halves[at] + share * flip * halves[at + 1]
     half *= 0.5 * BAR_M / np.linalg.norm(half, axis=1, keepdims=True)
     return Scene(cameras, np.stack([middle + half, middle - half], axis=1))
+
+
+def waved(
+    rng: np.random.Generator,
+    frames: int,
+    length: int,
+    off: Misjudged,
+    wave_px: float | None = None,
+    alike_px: float | None = None,
+) -> tuple[Rig, Dataset]:
+    """A random rig, and the data set of a `waved_scene` before it.
+
+    Args:
+        wave_px: rms of `smooth_fields` of the lenses.
+        alike_px: noise that runs of `length` frames share.
+    """
+    cameras = random_rig(rng)
+    data = stated(waved_scene(cameras, rng, frames, length), rng, off)
+    if wave_px is not None:
+        data = with_waves(data, smooth_fields(rng), wave_px)
+    return cameras, data if alike_px is None else in_runs(data, rng, length, alike_px)

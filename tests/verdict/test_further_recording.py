@@ -18,14 +18,7 @@ from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.further_recording import half_width, note_on_splits, widened
 from tests.rigs.board_pairs import sound
 from tests.rigs.population import figures_on
-from tests.rigs.refined_rigs import (
-    Misjudged,
-    random_rig,
-    smooth_fields,
-    stated,
-    waved_scene,
-    with_waves,
-)
+from tests.rigs.refined_rigs import Misjudged, waved
 
 RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
 FIGURES = ("mean_reprojection_px", "median_error_3d", "p95_error_3d", "fcp_reprojection")
@@ -86,9 +79,8 @@ def test_the_first_quarter_of_a_recording_is_as_the_others_forecast() -> None:
 
 def test_the_fcp_of_a_waved_bar_differs_between_places_by_more_than_errors_do() -> None:
     """A bar that stays at five places: wrong pairs of one place are close together."""
-    rng = np.random.default_rng([3, 27])
-    scene = waved_scene(random_rig(rng), rng, 200, 40)
-    data = stated(scene, rng, Misjudged(0.0, 0.0, 0.0, 0.0, 0.2))
+    off = Misjudged(0.0, 0.0, 0.0, 0.0, 0.2)
+    _, data = waved(np.random.default_rng([3, 27]), 200, 40, off)
     found = forecast_files(calibrate(data, refined=RefineSettings())).draws.further["2d"]
     assert found.of("fcp_reprojection") > 2 * found.of("mean_reprojection_px") > 0
     assert found.of("wrong_let_in_at_threshold") == found.of("fcp_reprojection")
@@ -96,10 +88,8 @@ def test_the_fcp_of_a_waved_bar_differs_between_places_by_more_than_errors_do() 
 
 def recorded(length: int, seed: int = 1) -> Dataset:
     """200 frames of a bar through lenses with smooth errors, at another place every `length`."""
-    rng = np.random.default_rng([seed, 27])
-    scene = waved_scene(random_rig(rng), rng, 200, length)
-    data = stated(scene, rng, Misjudged(0.0, 0.0, 0.0, 0.0, 0.1))
-    return with_waves(data, smooth_fields(rng), 1.0)
+    off = Misjudged(0.0, 0.0, 0.0, 0.0, 0.1)
+    return waved(np.random.default_rng([seed, 27]), 200, length, off, wave_px=1.0)[1]
 
 
 def note(data: Dataset, splits: Splits) -> str:
