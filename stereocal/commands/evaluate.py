@@ -21,7 +21,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate
 from stereocal.evaluation.summary import summarise_all
 from stereocal.figures.report import report_html
 from stereocal.formats.evaluation_files import summary_json, unique_names, validation_figures
-from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
+from stereocal.verdict.in_words import left_out_line, why_held_out_not_trusted
 from stereocal.verdict.validation_in_words import validation_answer
 from stereocal.workflow import Run
 
@@ -66,7 +66,8 @@ def run(parsed: argparse.Namespace) -> None:
         for line in (screening.time_note, left_out_line(screening))
         if line
     ]
-    if caution := why_validation_not_trusted(pooled, screenings):
+    errors = [own.reconstruction.p95 for own in pooled.values()]
+    if caution := why_held_out_not_trusted(screenings, errors):
         lines.append(f"Do not rely on this result: {caution}")
     recommendation = [f"Recommendation: {only.recommendation.text}"] if only else []
     finish(parsed.out, files, *lines, validation_answer(pooled), *recommendation)

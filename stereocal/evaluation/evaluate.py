@@ -327,21 +327,18 @@ def evaluate(
     settings: EvaluationSettings,
     executor: Executor,
     progress: Progress | None = None,
-    chunk: int | None = None,
 ) -> list[list[RunCounts]]:
     """All runs of all data sets, by data set, on any `concurrent.futures` executor.
 
     Args:
         progress: called with the runs done and the runs in all; what it raises ends the work.
-        chunk: runs of one task; None: few of a long recording, for progress and so that others get
-            a turn.
 
     Returns:
         The runs by data set, in order.
     """
     for dataset in datasets:
         check_split(dataset, settings.calibration_frames)
-    tasks = tasks_of_runs(datasets, settings, chunk)
+    tasks = tasks_of_runs(datasets, settings)
     total = settings.runs * len(datasets)
     by_dataset: list[list[RunCounts]] = [[] for _ in datasets]
     with closing(run_tasks(tasks, executor, total, progress)) as finished:
@@ -352,14 +349,12 @@ def evaluate(
 
 
 def tasks_of_runs(
-    datasets: Sequence[Dataset],
-    settings: EvaluationSettings,
-    chunk: int | None = None,
-    frames_at_once: int = FRAMES_AT_ONCE,
+    datasets: Sequence[Dataset], settings: EvaluationSettings, frames_at_once: int = FRAMES_AT_ONCE
 ) -> Iterator[Task[list[RunCounts]]]:
     """Their keys are digests of everything that the runs depend on, and the runs' numbers.
 
-    The data sets take turns, so that the first runs are of all of them.
+    The data sets take turns, so that the first runs are of all of them, and a task has few runs of
+    a long recording, for progress and so that others get a turn.
     """
     protocol = {name: value for name, value in settings.to_json().items() if name != "runs"}
 
@@ -369,7 +364,7 @@ def tasks_of_runs(
         digest = hashlib.sha256(content.encode()).hexdigest()[:32]
         whole = WholeFit(dataset, settings.refined)
         few = max(1, frames_at_once // len(dataset.correspondences.frames))
-        size = chunk or min(MOST_RUNS_AT_ONCE, few)
+        size = min(MOST_RUNS_AT_ONCE, few)
         for first in range(0, settings.runs, size):
             runs = range(first, min(first + size, settings.runs))
             key = f"{digest} {runs.start}-{runs.stop}"

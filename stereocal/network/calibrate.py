@@ -94,12 +94,9 @@ def _calibrated(
             return alone
     pairs = calibrate_pairs(recording, settings, progress)
     if pairs.out_of_step:
-        late = replace(settings, time_offsets=True)
-        found = _of_pairs(recording, calibrate_pairs(recording, late, progress), late, progress)
-        if found.out_of_step:
-            return found
-        settings = replace(settings, time_offsets=False)
-        pairs = calibrate_pairs(recording, settings, progress)
+        late, in_step = (replace(settings, time_offsets=asked) for asked in (True, False))
+        found = _calibrated(recording, late, progress)
+        return found if found.out_of_step else _calibrated(recording, in_step, progress)
     return _of_pairs(recording, pairs, settings, progress)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -61,12 +62,8 @@ def pair_name(pair: CameraPair) -> str:
 def shared_bars(recording: Recording) -> dict[CameraPair, int]:
     """How many bars each pair of cameras sees, of all pairs that see any; most first."""
     counts, names = bars_by_frame(recording).sum(axis=0), list(recording.cameras)
-    found = {
-        (names[i], names[j]): int(counts[i, j])
-        for i in range(len(names))
-        for j in range(i + 1, len(names))
-        if counts[i, j]
-    }
+    pairs = combinations(range(len(names)), 2)
+    found = {(names[i], names[j]): int(counts[i, j]) for i, j in pairs if counts[i, j]}
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 

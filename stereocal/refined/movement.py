@@ -22,6 +22,7 @@ from scipy.special import fdtrc
 
 from stereocal.errors import StereocalError
 from stereocal.refined.robust import RobustFit
+from stereocal.refined.unknowns import inverse_of
 from stereocal.refined.views import EACH, LENS, TRANSLATION
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.numbers import rounded
@@ -140,7 +141,7 @@ def _steps(fit: RobustFit, parts: Sequence[RobustFit]) -> list[_Step]:
     H, g = map(np.array, zip(*(_equations(fit, *each) for each in blocks), strict=True))
     M, B = fit.unknowns.M, fit.views(fit.q)[1]
     M = M if B is None else B.T @ M
-    C = _inverse(M.T @ H.sum(axis=0) @ M + fit.unknowns.precision)
+    C = inverse_of(M.T @ H.sum(axis=0) @ M + fit.unknowns.precision, SMALLEST)
     step = C @ (M.T @ g.sum(axis=0) + fit.unknowns.precision @ fit.p)
     freedom = sum(int(part.degrees_of_freedom[block].sum()) for part, block in blocks)
     cost = sum(float(part.chi_squares[block].sum()) for part, block in blocks)
@@ -192,16 +193,8 @@ def _explained(K: FloatArray, g: FloatArray, weights: FloatArray) -> tuple[float
     """
     b = (weights.T @ g).ravel()
     A = np.einsum("am,aibj,bn->minj", weights, K, weights).reshape(len(b), len(b))
-    inverse = _inverse(A)
+    inverse = inverse_of(A, SMALLEST)
     return float(b @ inverse @ b), int(np.linalg.matrix_rank(inverse)), -inverse @ b
-
-
-def _inverse(A: FloatArray) -> FloatArray:
-    """The inverse of a normal matrix whose units differ, in what it determines."""
-    diagonal = np.diag(A)
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    units = np.outer(scale, scale)
-    return np.asarray(np.linalg.pinv(A * units, SMALLEST, hermitian=True) * units)
 
 
 def _blocks(part: RobustFit, parts: int = 1) -> list[IntArray]:

@@ -8,23 +8,11 @@ import numpy as np
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.stated_inputs import Input
 from stereocal.refined.two_views import BAR, SHARED, TIME
-from stereocal.refined.uncertainty import LENS, standard_errors
+from stereocal.refined.uncertainty import COVARIANCE_OF, standard_errors
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.geometry import Angles
 from stereocal.rig.parameters import ForecastEntries, RigParameters, about_data
 from stereocal.rig.volume import Volume
-
-COVARIANCE_OF = (
-    *Angles._fields,
-    "baseline_m",
-    "bar_factor",
-    *(f"{camera}_{key}" for camera in CAMERAS for key in LENS),
-    *(f"{camera}_{key}" for camera in CAMERAS for key in LENS_UNKNOWNS[len(LENS) :]),
-    "time_offset_frames",
-    "time_drift",
-)
-"""Names of the rows of the covariance, in order; files without a time offset end before it."""
 
 
 def covariance_names(cameras: Sequence[Camera]) -> tuple[str, ...]:

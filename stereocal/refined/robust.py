@@ -32,7 +32,7 @@ from stereocal.refined.noise import (
 )
 from stereocal.refined.observations import Observations
 from stereocal.refined.two_views import EPSILON, SHARED, unknowns_of_views
-from stereocal.refined.unknowns import RefineSettings, Unknowns, unknowns_of_pair
+from stereocal.refined.unknowns import RefineSettings, Unknowns, inverse_of, unknowns_of_pair
 from stereocal.refined.views import EACH, OWN, TRANSLATION, Cameras, Units
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
@@ -311,16 +311,13 @@ class RobustFit:
         Returns:
             H (g, Q, Q), J r (g, Q), and the costs (g,).
         """
-        every = np.ones(len(self.free), dtype=np.bool_)
-        n, count = len(groups), len(every) if in_views else len(q)
-        H, g, c = np.zeros((n, count, count)), np.zeros((n, count)), np.zeros(n)
-        for i, group in enumerate(groups):
+        every, found = np.ones(len(self.free), dtype=np.bool_), []
+        for group in groups:
             units = np.flatnonzero(np.isin(self.frame_of, group)) if self.seen.has_parts else group
-            points, size = np.full((len(units), OWN), np.nan), len(units)
-            limits, chi_squares = np.full(size, np.inf), np.empty(size)
-            c[i], H[i], g[i] = self.sum_at(
-                q, 1 / self.scatter, limits, points, chi_squares, units, every, in_views
-            )
+            n = len(units)
+            own = np.full(n, np.inf), np.full((n, OWN), np.nan), np.empty(n)
+            found.append(self.sum_at(q, 1 / self.scatter, *own, units, every, in_views))
+        c, H, g = map(np.array, zip(*found, strict=True))
         lost = ~np.isfinite(c)
         H[lost], g[lost], c[lost] = 0.0, 0.0, 0.0
         return H, g, c
@@ -422,8 +419,5 @@ class RobustFit:
         """
         M = self.unknowns.M
         pixels, everything = M.T @ of_pixels @ M, M.T @ self.H @ M
-        A = everything + self.unknowns.precision
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(A), 1e-300))
-        A = A * np.outer(scale, scale)
-        C = np.linalg.pinv(A, hermitian=True) * np.outer(scale, scale)
+        C = inverse_of(everything + self.unknowns.precision)
         return float(np.sum(C * pixels)), max(float(np.sum(C * (everything - pixels))), 0.0)

@@ -15,11 +15,22 @@ import numpy.typing as npt
 
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY, SHARED, unknowns_of_views
+from stereocal.refined.two_views import BAR, DISTORTION, SHARED, unknowns_of_views
 from stereocal.refined.views import EACH, Cameras, jacobians_of
+from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.rig.geometry import Angles
 
-LENS = ("fx", "fy", "cx", "cy")
+COVARIANCE_OF = (
+    *Angles._fields,
+    "baseline_m",
+    "bar_factor",
+    *(f"{camera}_{key}" for camera in CAMERAS for key in LENS_UNKNOWNS[:4]),
+    *(f"{camera}_{key}" for camera in CAMERAS for key in LENS_UNKNOWNS[4:]),
+    "time_offset_frames",
+    "time_drift",
+)
+"""Names of the rows of the covariance, in order; files without a time offset end before it."""
 MEAN_OF_NORMAL = float(np.sqrt(2 / np.pi))
 """Mean absolute value over standard deviation of a normal error."""
 Plane = Literal["above", "side"]
@@ -35,16 +46,9 @@ class Value:
 
 def standard_errors(result: RefinedResult) -> dict[str, Value]:
     """The five angles in radians, `baseline_m`, and fx, fy, cx, cy of each camera in pixels."""
-    sigma = np.sqrt(np.diag(result.covariance))
-    names = [*result.pose.angles._fields, "baseline_m"]
-    indices = [*range(5), BASELINE]
-    for name, place in (("primary", PRIMARY), ("secondary", SECONDARY)):
-        names += [f"{name}_{key}" for key in LENS]
-        indices += range(place, place + 4)
-    return {
-        name: Value(float(result.q[place]), float(sigma[place]))
-        for name, place in zip(names, indices, strict=True)
-    }
+    errors = np.sqrt(np.diag(result.covariance)).tolist()
+    known = zip(COVARIANCE_OF[:DISTORTION], result.q.tolist(), errors, strict=False)
+    return {name: Value(value, sigma) for name, value, sigma in known if name != COVARIANCE_OF[BAR]}
 
 
 def point_covariances(result: RefinedResult, points_m: npt.ArrayLike) -> FloatArray:

@@ -185,6 +185,18 @@ class Unknowns:
         return np.asarray(whole[np.ix_(places, places)])
 
 
+def inverse_of(A: FloatArray, least: float = 1e-15) -> FloatArray:
+    """(k, k): the inverse of a normal matrix whose units differ, in what it determines.
+
+    Args:
+        least: eigenvalue of the scaled matrix over the largest one; smaller ones are left out.
+    """
+    diagonal = np.diag(A)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    units = np.outer(scale, scale)
+    return np.asarray(np.linalg.pinv(A * units, least, hermitian=True) * units)
+
+
 def unknowns_of_pair(
     dataset: Dataset,
     start: Pose,

@@ -37,7 +37,7 @@ from stereocal.ui.validation import (
     validation_so_far,
 )
 from stereocal.verdict.further_recording import note_on_splits
-from stereocal.verdict.in_words import left_out_line, why_validation_not_trusted
+from stereocal.verdict.in_words import left_out_line, why_held_out_not_trusted
 from stereocal.verdict.validation_in_words import validation_answer
 
 BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
@@ -256,7 +256,8 @@ def _show_answer(
         if screening.left_out and len(screenings) > 1:  # of one, Calibrate names them
             line = f"{screening.full_dataset.name}: {left_out_line(screening)}"
             st.warning(escape_markdown(line))
-    if caution := why_validation_not_trusted(summaries, screenings):
+    errors = [own.reconstruction.p95 for own in summaries.values()]
+    if caution := why_held_out_not_trusted(screenings, errors):
         st.error(escape_markdown(f"Do not rely on this result: {caution}"))
     answer = validation_answer(summaries)
     if len(screenings) == 1:

@@ -1,10 +1,10 @@
 """Numbers and frames in sentences, and why a result is not to be relied on."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from stereocal.calibration.methods import POOR_LENGTH, Method, errors_of
-from stereocal.evaluation.summary import Estimate, MethodSummary
+from stereocal.calibration.methods import POOR_LENGTH, errors_of
+from stereocal.evaluation.summary import Estimate
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
 from stereocal.system.numbers import count, plural, rounded
@@ -48,18 +48,15 @@ def why_not_trusted(calibration: Calibration) -> str:
     return why_held_out_not_trusted([calibration.screening], [error.p95_length])
 
 
-def why_validation_not_trusted(
-    summaries: Mapping[Method, MethodSummary], screenings: Sequence[Screening]
-) -> str:
-    """Why a validation is not reliable, judged by the set that measures best; or empty."""
-    errors = [found.reconstruction.p95 for found in summaries.values()]
-    return why_held_out_not_trusted(screenings, errors)
-
-
 def why_held_out_not_trusted(
     screenings: Sequence[Screening], p95_lengths: Sequence[float | None]
 ) -> str:
-    """As `why_validation_not_trusted`, from 95 % of the length errors of each set."""
+    """Why held-out frames show that a result is not reliable, by the set that measures best; or
+    empty.
+
+    Args:
+        p95_lengths: 95 % of the length errors of each set.
+    """
     known = [error for error in p95_lengths if error is not None and math.isfinite(error)]
     best = min(known, default=0.0)
     found = [

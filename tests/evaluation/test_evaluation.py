@@ -186,12 +186,13 @@ def pair_of_sets(field: Dataset) -> list[Dataset]:
 
 
 def test_threads_give_the_same(pair_of_sets: list[Dataset]) -> None:
+    several = replace(FEW, runs=25)
     by_hand = [
-        [evaluate_run(dataset, FEW, number, run) for run in range(FEW.runs)]
+        [evaluate_run(dataset, several, number, run) for run in range(several.runs)]
         for number, dataset in enumerate(pair_of_sets)
     ]
     with ThreadPoolExecutor(3) as threads:
-        assert bits(evaluate(pair_of_sets, FEW, threads, chunk=2)) == bits(by_hand)
+        assert bits(evaluate(pair_of_sets, several, threads)) == bits(by_hand)
 
 
 def test_cancelled_drops_what_is_left(pair_of_sets: list[Dataset]) -> None:
@@ -200,12 +201,12 @@ def test_cancelled_drops_what_is_left(pair_of_sets: list[Dataset]) -> None:
 
     def cancel(at: int, _total: int) -> None:
         done.add(at)
-        if at == 4:
+        if at == 20:
             raise StoppedError
 
     with ThreadPoolExecutor(1) as threads, pytest.raises(StoppedError):
-        evaluate(pair_of_sets, many, threads, cancel, chunk=2)
-    assert max(done) == 4  # leaving `with` waits for what runs: it would wait 12 s for the rest
+        evaluate(pair_of_sets, many, threads, cancel)
+    assert max(done) == 20  # leaving `with` waits for what runs: it would wait 12 s for the rest
 
 
 def test_a_split_that_leaves_no_test_is_refused_with_a_sentence(field: Dataset) -> None:

@@ -5,10 +5,10 @@ import pytest
 
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.disagreement import compare_inputs
-from stereocal.refined.parameter_file import COVARIANCE_OF, refined_parameters
+from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import TIME
-from stereocal.refined.uncertainty import standard_errors
+from stereocal.refined.uncertainty import COVARIANCE_OF, standard_errors
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
 from tests import known_rig as rig

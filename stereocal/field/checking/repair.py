@@ -7,9 +7,9 @@ import numpy as np
 from stereocal.field.checking.findings import Recheck
 from stereocal.field.checking.fits import Fit
 from stereocal.refined.noise import ESTIMATED, GIVEN
-from stereocal.refined.parameter_file import COVARIANCE_OF, covariance_entry
+from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.two_views import BAR, BASELINE, DISTORTION
-from stereocal.refined.uncertainty import MEAN_OF_NORMAL, length_sigmas
+from stereocal.refined.uncertainty import COVARIANCE_OF, MEAN_OF_NORMAL, length_sigmas
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
