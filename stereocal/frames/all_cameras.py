@@ -20,7 +20,7 @@ from stereocal.frames.by_motion import found_by_motion, pairs_of
 from stereocal.frames.by_time import aligned_clocks, times_of
 from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames, points_by_photograph
-from stereocal.frames.pairing import ByHand, Moments, Motion, number_pairs, short_names
+from stereocal.frames.pairing import ByHand, Moments, Motion, numbered, short_names
 from stereocal.frames.proposal import CONTRADICTED
 from stereocal.frames.search import search_photographs, ways_of
 from stereocal.frames.sides import in_order_taken
@@ -93,17 +93,13 @@ def _by_name(folders: Mapping[str, Sequence[str]]) -> Moments:
         own = {PurePosixPath(name).stem.lower(): name for name in names}
         if len(own) < len(names):
             raise StereocalError(f"Two photographs of {camera} have the same name: remove one.")
-        for pair in number_pairs({stem: (stem, "") for stem in own}):
-            by_stem.setdefault(pair.primary, {})[camera] = own[pair.primary]
-            number = rf"(?<![0-9])0*{pair.frame}(?![0-9])"
-            if re.search(number, pair.primary):  # else it was counted
-                by_number.setdefault(pair.frame, {})[camera] = own[pair.primary]
+        for stem, frame in numbered(own).items():
+            by_stem.setdefault(stem, {})[camera] = own[stem]
+            if re.search(rf"(?<![0-9])0*{frame}(?![0-9])", stem):  # else it was counted
+                by_number.setdefault(frame, {})[camera] = own[stem]
     alike = {stem: own for stem, own in by_stem.items() if len(own) > 1}
     if alike:
-        by_number = {
-            pair.frame: alike[pair.primary]
-            for pair in number_pairs({stem: (stem, "") for stem in alike})
-        }
+        by_number = {frame: alike[stem] for stem, frame in numbered(alike).items()}
     return {frame: own for frame, own in sorted(by_number.items()) if len(own) > 1}
 
 
@@ -125,9 +121,9 @@ def _by_time(folders: Mapping[str, Sequence[str]], taken: Mapping[str, Taken]) -
             moments.setdefault(name, {most: name})[camera] = times.names[j]
     stems = dict(zip(short_names([*moments]), moments, strict=True))
     return {
-        pair.frame: {camera: own[camera] for camera in folders if camera in own}
-        for pair in number_pairs({stem: (name, "") for stem, name in stems.items()})
-        if (own := moments[pair.primary])
+        frame: {camera: own[camera] for camera in folders if camera in own}
+        for stem, frame in numbered(stems).items()
+        if (own := moments[stems[stem]])
     }
 
 

@@ -185,12 +185,14 @@ def best_reading(names: Sequence[str], readings: Iterable[NameReading]) -> Pairi
 
 
 def number_pairs(pairs: Mapping[str, tuple[str, str]]) -> tuple[Pair, ...]:
-    """Give each pair its frame number.
+    """The two names of each pair, by their common part, with the frame number of that."""
+    return tuple(Pair(frame, *pairs[key]) for key, frame in numbered(pairs).items())
 
-    Args:
-        pairs: the two names of each pair, by their common part.
-    """
-    keys = sorted(pairs, key=natural)
+
+def numbered(names: Iterable[str]) -> dict[str, int]:
+    """Frame numbers, ascending: the last number in all names that differs from one to the other;
+    if there is none, they are counted from 1 in natural order."""
+    keys = sorted(names, key=natural)
     digits = [re.findall("[0-9]+", key)[::-1] for key in keys]
     frames = list(range(1, len(keys) + 1))
     for place in range(min(map(len, digits), default=0)):
@@ -199,8 +201,7 @@ def number_pairs(pairs: Mapping[str, tuple[str, str]]) -> tuple[Pair, ...]:
         if len(set(numbers)) == len(keys):
             frames = numbers
             break
-    made = [Pair(frame, *pairs[key]) for frame, key in zip(frames, keys, strict=True)]
-    return tuple(sorted(made, key=lambda pair: pair.frame))
+    return dict(sorted(zip(keys, frames, strict=True), key=lambda each: each[1]))
 
 
 def natural(name: str) -> tuple[tuple[int, int, str], ...]:

@@ -26,7 +26,7 @@ from stereocal.frames.pairing import (
     first_names,
     missing,
     natural,
-    number_pairs,
+    numbered,
     short_names,
 )
 from stereocal.frames.sides import Sides, sides_of
@@ -243,10 +243,9 @@ def _alone(
 def _numbered(twos: Sequence[tuple[str, str]]) -> tuple[Pair, ...]:
     """Pairs in order, by the numbers of the primary's names if these rise, else from 1."""
     short = short_names([primary for primary, _ in twos])
-    by_names = number_pairs(dict(zip(short, twos, strict=True)))
-    if [(pair.primary, pair.secondary) for pair in by_names] == [*twos]:
-        return by_names
-    return tuple(Pair(number, *two) for number, two in enumerate(twos, start=1))
+    by_names = numbered(short)
+    frames = by_names.values() if [*by_names] == short else range(1, len(twos) + 1)
+    return tuple(Pair(frame, *two) for frame, two in zip(frames, twos, strict=True))
 
 
 def duration(seconds: float, fine: bool) -> str:
