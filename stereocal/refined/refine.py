@@ -16,6 +16,7 @@ from functools import cached_property
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from stereocal.calibration.essential import calibrate_essential, choose_pose
 from stereocal.errors import StereocalError
@@ -42,7 +43,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, in_equal_runs
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray, clock
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose, residuals
+from stereocal.rig.geometry import Pose, residuals, triangulate_rays
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 from stereocal.system.numbers import rounded
@@ -50,6 +51,10 @@ from stereocal.system.numbers import rounded
 OUT_OF_STEPS = "the largest number of steps was reached"
 MAXIMUM_NOISE_PX = 30.0
 """A fit with more noise is rejected: the points do not belong together."""
+ALIKE = 0.9
+"""Cosine of the angle between the baselines of first poses from which on one of them is enough."""
+PLAUSIBLE = 3.0
+"""Median residuals from which on a pose with depths reversed is not tried."""
 LARGEST_FACTOR, MOST_SIGMAS = 1.5, 10.0
 """By what factor, or by how many of its standard errors, a fit may change a measured length. Wrong
 lenses change lengths by percents; the screening's wide priors may explain a wrong unit of one."""
@@ -251,7 +256,7 @@ def refine(
 
     Args:
         start: initial pose, such as that of the essential method; computed if None. If the fit
-            from there has outlying frames, a robust initial pose is tried too.
+            from there has outlying frames, or others may fit elsewhere, they are tried too.
         rows: mask (n,) of the rows to fit; all if None.
         near: a fit of nearly the same rows with the same settings, from which to start first.
 
@@ -261,10 +266,10 @@ def refine(
     settings = settings_for(dataset, settings or RefineSettings())
     started = clock()
     found: RobustFit | None = None
-    for solve in _solves(dataset, settings, start, rows, near):
+    for solve, is_only in _solves(dataset, settings, start, rows, near):
         if solve.run() and (found is None or solve.better_than(found)):
             found = solve
-        if found is not None and not found.outlying.any():
+        if found is not None and not found.outlying.any() and is_only:
             break
     if found is None or found.sigma_px > MAXIMUM_NOISE_PX:
         raise StereocalError(
@@ -329,10 +334,12 @@ def _solves(
     start: Pose | None,
     rows: BoolArray | None,
     near: RefinedResult | None,
-) -> Iterator[RobustFit]:
-    """Solves from several initial values, to be tried until one has no outlying frame.
+) -> Iterator[tuple[RobustFit, bool]]:
+    """Solves from several initial values, and whether one without outlying frames is enough: the
+    others begin nearly where it did.
 
-    They are `start` or the essential pose, and a robust estimate, sorted by their residuals.
+    They are `start` or the essential pose, and a robust estimate, sorted by their residuals; and
+    both with depths reversed, where that fits nearly as well.
     """
     if near is not None:
         solve, noise = RobustFit.of_pair(dataset, near.pose, settings, rows), near.sigma_px.value
@@ -340,9 +347,10 @@ def _solves(
         if solve.unknowns.names == near.unknowns.names and solve.start_near(
             known, noise, near.scatter_m.value
         ):
-            yield solve
+            yield solve, True
     if settings.rest is not None:
-        yield RobustFit.of_pair(dataset, pose_of(np.array(settings.rest.values)), settings, rows)
+        at_rest = pose_of(np.array(settings.rest.values))
+        yield RobustFit.of_pair(dataset, at_rest, settings, rows), True
         return
     rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
     if start is None:
@@ -350,8 +358,36 @@ def _solves(
             start = calibrate_essential(rays, dataset.baseline_m).pose
     robust = robust_start(dataset, rays) if settings.loss == "robust" else None
     starts = [pose for pose in (start, robust) if pose is not None]
-    for pose in sorted(starts, key=lambda pose: median_residual(pose, rays)):
-        yield RobustFit.of_pair(dataset, pose, settings, rows)
+    starts.sort(key=lambda pose: median_residual(pose, rays))
+    for pose in tuple(starts):
+        twin = depth_reversed(pose, rays)
+        most = PLAUSIBLE * median_residual(pose, rays)
+        if twin is not None and median_residual(twin, rays) < most:
+            starts.append(twin)
+    along = [pose.T / pose.baseline for pose in starts]
+    is_only = all(along[0] @ each > ALIKE for each in along)
+    for pose in starts:
+        yield RobustFit.of_pair(dataset, pose, settings, rows), is_only
+
+
+def depth_reversed(pose: Pose, rays: FloatArray) -> Pose | None:
+    """The pose that points in a small part of the images, nearly all at one depth, fit nearly as
+    well: with their depths reversed, and the cameras turned about them the other way (Necker).
+
+    None if no point is in front of both cameras.
+    """
+    points = triangulate_rays(pose.R, pose.T, rays)
+    points = points[np.isfinite(points[:, 2])]
+    if not len(points):
+        return None
+    middle = points.mean(axis=0)
+    seen = pose.apply(middle)
+    ahead, of_secondary = (Rotation.align_vectors([0, 0, 1], [at])[0] for at in (middle, seen))
+    about = of_secondary * Rotation.from_matrix(pose.R) * ahead.inv()
+    first, tilt, last = about.as_euler("ZXZ")
+    turned = Rotation.from_euler("ZXZ", [first, -tilt, last])
+    R = (of_secondary.inv() * turned * ahead).as_matrix()
+    return Pose(R, seen - R @ middle)
 
 
 def median_residual(pose: Pose, rays: FloatArray) -> float:

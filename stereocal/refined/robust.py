@@ -173,13 +173,14 @@ class RobustFit:
         return np.asarray(self.chi_squares <= self.limit)
 
     def better_than(self, other: "RobustFit") -> bool:
-        """Whether the frames fit better here, both measured with the smaller noise."""
-        noise = min(self.sigma_px, other.sigma_px)
+        """Whether images, lengths and priors fit better here, both with the smaller noise."""
+        noise = min(self.sigma_px, other.sigma_px), min(self.scatter, other.scatter)
         here, there = (
-            float(np.minimum(fit.chi_squares * (fit.sigma_px / noise) ** 2, fit.limit).sum())
+            np.minimum(fit.chi_squares_with(fit, *noise), fit.limit).sum()
+            + fit.p @ fit.unknowns.precision @ fit.p
             for fit in (self, other)
         )
-        return here < there
+        return bool(here < there)
 
     @property
     def used(self) -> IntArray:
@@ -287,11 +288,15 @@ class RobustFit:
             return cost, into.H, into.g
         return cost, B @ into.H @ B.T, B @ into.g
 
-    def chi_squares_with(self, other: "RobustFit") -> FloatArray:
-        """(f,): of these frames with the cameras of another fit, and the noise of this one."""
+    def chi_squares_with(
+        self, other: "RobustFit", sigma_px: float | None = None, scatter_m: float | None = None
+    ) -> FloatArray:
+        """(f,): of these frames with the cameras of another fit, and the noise of this one if none
+        is given."""
         cameras, of_units = other.views(other.q)[0], np.empty(len(self.points))
-        measured, points = self._units(1 / self.scatter), np.full(self.points.shape, np.nan)
-        into = equations_for(np.zeros_like(self.free))
+        measured = self._units(1 / (scatter_m or self.scatter))
+        measured = measured._replace(weight=1 / (sigma_px or self.sigma_px))
+        points, into = np.full(self.points.shape, np.nan), equations_for(np.zeros_like(self.free))
         sum_normal_equations(cameras, measured, np.zeros(len(points)), points, of_units, into)
         return self.by_frame(of_units)
 
