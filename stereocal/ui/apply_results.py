@@ -77,6 +77,9 @@ class Tables(NamedTuple):
     usual_tracks: str | None
 
 
+_TABLES: Latest[Tables] = Latest(4)
+
+
 def show_application(
     project: Project, store: ProjectApplication, chosen: ApplyInputs | None
 ) -> None:
@@ -123,7 +126,7 @@ def _show_result(
     tables = None
     with ErrorsShown():
         matched, points = files[outcome.matched], files[POINTS]
-        tables = _read(matched.name, points.name, matched, points)
+        tables = _TABLES.once(f"{matched.name} {points.name}", partial(_read, matched, points))
     if tables is None:
         button("Begin again", "forget_result", store.forget_result)
         return None
@@ -140,12 +143,8 @@ def _show_result(
         fragment(_draw, STEP_S if playing else None)(store, outcome, tables, playing)
     with st.container(horizontal=True):
         for name in (outcome.matched, POINTS):
-            _download(files[name], name)
+            offer(f"Download {name}", files[name].read_bytes, name, f"download_{name}")
     return tables
-
-
-def _download(file: StoredFile, name: str) -> None:
-    offer(f"Download {name}", file.read_bytes, name, f"download_{name}")
 
 
 def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None) -> None:
@@ -206,7 +205,8 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
         st.code(_commands(outcome, names), language="shell", wrap_lines=True)
         with st.container(horizontal=True):
             for table, name in zip(outcome.tables, names, strict=True):
-                _download(store.table(table), name)
+                make = store.table(table).read_bytes
+                offer(f"Download {name}", make, name, f"download_{name}")
 
 
 def _commands(outcome: Outcome, names: Sequence[str]) -> str:
@@ -236,11 +236,9 @@ def _commands(outcome: Outcome, names: Sequence[str]) -> str:
     )
 
 
-@st.cache_resource(show_spinner=False, max_entries=4)
-def _read(pairs_digest: str, points_digest: str, _pairs: StoredFile, _points: StoredFile) -> Tables:
-    assert pairs_digest and points_digest
+def _read(*files: StoredFile) -> Tables:
     tables = []
-    for file in (_pairs, _points):
+    for file in files:
         table = pd.DataFrame()
         with suppress(ValueError):
             table = pd.read_csv(io.BytesIO(file.read_bytes()))

@@ -284,9 +284,7 @@ def ask_whose(project_files: ProjectGiven) -> None:
 
 def _answer(project_files: ProjectGiven, series: Series, camera: str) -> None:
     project_files.answer(series, camera)
-    if project_files.is_of_rig:
-        return
-    if project_files.open_files:  # the photographs may tell now
+    if not project_files.is_of_rig and project_files.open_files:  # the photographs may tell now
         _use_kept(project_files, project_files.place_cameras({}))
 
 

@@ -205,14 +205,9 @@ def _read(
     try:
         return read_once(_imported, content, label, name, options)
     except ImageSizeError:
+        asked_of = partial(ask_size, asked.project, tabs_own=True)
         first, second = (
-            ask_size(
-                asked.project,
-                f"set_size_{use}_{which}",
-                f", {which}",
-                camera.image_size if camera else None,
-                tabs_own=True,
-            )
+            asked_of(f"set_size_{use}_{which}", f", {which}", camera and camera.image_size)
             for which, camera in zip(CAMERAS, asked.project.cameras, strict=True)
         )
         options = replace(options, image_sizes=(first, second))

@@ -5,7 +5,6 @@ from dataclasses import asdict
 from functools import partial
 
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.detection.target import BAR, Sighting, Target
 from stereocal.errors import StereocalError
@@ -97,17 +96,9 @@ def _find(
     primary, secondary = store.project.cameras
     if primary is None or secondary is None:
         raise StereocalError("A camera file was removed from the project; give it again.")
-    searched = store.photographs
-    found, pairing = detect_frames(
-        pairing,
-        searched,
-        (primary, secondary),
-        job.executor,
-        job.begin,
-        job.progress,
-        earlier=job.found_before(Sighting),
-        target=target,
-    )
+    searched, before = store.photographs, job.found_before(Sighting)
+    about = pairing, searched, (primary, secondary), job.executor, job.begin, job.progress
+    found, pairing = detect_frames(*about, earlier=before, target=target)
     store.project.keep_settings({holding.FOUND: held})
     holding.settle(store.project)
     store.settle(pairing)
@@ -184,21 +175,17 @@ def _show_first(store: ProjectPhotographs, pairs: Sequence[Pair], pattern: Board
         for pair, column in zip(first_pairs(pairs), st.columns(3), strict=False):
             first = board_corners(files[pair.primary], pattern)
             second = board_corners(files[pair.secondary], pattern)
-            _show_pair(store, pair, (first, second), column)
+            with column:
+                _show_pair(store, pair, first, second)
     st.caption(
         "Corners of this board are dots, the first one is ringed; none are drawn if it is "
         "another board."
     )
 
 
-def _show_pair(
-    store: ProjectPhotographs,
-    pair: Pair,
-    corners: tuple[FloatArray, FloatArray],
-    place: DeltaGenerator,
-) -> None:
+def _show_pair(store: ProjectPhotographs, pair: Pair, *corners: FloatArray) -> None:
     alt = f"Both photographs of frame {pair.frame} with the corners of the board"
-    place.image(thumbnail(store, (pair.primary, pair.secondary), corners), width="stretch", alt=alt)
+    st.image(thumbnail(store, (pair.primary, pair.secondary), corners), width="stretch", alt=alt)
 
 
 def _show_found(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
@@ -210,7 +197,7 @@ def _show_found(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
 
     def show(pair: Pair) -> None:
         own = rows.frame == pair.frame
-        _show_pair(store, pair, (rows.primary[own], rows.secondary[own]), st.container())
+        _show_pair(store, pair, rows.primary[own], rows.secondary[own])
         state = "found" if pair.frame not in doubtful else "doubtful" if own.any() else "refused"
         st.markdown(f"{badge(state)} **Frame {pair.frame}**")
         st.caption(escape_markdown(doubtful.get(pair.frame, "")))

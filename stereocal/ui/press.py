@@ -207,13 +207,11 @@ def final_run(project: Project) -> Run | None:
     return readable(lambda: project.run)
 
 
-def wait_for_answer(project: Project) -> bool:
-    """Show the job that validates the last result; False if none runs."""
-    if not jobs.is_running(project, KIND):
-        return False
-    st.info("The calibration is being validated: its files come with their thresholds.")
-    jobs.show_job(project, KIND, NOT_VALIDATED)
-    return True
+def wait_for_answer(project: Project) -> None:
+    """Show the job that validates the last result, if one runs."""
+    if jobs.is_running(project, KIND):
+        st.info("The calibration is being validated: its files come with their thresholds.")
+        jobs.show_job(project, KIND, NOT_VALIDATED)
 
 
 def answer_when_ready(project: Project) -> Run | None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -22,13 +23,14 @@ from stereocal.field.printing.sheet import field_sheet
 from stereocal.projects.project import Project
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import Field, Number, choose, setting
+from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.holding import BOARD, KINDS, TAGS_TITLE, corner_fields, held_kind, held_tags
 from stereocal.ui.messages import ErrorsShown
 from stereocal.ui.texts import escape_markdown
 
 AT_TRUE_SCALE = 'Print at 100 % ("actual size"): the sheet has a scale of 100 mm to check it by.'
 SIDE_MM = Number(5.0, 1000.0)
+LENGTH: dict[str, Any] = {"step": 5.0, "format": "%.10g"}
 
 
 def board_to_print(project: Project | None) -> None:
@@ -74,7 +76,7 @@ def _bar(project: Project | None, focal_px: float | None) -> None:
     left, right = st.columns(2)
     named = _paper(project, left, "targets")
     own = setting(project, "print_side_mm", 180.0, SIDE_MM)
-    side_mm = _size(right, "Side of a target (mm)", own)
+    side_mm = own.number_input("Side of a target (mm)", right, **LENGTH)
     seen = describe_target(1e-3 * side_mm, focal_px) if focal_px else ""
     _sheet(lambda: print_targets(1e-3 * side_mm, paper_named(named)), "target", seen)
 
@@ -83,7 +85,7 @@ def _tags(project: Project | None) -> None:
     paper, side, tags = st.columns(3)
     named = _paper(project, paper, "tags")
     own = setting(project, "print_tag_mm", 80.0, SIDE_MM)
-    side_mm = _size(side, "Side of a black square (mm)", own)
+    side_mm = own.number_input("Side of a black square (mm)", side, **LENGTH)
     text = tags.text_input(TAGS_TITLE, **held_tags(project, "print_tags").widget())
 
     def sheet() -> Sheet:
@@ -94,11 +96,6 @@ def _tags(project: Project | None) -> None:
     _sheet(sheet, "tags")
 
 
-def _size(place: DeltaGenerator, title: str, own: Field, help_: str | None = None) -> float:
-    size: float = own.number_input(title, place, step=5.0, format="%.10g", help=help_)
-    return size
-
-
 def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
     """A fold with the two targets, of the size that the plan needs."""
     with st.expander("Print the targets"):
@@ -107,7 +104,7 @@ def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
         title = "Width in the image at the far end (px)"
         tilted = "50 px are located well, also tilted; 20 px are the least."
         own = setting(project, "print_px", GOOD_PX, Number(*DETECTED_PX))
-        least_px = _size(right, title, own, tilted)
+        least_px = own.number_input(title, right, **LENGTH, help=tilted)
         size = planned_target(plan, least_px)
         _sheet(lambda: print_targets(size.side_m, paper_named(named)), "target", size.sentence)
 

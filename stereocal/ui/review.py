@@ -70,7 +70,7 @@ def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: boo
         with scrolled_part(ONE_FRAME):
             _show_one(store, running)
     else:
-        show_contact_sheet(store, frames, running, partial(look_closely, store))
+        show_contact_sheet(store, frames, running)
     if table is None:
         return
     offer(
@@ -272,12 +272,7 @@ def _go_to(store: ProjectPhotographs, number: int) -> None:
     st.session_state.pop(_OUTCOME, None)
 
 
-def show_contact_sheet(
-    store: ProjectPhotographs,
-    frames: Sequence[Frame],
-    running: bool,
-    look_closely: Callable[[int], None],
-) -> None:
+def show_contact_sheet(store: ProjectPhotographs, frames: Sequence[Frame], running: bool) -> None:
     """The frames, twelve on a sheet; each can be used, left out, or opened."""
     st.info(describe_frames(frames))
     groups: dict[str, list[Frame]] = {
@@ -288,7 +283,7 @@ def show_contact_sheet(
     groups = {name: group for name, group in groups.items() if group or name == "All"}
     counted = {name: f"{name} ({len(group)})" for name, group in groups.items()}
     chosen = choose(store.project, "sheet_kind", "Show", groups, format_func=counted.__getitem__)
-    on_a_sheet(store.project, groups[chosen], partial(_show_frame, store, running, look_closely))
+    on_a_sheet(store.project, groups[chosen], partial(_show_frame, store, running))
     st.caption(
         "Each picture: the primary camera on the left, the secondary on the right; A green, B "
         "pink. Sigma is the standard error of a centre."
@@ -317,9 +312,7 @@ def badge(state: str) -> str:
     return f":{colour}-badge[{icon} {state}]"
 
 
-def _show_frame(
-    store: ProjectPhotographs, running: bool, look_closely: Callable[[int], None], frame: Frame
-) -> None:
+def _show_frame(store: ProjectPhotographs, running: bool, frame: Frame) -> None:
     alt = f"Both photographs of frame {frame.frame} about the targets found"
     st.image(thumbnail(store, frame.files, frame.centres), width="stretch", alt=alt)
     sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
@@ -340,5 +333,5 @@ def _show_frame(
     with st.container(horizontal=True, vertical_alignment="center"):
         may = not running and bool(frame.targets_in_both)
         st.checkbox("Use this frame", key=key, disabled=not may, on_change=choose_use)
-        act = f"look_{frame.frame}", look_closely, frame.frame
+        act = f"look_{frame.frame}", look_closely, store, frame.frame
         button("Look closely", *act, icon="zoom_in", type="tertiary")

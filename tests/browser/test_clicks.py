@@ -3,7 +3,6 @@
 import json
 import math
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -33,17 +32,6 @@ class Clicker(User):
         self.page.mouse.click(*picture.screen(*TRUTH[camera][frame - 1][end]))
         self.page.wait_for_timeout(300)
 
-    def name_track(self, name: str) -> None:
-        self._wait()
-        field = self.page.locator(".st-key-clicks_track input")
-        field.fill(name)
-        field.press("Enter")
-
-    def give_pictures(self, files: Sequence[Path]) -> None:
-        self._wait()
-        uploader = self.page.locator("[class*=st-key-upload_footage] input[type=file]")
-        uploader.set_input_files(list(files))
-
     def key(self, key: str) -> None:
         self._wait()
         self.page.keyboard.press(key)
@@ -71,20 +59,20 @@ def test_from_start_to_the_length_of_something_that_flies(
     user.open("Apply")
     user.choose("apply_points", "Click them here")
     for camera in CAMERAS:  # one after the other
-        user.give_pictures([FLIGHT / f"{camera}.mp4"])
+        user.give([FLIGHT / f"{camera}.mp4"], "footage")
     user.sees("Pictures: primary.mp4, secondary.mp4, 10 frames")
     store = ProjectClicks(project_of(page, home))
     for end, track in enumerate(("head", "tail")):
-        user.name_track(track)
+        user.enter("clicks_track", track)
         user.sees(f"Click {track} in one of the pictures.")
         user.click("primary", end, 1)
         user.sees(f"Now click {track} in the secondary picture, near the line.")
         assert len(store.clicks.every) == 4 * end // 2 + 1  # on disk when it is seen
         user.click("secondary", end, 1)
         user.sees("below the threshold of")
-    user.name_track("F and A")
+    user.enter("clicks_track", "F and A")
     user.sees("Click F and A in one of the pictures.")
-    user.name_track("tail")
+    user.enter("clicks_track", "tail")
     user.key("f")  # the field has not kept the keys
     for frame in range(2, FRAMES + 1):
         expect(page.get_by_label(f"Frame {frame} of the primary camera").first).to_be_visible()

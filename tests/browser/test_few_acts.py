@@ -42,14 +42,14 @@ class User:
         expect(button).to_be_enabled(timeout=LONGEST_MS)
         button.click()
 
-    def give(self, files: Sequence[Path]) -> None:
-        """Choose files in the one place for files."""
+    def give(self, files: Sequence[Path], to: str = "data_") -> None:
+        """Choose files in the one place for files, or another."""
         self._wait()
-        uploader = self.page.locator("[class*=st-key-upload_data_] input[type=file]")
+        uploader = self.page.locator(f"[class*=st-key-upload_{to}] input[type=file]")
         uploader.set_input_files(list(files))
 
-    def enter(self, key: str, value: float) -> None:
-        """Type a number."""
+    def enter(self, key: str, value: float | str) -> None:
+        """Type a number or a name."""
         self._wait()
         field = self.page.locator(f".st-key-{key} input")
         field.fill(str(value))

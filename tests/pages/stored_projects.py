@@ -1,5 +1,6 @@
 """A stored project, a look at its pages, and waiting for what happens beside them."""
 
+import re
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -30,12 +31,7 @@ def dashboard(page: str = "start", **address: str) -> AppTest:
     return app.run() if page == "start" else go(app, page)
 
 
-def session(project: Project) -> AppTest:
-    """A browser tab with the project's address."""
-    return dashboard(project=project.id)
-
-
-def page_of(project: Project, page: str) -> AppTest:
+def page_of(project: Project, page: str = "start") -> AppTest:
     """A page in a browser tab that was opened by its address."""
     return dashboard(page, project=project.id)
 
@@ -46,8 +42,9 @@ def again(app: AppTest, page: str) -> AppTest:
 
 
 def drop(app: AppTest, files: Mapping[str, bytes], key: str = "upload_data") -> AppTest:
-    """Give files together, on the Data page or in another place."""
-    widget = app.file_uploader(key=f"{key}_{app.session_state[key]}")
+    """Give files together, on the Data page or in another place; one that empties is counted."""
+    is_it = re.compile(rf"{key}(_\d+)?").fullmatch
+    widget = next(each for each in app.file_uploader if is_it(str(each.key)))
     for name, content in files.items():
         widget.upload(name, content)
     return app.run()

@@ -1,6 +1,5 @@
 """The Lenses page, without a browser."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -14,7 +13,16 @@ from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui import lens
 from tests.lens import SMALL, write_boards
-from tests.pages.stored_projects import again, dashboard, go, messages, project_of, run_job, told
+from tests.pages.stored_projects import (
+    again,
+    dashboard,
+    drop,
+    go,
+    messages,
+    project_of,
+    run_job,
+    told,
+)
 
 ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "sample_data" / "field"
@@ -36,14 +44,6 @@ def store_of(app: AppTest, home: Path, which: CameraName = "primary") -> Project
     return ProjectLens(project_of(app, home), which)
 
 
-def upload(app: AppTest, files: Mapping[str, bytes], which: str = "primary") -> AppTest:
-    key = f"upload_boards_{which}_{app.session_state['boards_round']}"
-    widget = app.file_uploader(key=key)
-    for name, content in files.items():
-        widget.upload(name, content)
-    return app.run()
-
-
 def small_board(app: AppTest) -> AppTest:
     app.number_input(key="board_columns").set_value(8)
     app.number_input(key="board_rows").set_value(6)
@@ -60,7 +60,7 @@ def calibrate(app: AppTest, which: CameraName = "primary") -> AppTest:
 def test_photographs_to_the_projects_camera(
     app: AppTest, home: Path, boards: dict[str, bytes]
 ) -> None:
-    upload(app, boards)
+    drop(app, boards, "upload_boards_primary")
     assert "Of the primary camera: 7 photographs" in told(app)
     # As the photographs show.
     assert [app.number_input(key=f"board_{name}").value for name in ("columns", "rows")] == [8, 6]
@@ -84,7 +84,7 @@ def test_photographs_to_the_projects_camera(
 
 
 def test_a_fisheye_has_no_coefficients_to_hold(app: AppTest, boards: dict[str, bytes]) -> None:
-    upload(app, boards)
+    drop(app, boards, "upload_boards_primary")
     held = ("lens_fix_k3", "lens_zero_tangential")
     assert not any(app.toggle(key=key).disabled for key in held)
     app.segmented_control(key="lens_model").set_value("fisheye").run()

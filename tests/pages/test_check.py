@@ -24,7 +24,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.zip_files import pack_zip
-from tests.pages.stored_projects import again, go, project_of, told
+from tests.pages.stored_projects import again, drop, go, project_of, told
 from tests.rigs.bumps import Case, bumped, cases, matched, seen_by
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M
 
@@ -70,27 +70,17 @@ def begun(app: AppTest) -> AppTest:
     return app
 
 
-def give(app: AppTest, what: str, *files: tuple[str, bytes]) -> AppTest:
-    key = f"upload_check_{what}"
-    if key in app.session_state and what == "images":  # emptied when it has taken files
-        key = f"{key}_{app.session_state[key]}"
-    uploader = app.file_uploader(key=key)
-    for file in files:
-        uploader.upload(*file)
-    return uploader.run()
-
-
 def test_files_alone_give_the_answer(begun: AppTest, files: Files) -> None:
     assert "Still missing: the parameters" in told(begun, "info")
-    give(begun, "parameters", ("p.json", files.parameters))
+    drop(begun, {"p.json": files.parameters}, "upload_check_parameters")
     assert "Still missing: new bars" in told(begun, "info")
-    give(begun, "images", ("moved.zip", files.moved))
+    drop(begun, {"moved.zip": files.moved}, "upload_check_images")
     assert told(begun, "warning").startswith("Moved: ")
     assert begun.session_state["page_states"]["check"].mark == "done"
     # The next session shows the same.
     tab = again(begun, "check")
     assert told(tab, "warning") == told(begun, "warning")
-    give(begun, "images", ("same.zip", files.same))
+    drop(begun, {"same.zip": files.same}, "upload_check_images")
     assert "Cannot tell with 5 bars" in told(begun, "info")
     begun.number_input(key="check_turn_deg").set_value(1.0).run()
     begun.number_input(key="check_baseline_percent").set_value(5.0).run()
@@ -100,8 +90,8 @@ def test_files_alone_give_the_answer(begun: AppTest, files: Files) -> None:
 def test_the_repaired_parameters_are_used_by_one_press(
     begun: AppTest, home: Path, files: Files
 ) -> None:
-    give(begun, "parameters", ("p.json", files.parameters))
-    give(begun, "images", ("moved.zip", files.moved))
+    drop(begun, {"p.json": files.parameters}, "upload_check_parameters")
+    drop(begun, {"moved.zip": files.moved}, "upload_check_images")
     assert begun.button(key="use_repaired").proto.type == "primary"
     begun.button(key="use_repaired").click().run()
     assert begun.button(key="use_repaired").proto.type == "secondary"  # nothing is left to press
@@ -117,15 +107,16 @@ def test_the_repaired_parameters_are_used_by_one_press(
     assert f"In use: {REPAIRED}" in told(go(begun, "apply"), "caption")
     # The repair of other images has the same name, and is not in use yet.
     bars = read_table(files.table, "bars.csv").correspondences
-    give(go(begun, "check"), "images", ("p.csv", write_table(bars.of_frames(bars.frames[:4]))))
+    few = write_table(bars.of_frames(bars.frames[:4]))
+    drop(go(begun, "check"), {"p.csv": few}, "upload_check_images")
     assert begun.button(key="use_repaired").proto.type == "primary"
 
 
 def test_a_table_of_bars_and_the_archive(
     begun: AppTest, home: Path, files: Files, tmp_path: Path
 ) -> None:
-    give(begun, "parameters", ("p.json", files.parameters))
-    give(begun, "images", ("bars.csv", files.table))
+    drop(begun, {"p.json": files.parameters}, "upload_check_parameters")
+    drop(begun, {"bars.csv": files.table}, "upload_check_images")
     assert told(begun, "warning").startswith("Moved: ")
     pack_project(project_of(begun, home), tmp_path / "packed.zip")
     store = ProjectCheck(unpack_project(tmp_path / "packed.zip", "packed.zip", home))
@@ -140,7 +131,7 @@ def test_the_results_of_the_project_are_checked(pressed: AppTest, home: Path) ->
     dataset = project_of(app, home).dataset
     assert dataset is not None
     few = dataset.of_frames(dataset.correspondences.frames[:5])
-    give(app, "images", ("few.csv", write_table(few.correspondences)))
+    drop(app, {"few.csv": write_table(few.correspondences)}, "upload_check_images")
     assert "Cannot tell with 5 bars" in told(app, "info")
     app.selectbox(key="check_images").set_value("The pairs of Apply").run()
     assert "matched points alone do not show" in told(app, "caption").lower()

@@ -16,7 +16,7 @@ from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.home import recent_projects
 from stereocal.projects.project import Project
-from tests.pages.stored_projects import FULL, ROOT, dashboard, go, page_of, placed, session, told
+from tests.pages.stored_projects import FULL, ROOT, dashboard, go, page_of, placed, told
 
 SECRET = "/srv/secret/place"
 RESULTS = {
@@ -104,7 +104,7 @@ def test_a_project_can_be_looked_at_and_every_change_is_refused_with_a_sentence(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     project = placed(FULL, home)
-    app = session(project)
+    app = page_of(project)
     for page in acts(project):  # what is computed of the project is on the disk before it breaks
         go(app, page)
     before = project.database.path.read_bytes()

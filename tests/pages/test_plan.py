@@ -13,7 +13,7 @@ from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.verdict.in_words import percent
 from tests import known_rig
 from tests.field.plans import FIELD, contents, plan
-from tests.pages.stored_projects import FULL, go, messages, page_of, placed, project_of, told
+from tests.pages.stored_projects import FULL, drop, go, messages, page_of, placed, project_of, told
 
 
 @pytest.fixture
@@ -21,13 +21,6 @@ def app(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> AppTest:
     """The Plan page, with forecasts of few rigs."""
     monkeypatch.setattr("stereocal.ui.plan.forecast", partial(forecast, rigs=16))
     return go(app, "plan")
-
-
-def open_plan(app: AppTest, files: dict[str, bytes]) -> AppTest:
-    widget = app.file_uploader(key="upload_plan")
-    for name, content in files.items():
-        widget.upload(name, content)
-    return app.run()
 
 
 def test_it_answers_at_once_without_a_project_and_follows_the_controls(
@@ -54,9 +47,9 @@ def test_it_answers_at_once_without_a_project_and_follows_the_controls(
 def test_a_plan_is_opened_with_its_camera_files(app: AppTest) -> None:
     cameras = {"primary": "left.json", "secondary": contents()["cameras"]["secondary"]}
     content = json.dumps(contents(cameras=cameras, bar_m=1.25, frames=33)).encode()
-    open_plan(app, {"plan.json": content})
+    drop(app, {"plan.json": content}, "upload_plan")
     assert "names the camera file left.json" in messages(app)
-    open_plan(app, {"plan.json": content, "left.json": write_camera(known_rig.PRIMARY)})
+    drop(app, {"plan.json": content, "left.json": write_camera(known_rig.PRIMARY)}, "upload_plan")
     assert not app.error
     assert app.number_input(key="plan_bar_m").value == 1.25
     assert app.select_slider(key="plan_frames").value == 33
@@ -83,7 +76,7 @@ def test_three_plans_side_by_side(app: AppTest) -> None:
 
 def test_a_project_from_a_plan(app: AppTest, home: Path) -> None:
     one = plan(name="two boats", stated_primary=known_rig.PRIMARY, near_m=9.0, needed=0.02)
-    open_plan(app, {"plan.json": write_plan(one)})
+    drop(app, {"plan.json": write_plan(one)}, "upload_plan")
     app.button(key="plan_start").click().run()
     assert not app.error and app.title[0].value == "Data"
     project = project_of(app, home)

@@ -12,7 +12,7 @@ from stereocal.projects.archive import pack_project
 from stereocal.projects.home import DAY_S, find_projects, recent_projects, remove
 from stereocal.projects.project import Project
 from stereocal.verdict.in_words import percent
-from tests.pages.stored_projects import dashboard, messages, page_of, project_of
+from tests.pages.stored_projects import dashboard, drop, messages, page_of, project_of
 from tests.pages.test_pages import open_sample
 
 
@@ -158,9 +158,7 @@ def test_a_project_goes_out_as_a_zip_and_comes_in_again_and_both_open(
     zipped = tmp_path_factory.mktemp("elsewhere") / "field.zip"
     pack_project(project, zipped)
     start(app).button(key="pack").click().run()
-    app.file_uploader(key="upload_project").upload(
-        "field.zip", zipped.read_bytes(), "application/zip"
-    ).run()
+    drop(app, {"field.zip": zipped.read_bytes()}, "upload_project")
     opened = project_of(app, home)
     assert opened.id != project.id
     assert opened.inputs.baseline_m == 6.5

@@ -391,11 +391,9 @@ def test_photographs_of_a_bar_to_the_rig(app: AppTest, home: Path) -> None:
 
 def _check_with_photographs(app: AppTest, store: ProjectRecording, rig: RigFile) -> None:
     """The photographs again: as new ones of the rig, then of a pair by its parameter file."""
-    files = photographed_bars()[0]
-    uploader = go(app, "check").file_uploader(key="upload_check_images_0")
-    for name, content in files.items():
-        uploader.upload(name.replace("/", "_"), content)
-    uploader.run()
+    place = "upload_check_images"
+    files = {name.replace("/", "_"): each for name, each in photographed_bars()[0].items()}
+    drop(go(app, "check"), files, place)
     assert "36 photographs, 12 frames" in told(app, "markdown")
     _find_new(app, store.project)
     assert "targets found in 12 frames" in told(app, "caption")
@@ -406,11 +404,7 @@ def _check_with_photographs(app: AppTest, store: ProjectRecording, rig: RigFile)
     of_pair.button(key="check_begin").click().run()
     pair = rig.pair("left", "right").dumps().encode()
     of_pair.file_uploader(key="upload_check_parameters").upload("p.json", pair).run()
-    uploader = of_pair.file_uploader(key="upload_check_images_0")
-    for name, content in files.items():
-        if not name.startswith("mid/"):
-            uploader.upload(name.replace("/", "_"), content)
-    uploader.run()
+    drop(of_pair, {name: files[name] for name in files if not name.startswith("mid_")}, place)
     _find_new(of_pair, Project.open(default_home(), of_pair.session_state["project_id"]))
     assert "targets found in 12 frames" in told(of_pair, "caption")
     assert not of_pair.warning and "Still missing" not in told(of_pair)

@@ -9,7 +9,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from tests.files import zipped
-from tests.pages.stored_projects import dashboard, drop, ended, go, project_of, session, told
+from tests.pages.stored_projects import dashboard, drop, ended, go, page_of, project_of, told
 from tools.photographs.started_by_hand import START_S, write_sample
 
 
@@ -36,7 +36,7 @@ def test_videos_of_cameras_started_by_hand(home: Path, tmp_path: Path) -> None:
     write_sample(given)
     project = Project.create(home)
     project.keep_settings({"held": "balls", "held_balls": "red,yellow"})
-    app = go(session(project), "data")
+    app = page_of(project, "data")
     app.toggle(key="video_by_hand").set_value(True).run()
     drop(app, {path.name: path.read_bytes() for path in given.iterdir()})
     ended(project, "video")
