@@ -207,7 +207,7 @@ def _read(
     except ImageSizeError:
         asked_of = partial(ask_size, asked.project, tabs_own=True)
         first, second = (
-            asked_of(f"set_size_{use}_{which}", f", {which}", camera and camera.image_size)
+            asked_of(f"set_size_{use}_{which}", f", {which}", camera.image_size if camera else None)
             for which, camera in zip(CAMERAS, asked.project.cameras, strict=True)
         )
         options = replace(options, image_sizes=(first, second))
