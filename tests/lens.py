@@ -1,6 +1,5 @@
 """Boards before a camera with a known lens: corners by projection, and small photographs."""
 
-from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
@@ -49,17 +48,12 @@ class AtOnce(Executor):
 
 
 def views(
-    count: int,
-    seed: int,
-    noise_px: float = 0.1,
-    camera: Camera = SMALL,
-    pattern: BoardPattern = PATTERN,
+    count: int, seed: int, noise_px: float = 0.1, camera: Camera = SMALL
 ) -> tuple[BoardView, ...]:
     """Corners of boards in random poses, by projection, with normal noise."""
     rng = np.random.default_rng(seed)
-    squares = (pattern.columns + 1, pattern.rows + 1)
-    poses = draw_board_poses(camera, rng, count, squares, pattern.square_m)
-    points = chessboard_corners(squares, pattern.square_m)
+    poses = draw_board_poses(camera, rng, count, SQUARES, PATTERN.square_m)
+    points = chessboard_corners(SQUARES, PATTERN.square_m)
     ids = np.arange(len(points))
     return tuple(
         BoardView(
@@ -110,8 +104,3 @@ def write_boards(folder: Path, count: int, seed: int = 1) -> list[Pose]:
     for at, pose in enumerate(poses):
         (folder / f"{at:02}.png").write_bytes(encoded(photographed(pose)))
     return poses
-
-
-def names(found: Sequence[Any]) -> list[str]:
-    """Of views or of refused photographs."""
-    return [item.name for item in found]

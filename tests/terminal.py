@@ -25,18 +25,6 @@ def command(*arguments: str | Path) -> list[str]:
     return [sys.executable, "-m", "stereocal", *map(str, arguments)]
 
 
-def run(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[bytes]:
-    """Run a command to its end."""
-    return subprocess.run(
-        command(*arguments),
-        cwd=ROOT,
-        env={**os.environ, **environment},
-        capture_output=True,
-        check=False,
-        timeout=LONGEST_S,
-    )
-
-
 @contextmanager
 def started(*arguments: str | Path, **environment: str) -> Iterator[subprocess.Popen[bytes]]:
     """A command under way, the leader of a process group; ended at the latest by the test's end."""

@@ -12,6 +12,7 @@ from stereocal.system.photograph import GreyImage
 
 WIDTH, HEIGHT = 160, 96
 TICKS = 90_000
+"""Units of a time stamp in a second."""
 HERTZ = 16_000
 
 
@@ -34,10 +35,8 @@ def number_in(image: GreyImage) -> int:
 def write_video(
     path: Path,
     seconds: Sequence[float],
-    codec: str = "libx264",
     draw: Callable[[int], GreyImage] = picture,
     numbers: Sequence[int] | None = None,
-    ticks: int = TICKS,
     preset: str = "medium",
     sound: FloatArray | None = None,
 ) -> Path:
@@ -45,26 +44,25 @@ def write_video(
 
     Args:
         sound: samples, `HERTZ` a second.
-        ticks: units of a time stamp in a second; an AVI has one frame in each.
         preset: how much libx264 computes for a small file; `ultrafast` has no B-frames.
     """
     import av
 
     with av.open(str(path), "w") as container:
-        stream: Any = container.add_stream(codec, rate=min(ticks, 30))
+        stream: Any = container.add_stream("libx264", rate=30)
         if sound is not None:
             heard: Any = container.add_stream("aac", rate=HERTZ, layout="mono")
         stream.height, stream.width = draw(0).shape[:2]
         stream.pix_fmt = "yuv420p"
-        stream.options = {"crf": "12", "preset": preset} if codec == "libx264" else {}
-        stream.time_base = stream.codec_context.time_base = Fraction(1, ticks)
+        stream.options = {"crf": "12", "preset": preset}
+        stream.time_base = stream.codec_context.time_base = Fraction(1, TICKS)
         stream.codec_context.gop_size = 12
         for k, time in enumerate(seconds):
             grey = draw(k if numbers is None else numbers[k])
             colours: Any = grey if grey.ndim == 3 else np.repeat(grey[:, :, None], 3, axis=2)
             frame = av.VideoFrame.from_ndarray(colours, "rgb24")
             frame = frame.reformat(format="yuv420p")
-            frame.pts, frame.time_base = round(time * ticks), Fraction(1, ticks)
+            frame.pts, frame.time_base = round(time * TICKS), Fraction(1, TICKS)
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
         if sound is not None:
