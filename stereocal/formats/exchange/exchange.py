@@ -28,7 +28,6 @@ from stereocal.formats.exchange.text_formats import ANIPOSELIB, ARGUS, CALISCOPE
 from stereocal.formats.exchange.yaml_formats import KALIBR, OPENCV
 from stereocal.formats.file_storage import LARGEST_BYTES, ForeignFile, find_node
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
-from stereocal.rig.geometry import AT_ORIGIN
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.system.atomic_files import write_all
@@ -157,13 +156,8 @@ def export_files(
         raise StereocalError(
             f"The format {name} is written for two cameras; for a rig there are {others}."
         )
-    cameras = _posed(rig) if isinstance(rig, Rig) else rig
+    cameras = [(name, *it) for name, it in rig.placed.items()] if isinstance(rig, Rig) else rig
     return known.write([known.fitting(own) for own in cameras], options or ExchangeOptions())
-
-
-def _posed(rig: Rig) -> list[Posed]:
-    still = AT_ORIGIN
-    return [("primary", rig.primary, still), ("secondary", rig.secondary, rig.pose)]
 
 
 def export(
@@ -196,7 +190,7 @@ def export_notes(rig: Rig, name: str) -> list[str]:
         )
     if known.without_lens and any(c.distortion.any() for c in (rig.primary, rig.secondary)):
         notes.append("The file does not contain the lenses: undistort points before using it.")
-    for which, camera, _ in _posed(rig):
+    for which, (camera, _) in rig.placed.items():
         count = known.coefficients
         if count in (4, 5) and not camera.is_fisheye and camera.distortion[count:].any():
             notes.append(
