@@ -228,19 +228,16 @@ class RobustFit:
                 self.cost, self.p, self.R = total, p, cameras.R
                 self.points[:], self.of_units[:] = points, of_units
                 self.H[:] = into.H if B is None else B @ into.H @ B.T
-                if gain < tolerance:
-                    self.converged = True
-                    break
-                if step > 0:
-                    damping *= 0.05
+                self.converged = gain < tolerance
+                damping *= 0.05 if step > 0 else 1.0
                 D = self.unknowns.M.T if B is None else self.unknowns.M.T @ B
                 A, b = D @ H @ D.T + precision, D @ g + precision @ p
             else:
-                if gain < 1e-6:  # rounding, or the remaining error of the points
-                    self.converged = True
-                    break
+                self.converged = gain < 1e-6  # rounding, or the remaining error of the points
                 points[:] = self.points
                 damping = max(20.0 * damping, 1e-4)
+            if self.converged:
+                break
             damped = A.copy()
             damped.flat[:: len(b) + 1] *= 1.0 + damping
             _, d, failed = dposv(damped, b)
