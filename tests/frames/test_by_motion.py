@@ -191,6 +191,7 @@ def test_videos_of_cameras_started_by_hand(
     assert np.linalg.norm(fit.pose.angles - np.array(RIG.pose.angles)) < 0.01
 
 
+@pytest.mark.soak  # two cameras' videos are above, three cameras' motion too
 def test_videos_of_three_cameras_become_a_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
