@@ -91,19 +91,12 @@ def test_points_of_resized_images_are_named_with_both_sizes(
 
 def four_coefficients() -> Dataset:
     rows = SOUND.correspondences
-    return replace(
-        SOUND,
-        **{side: replace(getattr(SOUND, side), distortion=FOUR) for side in CAMERAS},
-        correspondences=replace(
-            rows,
-            **{
-                side: replace(getattr(SOUND, side), distortion=FOUR).distort(
-                    getattr(SOUND, side).undistort(getattr(rows, side))
-                )
-                for side in CAMERAS
-            },
-        ),
-    )
+    lenses = {side: replace(getattr(SOUND, side), distortion=FOUR) for side in CAMERAS}
+    points = {
+        side: lens.distort(getattr(SOUND, side).undistort(getattr(rows, side)))
+        for side, lens in lenses.items()
+    }
+    return replace(SOUND, **lenses, correspondences=replace(rows, **points))
 
 
 @pytest.mark.parametrize(
