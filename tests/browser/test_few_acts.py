@@ -3,6 +3,8 @@
 An act is a click, a choice of files, or a number typed.
 """
 
+import json
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -94,6 +96,39 @@ def test_board_photographs_to_both_files(page: Page, app_url: str, home: Path) -
     assert user.acts <= MOST_ACTS
     dataset = project_of(page, home).dataset
     assert dataset is not None and len(dataset.correspondences.frames) == 13
+
+
+@pytest.mark.parametrize("width", [1400, 420])
+def test_photographs_named_by_the_cameras_to_both_files(
+    page: Page, app_url: str, home: Path, tmp_path: Path, width: int
+) -> None:
+    page.set_viewport_size({"width": width, "height": 900})
+    given = [shutil.copy(PHOTOGRAPHS / f"{which}.json", tmp_path) for which in CAMERAS]
+    for which, name, first in (("primary", "IMG_{}", 1001), ("secondary", "DSC_{:04}", 231)):
+        for number, file in enumerate(sorted((PHOTOGRAPHS / which).iterdir()), first):
+            given.append(shutil.copy(file, tmp_path / f"{name.format(number)}.jpg"))
+    page.goto(app_url)
+    user = User(page)
+    user.press("Start with my own data")
+    user.give(list(map(Path, given)))
+    user.sees("Which photographs are the primary camera's?")
+    user.press("IMG_1001 to IMG_1025 (25)")
+    user.sees("In use: primary.json (primary camera), secondary.json (secondary camera), 25 + 25")
+    user.enter("baseline_m_value", 4.5)
+    user.enter("target_distance_m_value", 0.9)
+    user.press("Find the targets")
+    user.sees("25 frames: ")
+    user.press("Next: Calibrate")
+    user.press("Calibrate")
+    user.download_both()
+    assert user.acts <= 10
+    project = project_of(page, home)
+    result = project.calibration
+    assert result is not None and len(result.frames) == 21
+    assert result.refined is not None
+    truth = json.loads((PHOTOGRAPHS / "truth.json").read_text())["angles"]
+    off = np.degrees(result.refined.pose.angles.yaw - truth["yaw"])
+    assert abs(off) < 0.02, off  # measured: 0.002 degrees
 
 
 def filmed(which: str, folder: Path) -> Path:

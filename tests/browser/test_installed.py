@@ -1,5 +1,6 @@
 """From an installed wheel to both files: `stereocal serve`, away from any checkout."""
 
+import json
 import shutil
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import pytest
 import requests
 from playwright.sync_api import Page, expect
 
-from stereocal.rig.parameters import RigParameters
+from stereocal.cli import main
 from tests.browser.conftest import LONGEST_MS, ROOT, download, results_shown, served, settle
 from tests.wheel import installed_in
 
@@ -42,9 +43,18 @@ def test_an_installed_package_serves_the_recording_to_both_files(
         page.locator(".st-key-run button").click(timeout=LONGEST_MS)
         results_shown(page)
         settle(page)
+        # The same as by the command line, but for date and name.
+        assert (
+            main(["calibrate", str(ROOT / "sample_data" / "recording"), "--out", str(tmp_path)])
+            == 0
+        )
         for method in ("2d", "3d"):
-            path = download(page, f"download_{method}", tmp_path)
-            assert RigParameters.load(path).method == method
+            shown = json.loads(download(page, f"download_{method}", tmp_path / "shown").read_text())
+            printed = json.loads((tmp_path / f"parameters_{method}.json").read_text())
+            for content in (shown, printed):
+                assert content.pop("created")
+                content["inputs"].pop("name")
+            assert shown == printed
 
 
 @pytest.mark.parametrize(("broken", "expected"), [(None, 200), ("stereocal/ui/navigation.py", 503)])
