@@ -27,7 +27,7 @@ from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import minimise, reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.evaluation.compiled_run import BINS, count_pairs
+from stereocal.evaluation.counting import BINS, count_pairs
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import undistort_rays

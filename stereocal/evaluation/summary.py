@@ -17,7 +17,7 @@ from scipy.special import stdtrit
 
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.errors import StereocalError
-from stereocal.evaluation.compiled_run import (
+from stereocal.evaluation.counting import (
     BIN_WIDTH,
     BINS,
     CORRECT,

@@ -13,7 +13,7 @@ import numpy as np
 
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError, damaged
-from stereocal.evaluation.compiled_run import BINS
+from stereocal.evaluation.counting import BINS
 from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts
 from stereocal.evaluation.summary import MethodSummary, summarise
 from stereocal.refined.screening import Screening

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.calibration.methods import ALL_METHODS, Method
-from stereocal.evaluation import compiled_run
+from stereocal.evaluation import counting
 from stereocal.evaluation.summary import Estimate, crossing
 from stereocal.refined.design_effect import lenses_without
 from stereocal.refined.refine import RefinedResult
@@ -145,26 +145,26 @@ class ForecastDraws:
     def _figures_of(self, method: Method, threshold_px: float | None) -> ForecastFigures:
         at = self.methods.index(method)
         counts, errors = self.counts[:, :, at].astype(np.int64), self.errors_3d[:, :, at]
-        of_px, px = counts[:, :, compiled_run.REPROJECTION], self.correct_px[:, :, at]
+        of_px, px = counts[:, :, counting.REPROJECTION], self.correct_px[:, :, at]
         recommended = int(crossing(of_px.sum(axis=(0, 1))))
         limit = recommended if threshold_px is None else bin_edge(threshold_px)
-        below = of_px[..., compiled_run.UNDERFLOW] + of_px[..., :limit].sum(axis=-1)
+        below = of_px[..., counting.UNDERFLOW] + of_px[..., :limit].sum(axis=-1)
         total = of_px.sum(axis=-1)
-        lost = (total - below)[..., compiled_run.CORRECT]
+        lost = (total - below)[..., counting.CORRECT]
         both = np.concatenate([of_px, of_px.sum(axis=1, keepdims=True)], axis=1)
-        thresholds = np.power(10.0, compiled_run.LOWEST + crossing(both) * compiled_run.BIN_WIDTH)
-        value = float(10 ** (compiled_run.LOWEST + recommended * compiled_run.BIN_WIDTH))
+        thresholds = np.power(10.0, counting.LOWEST + crossing(both) * counting.BIN_WIDTH)
+        value = float(10 ** (counting.LOWEST + recommended * counting.BIN_WIDTH))
         middle = intervals.interval_of(thresholds[:, 2], thresholds[:, :2], intervals.LOG)
         whole = intervals.mean_of(errors.reshape(len(errors), -1))
         found = ForecastFigures(
-            fcp_residual=intervals.fcp_interval(counts[:, :, compiled_run.RESIDUAL]),
+            fcp_residual=intervals.fcp_interval(counts[:, :, counting.RESIDUAL]),
             fcp_reprojection=intervals.fcp_interval(of_px),
             threshold_px=Estimate(value, min(middle.low, value), max(middle.high, value)),
             correct_lost_at_threshold=intervals.tail_of_few(
-                intervals.share_interval(lost, total[..., compiled_run.CORRECT]), self.recorded
+                intervals.share_interval(lost, total[..., counting.CORRECT]), self.recorded
             ),
             wrong_let_in_at_threshold=intervals.share_interval(
-                below[..., compiled_run.WRONG], total[..., compiled_run.WRONG]
+                below[..., counting.WRONG], total[..., counting.WRONG]
             ),
             mean_reprojection_px=intervals.interval_of(intervals.mean_of(px), px, intervals.LOG),
             median_error_3d=intervals.quantile_interval(errors, 0.5),
@@ -244,8 +244,8 @@ def draw_forecast(
 
 def bin_edge(threshold_px: float) -> int:
     """The bin at whose lower edge a threshold lies."""
-    decades = math.log10(max(threshold_px, 1e-300)) - compiled_run.LOWEST
-    return min(max(round(decades / compiled_run.BIN_WIDTH), 0), compiled_run.BINS)
+    decades = math.log10(max(threshold_px, 1e-300)) - counting.LOWEST
+    return min(max(round(decades / counting.BIN_WIDTH), 0), counting.BINS)
 
 
 def _truths(

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.evaluation.compiled_run import CORRECT
+from stereocal.evaluation.counting import CORRECT
 from stereocal.evaluation.summary import Estimate, merge_bins, overlap
 from stereocal.rig.compiled import FloatArray, IntArray
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stereocal.evaluation.compiled_run import BINS, count_pairs
+from stereocal.evaluation.counting import BINS, count_pairs
 from stereocal.refined.distortion import distort, pixel_scales_of, set_distortion
 from stereocal.refined.two_views import BASELINE, DISTORTION, PRIMARY, SECONDARY, undistort_rays
 from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled

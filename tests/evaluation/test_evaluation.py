@@ -13,7 +13,7 @@ from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.montecarlo import reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.evaluation.compiled_run import (
+from stereocal.evaluation.counting import (
     BIN_WIDTH,
     BINS,
     CORRECT,

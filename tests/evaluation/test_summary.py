@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import norm
 
 from stereocal.calibration.methods import METHODS, Method
-from stereocal.evaluation.compiled_run import (
+from stereocal.evaluation.counting import (
     BIN_WIDTH,
     BINS,
     CORRECT,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
-from stereocal.evaluation.compiled_run import CORRECT, REPROJECTION, RESIDUAL, UNDERFLOW
+from stereocal.evaluation.counting import CORRECT, REPROJECTION, RESIDUAL, UNDERFLOW
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import merge_bins, overlap
 from stereocal.library.calibrations import calibrate

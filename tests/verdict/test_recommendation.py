@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import Method
-from stereocal.evaluation.compiled_run import BINS, CORRECT, WRONG
+from stereocal.evaluation.counting import BINS, CORRECT, WRONG
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration

@@ -15,7 +15,7 @@ from scipy.stats.qmc import Sobol
 
 from stereocal.calibration.methods import FILE_METHODS, CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.evaluation import compiled_run
+from stereocal.evaluation import counting
 from stereocal.evaluation.evaluate import paper_angles
 from stereocal.evaluation.summary import crossing, merge_bins, overlap
 from stereocal.field.planning.bars import place_planned_bars
@@ -163,10 +163,10 @@ def _judged(
     rays = np.ascontiguousarray(start.T)
     distances = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
     counts, lengths, correct_px = judge(sets, lenses, pixels, rays, distances, partners)
-    of_px = counts[:, compiled_run.REPROJECTION].astype(np.int64)
-    limits, wrong = crossing(of_px), of_px[:, 1 - compiled_run.CORRECT]
+    of_px = counts[:, counting.REPROJECTION].astype(np.int64)
+    limits, wrong = crossing(of_px), of_px[:, 1 - counting.CORRECT]
     inside = np.arange(wrong.shape[1])[None] < limits[:, None]
-    below = wrong[:, compiled_run.UNDERFLOW] + np.where(inside, wrong, 0).sum(axis=1)
+    below = wrong[:, counting.UNDERFLOW] + np.where(inside, wrong, 0).sum(axis=1)
     errors = np.abs(lengths - 1.0)
     quantiles = np.percentile if np.isfinite(errors).all() else np.nanpercentile  # 20 times faster
     figures = np.column_stack(
@@ -174,7 +174,7 @@ def _judged(
             np.nanmean(errors, axis=1),
             *quantiles(errors, (50, 95), axis=1),
             overlap(merge_bins(of_px, MERGE)),
-            10.0 ** (compiled_run.LOWEST + compiled_run.BIN_WIDTH * limits),
+            10.0 ** (counting.LOWEST + counting.BIN_WIDTH * limits),
             correct_px,
             below / wrong.sum(axis=1),
         ]
