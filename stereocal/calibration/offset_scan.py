@@ -10,6 +10,7 @@ import numpy as np
 
 from stereocal.rig.compiled import FloatArray, IntArray, compiled, internal
 from stereocal.rig.decompositions import backward, factor, forward
+from stereocal.rig.tracks import interpolate
 
 MOST, FEWEST = 120, 25
 """Moments that a matrix is fitted to; with fewer, an offset is not judged."""
@@ -19,6 +20,10 @@ bar at rest is one place, and a camera that sees one place alone fits whatever t
 ROUNDS = 5
 FAR = 2.5
 """Of the median: points farther from their lines lose their weight."""
+
+
+Tracks = tuple[FloatArray, FloatArray, IntArray, IntArray]
+"""The rays and the cells of the primary and of the secondary."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +46,14 @@ class Track:
         at = np.clip(np.nan_to_num((self.rays - low) / width), 0, CELLS - 1).astype(np.int64)
         return np.asarray(np.where(seen, at[..., 0] * CELLS + at[..., 1], -1))
 
+    def earlier(self, fraction: float) -> "Track":
+        """What it saw at the instants of its frames less a fraction of one."""
+        frame, target = np.nonzero(np.isfinite(self.rays[..., 0]))
+        late, rays = np.full(len(frame), fraction), np.full_like(self.rays, np.nan)
+        seen = self.rays[frame, target]
+        rays[frame, target] = interpolate(target, frame, seen, late).positions
+        return Track(self.first, rays)
+
 
 def scan(primary: Track, secondary: Track, offsets: IntArray) -> FloatArray:
     """The median distance of the points from their epipolar lines at each offset, on z = 1.
@@ -53,7 +66,7 @@ def scan(primary: Track, secondary: Track, offsets: IntArray) -> FloatArray:
     """
     found = np.full(len(offsets), np.nan)
     tracks = primary.rays, secondary.rays, primary.cells, secondary.cells
-    _scan(*tracks, offsets + secondary.first - primary.first, found)
+    _scan(tracks, offsets + secondary.first - primary.first, found)
     return found
 
 
@@ -66,42 +79,25 @@ def common_points(
     marks, pairs = np.empty((most, 4), dtype=np.int64), np.empty((most, 4))
     used = np.zeros((2, CELLS * CELLS), dtype=np.int64)
     tracks = primary.rays, secondary.rays, primary.cells, secondary.cells
-    n = _choose(*tracks, offset + secondary.first - primary.first, used, marks, pairs)
+    n = _choose(tracks, offset + secondary.first - primary.first, used, marks, pairs)
     return marks[:n], np.ascontiguousarray(pairs[:n].T)
 
 
 @compiled
-def _scan(
-    primary: FloatArray,
-    secondary: FloatArray,
-    primary_cells: IntArray,
-    secondary_cells: IntArray,
-    offsets: IntArray,
-    found: FloatArray,
-) -> None:
+def _scan(tracks: Tracks, offsets: IntArray, found: FloatArray) -> None:
     used = np.zeros((2, CELLS * CELLS), dtype=np.int64)
     marks, pairs = np.empty((MOST, 4), dtype=np.int64), np.empty((MOST, 4))
     for k in range(len(offsets)):
-        n = _choose(
-            primary, secondary, primary_cells, secondary_cells, offsets[k], used, marks, pairs
-        )
+        n = _choose(tracks, offsets[k], used, marks, pairs)
         if n >= FEWEST:
             found[k] = _misfit(pairs[:n])
 
 
 @compiled
-def _choose(
-    primary: FloatArray,
-    secondary: FloatArray,
-    primary_cells: IntArray,
-    secondary_cells: IntArray,
-    offset: int,
-    used: IntArray,
-    marks: IntArray,
-    pairs: FloatArray,
-) -> int:
+def _choose(tracks: Tracks, offset: int, used: IntArray, marks: IntArray, pairs: FloatArray) -> int:
     """Write points that both see: frame, target and cells to `marks`, rays to `pairs`. Returns
     their number; `used`, how many of each cell are taken, is 0 before and after."""
+    primary, secondary, primary_cells, secondary_cells = tracks
     targets, n, at = primary.shape[1], 0, 0
     start, stop = max(0, offset), min(len(primary), len(secondary) + offset)
     items = max(stop - start, 0) * targets
@@ -114,10 +110,9 @@ def _choose(
             continue
         used[0, one] += 1
         used[1, other] += 1
-        marks[n, 0], marks[n, 1], marks[n, 2], marks[n, 3] = frame, target, one, other
-        for i in range(2):
-            pairs[n, i] = primary[frame, target, i]
-            pairs[n, 2 + i] = secondary[frame - offset, target, i]
+        marks[n] = frame, target, one, other
+        pairs[n, :2] = primary[frame, target]
+        pairs[n, 2:] = secondary[frame - offset, target]
         n += 1
         if n == len(pairs):
             break
@@ -144,8 +139,7 @@ def _coprime(items: int) -> int:
 def _misfit(pairs: FloatArray) -> float:
     """The median distance from the epipolar lines of a robust fundamental matrix."""
     n = len(pairs)
-    middle, scale, rows = np.zeros(4), np.zeros(2), np.empty((n, 9))
-    _normalise(pairs, middle, scale, rows)
+    scale, rows = _normalised(pairs)
     weights, distances = np.ones(n), np.empty(n)
     f, A = np.ones(9), np.empty((9, 9))
     median = np.nan
@@ -166,13 +160,11 @@ def _misfit(pairs: FloatArray) -> float:
 
 
 @internal
-def _normalise(pairs: FloatArray, middle: FloatArray, scale: FloatArray, rows: FloatArray) -> None:
-    """Write the middles, the mean distances from them, and the coefficients of a matrix of the
-    normalised points."""
+def _normalised(pairs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The mean distances of each camera's points from their middle, and the coefficients of a
+    matrix of the normalised points, (n, 9)."""
     n = len(pairs)
-    for i in range(4):
-        for k in range(n):
-            middle[i] += pairs[k, i] / n
+    middle, scale, rows = np.sum(pairs, axis=0) / n, np.zeros(2), np.ones((n, 9))
     for k in range(n):
         for i in range(2):
             dx, dy = pairs[k, 2 * i] - middle[2 * i], pairs[k, 2 * i + 1] - middle[2 * i + 1]
@@ -180,10 +172,8 @@ def _normalise(pairs: FloatArray, middle: FloatArray, scale: FloatArray, rows: F
     for k in range(n):
         x, y = (pairs[k, 0] - middle[0]) / scale[0], (pairs[k, 1] - middle[1]) / scale[0]
         u, v = (pairs[k, 2] - middle[2]) / scale[1], (pairs[k, 3] - middle[3]) / scale[1]
-        row = rows[k]
-        row[0], row[1], row[2] = u * x, u * y, u
-        row[3], row[4], row[5] = v * x, v * y, v
-        row[6], row[7], row[8] = x, y, 1.0
+        rows[k, :8] = u * x, u * y, u, v * x, v * y, v, x, y
+    return scale, rows
 
 
 @internal

@@ -6,7 +6,7 @@ fraction of the one that stands out.
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -16,7 +16,7 @@ import pandas as pd
 
 from stereocal.calibration.corrections import FITTING
 from stereocal.calibration.offset_scan import FEWEST, Track, common_points, scan
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, naming
 from stereocal.network.frame_rates import at_slowest
 from stereocal.network.pairs import reached
 from stereocal.refined.free_baseline import with_rough_baseline
@@ -27,7 +27,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import sampson, triangulate_rays
 from stereocal.rig.recording import CameraPair, Recording
-from stereocal.rig.tracks import MeasuredOffset, interpolate
+from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.answers import TableAnswer
 from stereocal.system.latest import Latest, once_or_refused
 from stereocal.system.numbers import rounded
@@ -268,33 +268,26 @@ class _Seen:
     """What two cameras saw, by their own counts of frames."""
 
     cameras: tuple[Camera, Camera]
-    numbers: tuple[tuple[IntArray, IntArray, FloatArray], ...]
-    """Of each camera, by row: frame, target and ray."""
+    primary: Track
+    secondary: Track
 
     @classmethod
-    def of(cls, recording: Recording, pair: CameraPair) -> "_Seen":
-        """The rays of both cameras."""
-        shown, found = np.unique(recording.target), []
-        for name in pair:
-            own = recording.where(recording.camera == list(recording.cameras).index(name))
+    def of(cls, recording: Recording) -> "_Seen":
+        """The rays of both cameras of a recording."""
+        shown, tracks = np.unique(recording.target), []
+        for number, (name, camera) in enumerate(recording.cameras.items()):
+            own = recording.where(recording.camera == number)
             if not len(own.frame):
                 raise StereocalError(f"The camera {name} saw no points.")
-            if (many := int(np.ptp(own.frame))) >= LONGEST:
+            first, many = int(own.frame.min()), int(np.ptp(own.frame))
+            if many >= LONGEST:
                 raise StereocalError(f"The {many:,} frames of {name} are too many to search.")
-            rays = recording.cameras[name].undistort(own.points)
-            found.append((own.frame, np.searchsorted(shown, own.target), rays))
-        first, second = (recording.cameras[name] for name in pair)
-        return cls((first, second), tuple(found))
-
-    def track(self, number: int, fraction: float = 0.0) -> Track:
-        """What a camera saw, at the instants of its frames less a fraction of one."""
-        frame, target, rays = self.numbers[number]
-        if fraction:
-            rays = interpolate(target, frame, rays, np.full(len(frame), fraction)).positions
-        first, width = int(frame.min()), max(int(own[1].max()) for own in self.numbers) + 1
-        found = np.full((int(frame.max()) - first + 1, width, 2), np.nan)
-        found[frame - first, target] = rays
-        return Track(first, found)
+            rays = np.full((many + 1, len(shown), 2), np.nan)
+            at = own.frame - first, np.searchsorted(shown, own.target)
+            rays[at] = camera.undistort(own.points)
+            tracks.append(Track(first, rays))
+        first_camera, second_camera = recording.cameras.values()
+        return cls((first_camera, second_camera), *tracks)
 
     @property
     def focal_px(self) -> float:
@@ -304,36 +297,39 @@ class _Seen:
 
     def scan(self, near: float | None) -> tuple[FloatArray, FloatArray]:
         """All offsets by half frames, and the distance in px at each; NaN where not judged."""
-        primary, secondary, between = self.track(0), self.track(1), self.track(1, 0.5)
-        whole = np.arange(FEWEST - len(secondary.rays), len(primary.rays) - FEWEST + 1)
-        whole = whole + primary.first - secondary.first
+        one, other = self.primary, self.secondary
+        whole = np.arange(FEWEST - len(other.rays), len(one.rays) - FEWEST + 1)
+        whole = whole + one.first - other.first
         if near is not None:
             whole = whole[np.abs(whole - near) <= AROUND]
-        both = [scan(primary, each, whole) for each in (secondary, between)]
+        both = [scan(one, each, whole) for each in (other, other.earlier(0.5))]
         return (whole[:, None] + [0.0, 0.5]).ravel(), self.focal_px * np.column_stack(both).ravel()
 
     def at(self, offset: float) -> _Candidate:
         """How well the points fit at an offset."""
         whole = int(np.floor(offset))
-        one, other = self.track(0), self.track(1, offset - whole)
+        one, other = self.primary, self.secondary
+        if offset > whole:
+            other = other.earlier(offset - whole)
         places, rays = common_points(one, other, whole, JUDGED)
         frames = np.unique(places[:, 0])
-        differing = min(len(np.unique(places[:, camera])) for camera in (2, 3))
         pose = robust_pose(self.cameras, rays) if len(frames) >= FEWEST else None
         if pose is None:
             return _Candidate(offset)
         px = self.focal_px * float(np.median(np.abs(sampson(pose.essential, rays.T))))
+        differing = min(len(np.unique(places[:, camera])) for camera in (2, 3))
+        found = _Candidate(offset, px, np.nan, frames + one.first, differing)
         shift = whole + other.first - one.first
         ends = np.concatenate([one.rays[frames], other.rays[frames - shift]], axis=2)[:, [0, -1]]
         ends = ends[np.isfinite(ends).all(axis=(1, 2))]
         if one.rays.shape[1] < 2 or len(ends) < FEWEST_LENGTHS:
-            return _Candidate(offset, px, np.nan, frames + one.first, differing)
+            return found
         rays_of_ends = (np.ascontiguousarray(ends[:, k].T) for k in (0, 1))
         first, last = (triangulate_rays(pose.R, pose.T, each) for each in rays_of_ends)
-        found = np.nan_to_num(np.linalg.norm(first - last, axis=1), nan=np.inf)
-        middle = np.median(found)
-        off = float(np.median(np.abs(found / middle - 1.0))) if middle < np.inf else np.inf
-        return _Candidate(offset, px, off, frames + one.first, differing)
+        lengths = np.nan_to_num(np.linalg.norm(first - last, axis=1), nan=np.inf)
+        middle = np.median(lengths)
+        off = float(np.median(np.abs(lengths / middle - 1.0))) if middle < np.inf else np.inf
+        return replace(found, lengths=off)
 
     def nearby(self, candidate: _Candidate) -> _Candidate:
         """The best at parts of a frame next to it."""
@@ -364,40 +360,44 @@ def offset_of_pair(
     for column in (two.frame, two.camera, two.target, two.points):
         digest.update(column.tobytes())
 
-    return once_or_refused(KEPT, digest.hexdigest(), lambda: _offset_of_pair(two, pair, about))
+    return once_or_refused(KEPT, digest.hexdigest(), lambda: _offset_of_pair(two, about))
 
 
-def _offset_of_pair(recording: Recording, pair: CameraPair, near: float | None) -> OffsetOfPair:
-    seen = _Seen.of(recording, pair)
+def _offset_of_pair(recording: Recording, near: float | None) -> OffsetOfPair:
+    seen, (pair,) = _Seen.of(recording), recording.pairs
     offsets, errors = seen.scan(near)
-    best, other = _two_best(seen, pair, offsets, errors)
-    beside = min(seen.at(best.offset + way).px for way in (-1, 1))
-    measured = _measured(recording, pair, best.offset, best.frames)
-    if abs(measured.frames - best.offset) > NEAR + 5 * measured.sigma:
-        raise StereocalError(
-            f"{_named(pair)}: the best offset, {best.offset:g} frames, and the one that fits the "
-            f"motion there, {measured.frames:.2f}, contradict each other."
-        )
+    with naming(f"The offset of the cameras {pair[0]} and {pair[1]} cannot be told"):
+        best, other = _two_best(seen, offsets, errors)
+        beside = min(seen.at(best.offset + way).px for way in (-1, 1))
+        measured = _measured(recording, best.offset, best.frames)
+        if abs(measured.frames - best.offset) > NEAR + 5 * measured.sigma:
+            raise StereocalError(
+                f"the best offset, {best.offset:g} frames, and the one that fits the motion there, "
+                f"{measured.frames:.2f}, contradict each other."
+            )
     found = best.px, beside, other.px, other.offset
     return OffsetOfPair(pair, measured, *found, offsets, errors)
 
 
 def _two_best(
-    seen: _Seen, pair: CameraPair, offsets: FloatArray, errors: FloatArray
+    seen: _Seen, offsets: FloatArray, errors: FloatArray
 ) -> tuple[_Candidate, _Candidate]:
     """The offset that stands out, and the best of the others."""
     judged = [seen.at(offset) for offset in _valleys(offsets, errors)]
     judged = [each for each in judged if each.px < np.inf]
     if len(judged) < FEWEST_OTHERS:
         raise StereocalError(
-            f"{_named(pair)}: at no more than {len(judged)} offsets do both cameras see "
-            f"{FEWEST} moments of a motion, so none stands out. Record both cameras for longer "
-            "while the object moves through what both see; one at rest tells nothing."
+            f"at no more than {len(judged)} offsets do both cameras see {FEWEST} moments of a "
+            "motion, so none stands out. Record both cameras for longer while the object moves "
+            "through what both see; one at rest tells nothing."
         )
     usual = float(np.nanmedian(errors))
 
     def unlikely(each: _Candidate) -> float:
         return each.evidence(usual)
+
+    def best_of(some: Iterable[_Candidate]) -> _Candidate:
+        return min(some, key=lambda each: each.score, default=_Candidate(np.nan))
 
     # Short arcs of a motion fit well at wrong offsets too, near the ends of the recordings.
     likely = sorted(judged, key=unlikely, reverse=True)[:FINALISTS]
@@ -406,58 +406,51 @@ def _two_best(
     best = max(judged, key=unlikely)
     low, high = _valley(offsets, errors, best.offset)
     others = [each for each in judged if not low <= each.offset <= high]
-    other = min(others, key=lambda each: each.score, default=_Candidate(np.nan))
     least = RIVAL * unlikely(best) if unlikely(best) > ENOUGH else -np.inf
-    rivals = [each for each in others if unlikely(each) > least]
-    rival = min(rivals, key=lambda each: each.score, default=_Candidate(np.nan))
+    rival = best_of(each for each in others if unlikely(each) > least)
     limit = FITTING * min(float(np.hypot(*camera.image_size)) for camera in seen.cameras)
     if best.px > limit:
         raise StereocalError(
-            f"{_named(pair)}: at no offset do their points fit together; at the best, "
-            f"{best.offset:g} frames, they lie {rounded(best.px)} px from their epipolar lines. "
-            "Check that both saw the same motion at the same time, with as many frames a second, "
-            "and their camera files."
+            f"at no offset do their points fit together; at the best, {best.offset:g} frames, they "
+            f"lie {rounded(best.px)} px from their epipolar lines. Check that both saw the same "
+            "motion at the same time, with as many frames a second, and their camera files."
         )
     further = FURTHER_WITH_LENGTHS if best.lengths < ALIKE else FURTHER
     need = STANDS_OUT * (1.0 + further / (len(best.frames) - TOO_FEW))
     if not rival.score >= need * best.score:
         raise StereocalError(
-            f"{_named(pair)}: two offsets fit nearly as well, {best.offset:g} frames "
-            f"({rounded(best.px)} px from the epipolar lines) and {rival.offset:g} "
-            f"({rounded(rival.px)} px): the motion repeats itself, or is too short. A longer "
-            "recording of an irregular motion decides, or an offset that you know to a few frames."
+            f"two offsets fit nearly as well, {best.offset:g} frames ({rounded(best.px)} px from "
+            f"the epipolar lines) and {rival.offset:g} ({rounded(rival.px)} px): the motion "
+            "repeats itself, or is too short. A longer recording of an irregular motion decides, "
+            "or an offset that you know to a few frames."
         )
-    return best, other
+    return best, best_of(others)
 
 
 def _valleys(offsets: FloatArray, errors: FloatArray) -> list[float]:
     """The offsets with the smallest errors, each some frames from the others."""
-    left, found = np.nan_to_num(errors, nan=np.inf), list[float]()
-    while (
-        len(left) and len(found) < CANDIDATES and (at := int(left.argmin()), left[at] < np.inf)[1]
-    ):
-        found.append(float(offsets[at]))
-        left[np.abs(offsets - offsets[at]) <= APART] = np.inf
+    found = list[float]()
+    for offset in offsets[np.argsort(errors, kind="stable")][: np.isfinite(errors).sum()].tolist():
+        if len(found) < CANDIDATES and all(abs(offset - each) > APART for each in found):
+            found.append(offset)
     return found
 
 
 def _valley(offsets: FloatArray, errors: FloatArray, best: float) -> tuple[float, float]:
     """The offsets about the best one at which the errors are far below those at others."""
-    high = ~(errors < HILL * np.nanmedian(errors))
-    above, below = offsets[high & (offsets > best)], offsets[high & (offsets < best)]
-    ends = below.max(initial=-np.inf), above.min(initial=np.inf)
-    return min(ends[0], best - APART), max(ends[1], best + APART)
+    high = offsets[~(errors < HILL * np.nanmedian(errors))]
+    low_end = high[high < best].max(initial=-np.inf)
+    high_end = high[high > best].min(initial=np.inf)
+    return min(low_end, best - APART), max(high_end, best + APART)
 
 
-def _measured(
-    recording: Recording, pair: CameraPair, offset: float, moving: IntArray
-) -> MeasuredOffset:
+def _measured(recording: Recording, offset: float, moving: IntArray) -> MeasuredOffset:
     """The offset with its standard error, by the fit of what remains of it.
 
     Args:
         moving: numbers of frames of the first camera in which the object was not at rest.
     """
-    whole = round(offset)
+    whole, (pair,) = round(offset), recording.pairs
     dataset = recording.counted_from({pair[1]: whole}).pair(*pair)
     if len(dataset.correspondences.frames) > RUNS * RUN:
         moving = moving[evenly_spread(len(moving), RUNS)]
@@ -466,10 +459,6 @@ def _measured(
     settings = replace(wide_settings(dataset), time_drift=bool(np.ptp(near) > LONG))
     fit, note = fit_time_offset(dataset, settings, offset - whole)
     if fit is None:
-        raise StereocalError(f"{_named(pair)}: {note}")
+        raise StereocalError(note)
     sigma = max(fit.time_offset.sigma, spread_over_runs(fit))
     return replace(fit.time_offset, frames=whole + fit.time_offset.frames, sigma=sigma)
-
-
-def _named(pair: CameraPair) -> str:
-    return f"The offset of the cameras {pair[0]} and {pair[1]} cannot be told"
