@@ -39,10 +39,9 @@ class Seen:
     def of(cls, points: pd.DataFrame, columns: tuple[str, str]) -> "Seen":
         """Those of a table with the column `frame`, perhaps `TIME`, and names of tracks."""
         frame = points["frame"].to_numpy(dtype=np.int64)
-        times, pixels = frame, points[list(columns)].to_numpy(dtype=np.float64)
-        if TIME in points:
-            recorded = pd.to_numeric(points[TIME], errors="coerce").to_numpy(dtype=np.float64)
-            times = np.where(np.isfinite(recorded), recorded, frame).astype(np.int64)
+        pixels = points[list(columns)].to_numpy(dtype=np.float64)
+        recorded = pd.to_numeric(points.get(TIME, points["frame"]), errors="coerce")
+        times = np.where(np.isfinite(recorded), recorded, frame).astype(np.int64)
         return cls(frame, times, pixels, _tracks(points, times, pixels, columns))
 
     def where(self, used: BoolArray) -> "Seen":

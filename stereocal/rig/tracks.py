@@ -181,14 +181,14 @@ def interpolate(
         left = ~found.known
         both = left & (rows[:, 1:3] >= 0).all(axis=1)
         before, after = both & (rows[:, 0] >= 0), both & (rows[:, 3] >= 0)
-        for use, columns, weights_of in (
-            (before & after, slice(0, 4), _cubic),
-            (before & ~after, slice(0, 3), _parabola),
-            (after & ~before, slice(1, 4), _mirrored_parabola),
-            (both & ~before & ~after, slice(1, 3), _linear),
+        for use, columns in (
+            (before & after, slice(0, 4)),
+            (before & ~after, slice(0, 3)),
+            (after & ~before, slice(1, 4)),
+            (both & ~before & ~after, slice(1, 3)),
         ):
             if use.any():
-                weights, slopes = weights_of((at - first)[use])
+                weights, slopes = _weights((at - first)[use], WINDOW[columns])
                 seen = positions[rows[use, columns]]
                 found.positions[use] = np.einsum("nk,nkc->nc", weights, seen)
                 found.velocities[use] = np.einsum("nk,nkc->nc", slopes, seen)
@@ -196,16 +196,12 @@ def interpolate(
     return found
 
 
-def _cubic(f: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n, 4) each: weights of the positions of `WINDOW` for the position and for the velocity."""
-    weights = np.column_stack(
-        [
-            -f * (1 - f) * (2 - f) / 6,
-            (1 + f) * (1 - f) * (2 - f) / 2,
-            (1 + f) * f * (2 - f) / 2,
-            -(1 + f) * f * (1 - f) / 6,
-        ]
-    )
+def _weights(f: FloatArray, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n, k) each: weights of the positions at some frames of `WINDOW` for the position at f, and
+    for the velocity."""
+    weights = _lagrange(f, frames)
+    if len(frames) < len(WINDOW):  # of a parabola and a line, this is the derivative
+        return weights, _lagrange(f + 0.5, frames) - _lagrange(f - 0.5, frames)
     # The derivative of the parabola through all four by least squares, plus as much of the third
     # difference, which is 0 for parabolas, as makes its noise independent of the position's.
     centred = WINDOW - 0.5
@@ -216,20 +212,11 @@ def _cubic(f: FloatArray) -> tuple[FloatArray, FloatArray]:
     return weights, slopes - share[:, None] * THIRD_DIFFERENCE
 
 
-def _parabola(f: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n, 3) each: the same for three frames, of which the instant lies between the last two."""
-    weights = np.column_stack([f * (f - 1) / 2, 1 - f * f, f * (f + 1) / 2])
-    return weights, np.column_stack([f - 0.5, -2 * f, f + 0.5])
-
-
-def _mirrored_parabola(f: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same between the first two."""
-    weights, slopes = _parabola(1 - f)
-    return weights[:, ::-1], -slopes[:, ::-1]
-
-
-def _linear(f: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return np.column_stack([1 - f, f]), np.tile([-1.0, 1.0], (len(f), 1))
+def _lagrange(f: FloatArray, frames: FloatArray) -> FloatArray:
+    """(n, k): at f, the polynomials that are 1 at one of k frames and 0 at the others."""
+    others = (np.delete(frames, k) for k in range(len(frames)))
+    each = zip(frames, others, strict=True)
+    return np.column_stack([np.prod((f[:, None] - o) / (k - o), axis=1) for k, o in each])
 
 
 def _rows_of(track: IntArray, time_frame: IntArray, frames: IntArray) -> IntArray:
