@@ -18,6 +18,7 @@ from stereocal.rig.correspondences import Correspondences, refuse_points_outside
 from stereocal.rig.field_of_view import beyond_either
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
+from stereocal.rig.rig import camera_in_words
 from stereocal.rig.rigid_object import BoardPattern, placed
 from stereocal.rig.tracks import TimeOffset, interpolate
 from stereocal.system.answers import TableAnswer
@@ -83,11 +84,13 @@ class Dataset(TableAnswer):
     def _not_inverted(self, row: int, which: CameraName) -> str:
         """The message for a point where the lens model cannot be inverted."""
         camera: Camera = getattr(self, which)
+        words = camera_in_words((self.camera_names or CAMERAS)[CAMERAS.index(which)])
+        of_camera = f"{words[0].upper()}{words[1:]}'s"
         width, height = camera.image_size
         if camera.is_fisheye:
             largest = min(camera.largest_angle, LARGEST_ANGLE)
             return (
-                f"The {which} camera's fisheye lens images {self.correspondences.name_of(row)} "
+                f"{of_camera} fisheye lens images {self.correspondences.name_of(row)} "
                 f"more than {np.degrees(largest):.0f} degrees from its axis: at most "
                 f"{np.degrees(LARGEST_ANGLE):.0f} degrees can be used (a field of view of "
                 f"{2 * np.degrees(LARGEST_ANGLE):.0f}). Leave such points out, or check the camera "
@@ -96,7 +99,7 @@ class Dataset(TableAnswer):
         size = camera.size_factor
         hint = f" K seems to belong to an image {rounded(size, 3)} times as large." if size else ""
         return (
-            f"The {which} camera's lens model cannot be inverted at "
+            f"{of_camera} lens model cannot be inverted at "
             f"{self.correspondences.name_of(row)}: its focal length and distortion are impossible "
             f"for a point this far from the centre of the {width}x{height} px image. Check the "
             f"camera file.{hint}"

@@ -163,6 +163,16 @@ class TestPointsOutside:
         with pytest.raises(RefusedRowsError, match="are the camera files exchanged"):
             replace(EXACT, primary=SECONDARY, secondary=PRIMARY, correspondences=rows)
 
+    @pytest.mark.parametrize(
+        ("names", "says"), [(None, "The secondary"), (("L", "Rr"), "Camera Rr")]
+    )
+    def test_a_lens_that_cannot_be_inverted_is_named(
+        self, names: tuple[str, str] | None, says: str
+    ) -> None:
+        folded = replace(SECONDARY, distortion=np.array([-9.0, 0.0, 0.0, 0.0]))
+        with pytest.raises(StereocalError, match=says):
+            replace(EXACT, secondary=folded, camera_names=names)
+
 
 class TestDataset:
     def test_rays_are_those_of_each_camera(self) -> None:
