@@ -17,14 +17,11 @@ from stereocal.errors import StereocalError
 from stereocal.matching.in_step import points_in_step
 from stereocal.matching.pairs import PairMatching, Stated, sample_frames
 from stereocal.matching.point_table import POINT
-from stereocal.matching.reconstruction import noise_of_file
+from stereocal.matching.reconstruction import Points3D, errors_of_pairs
 from stereocal.matching.tracks import noise_of_tracks
 from stereocal.matching.trajectories import TRACK
-from stereocal.matching.view_groups import LOST, ViewFitter
+from stereocal.matching.view_groups import LOST, Measured, ViewFitter
 from stereocal.network.rig_file import RigFile
-from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.two_views import shared_unknowns
-from stereocal.refined.uncertainty import point_errors
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.epipolar_curve import epipolar_curve
@@ -188,15 +185,13 @@ class ClickMeasure:
         """The points that two cameras or more have, by frame; their pixels (n, c, 2), NaN where a
         camera does not; and how those of cameras after the first were brought into step."""
         tables, timing = self._in_step(clicks)
-        seen: dict[Place, dict[str, tuple[float, float]]] = {}
-        for camera, table in tables.items():
-            for frame, track, u, v in table[["frame", TRACK, *POINT]].itertuples(index=False):
-                seen.setdefault(Place(str(track), int(frame)), {})[camera] = u, v
-        places = [place for place, own in seen.items() if len(own) >= FEWEST]
-        places.sort(key=lambda place: (place.frame, place.track))
-        none, cameras = (np.nan, np.nan), [*self.matching.placed]
-        pixels = [[seen[place].get(camera, none) for camera in cameras] for place in places]
-        return places, np.array(pixels).reshape(-1, len(cameras), 2), timing
+        rows = pd.concat([table.assign(camera=camera) for camera, table in tables.items()])
+        wide = rows.pivot_table(index=["frame", TRACK], columns="camera", values=[*POINT])
+        columns = [(axis, camera) for camera in self.matching.placed for axis in POINT]
+        pixels = wide.reindex(columns=columns).to_numpy(np.float64).reshape(len(wide), -1, 2)
+        seen = np.isfinite(pixels[..., 0]).sum(axis=1) >= FEWEST
+        places = [Place(track, int(frame)) for frame, track in wide.index[seen]]
+        return places, pixels[seen], timing
 
     def _in_step(self, clicks: Clicks) -> tuple[dict[str, pd.DataFrame], str]:
         """The points of each camera at the instants of the first's frames, and how."""
@@ -226,21 +221,6 @@ class ClickMeasure:
         return epipolar_curve(rig, CAMERAS[which != CAMERAS[0]], pixel)
 
 
-class Fits(NamedTuple):
-    """Points of their pixels."""
-
-    xyz: FloatArray
-    """(n, 3): in the reference's frame; NaN where the rays do not meet in front of the cameras."""
-    chi_square: FloatArray
-    """(n,): of the pixels, for noise of 1 px; of two cameras unused."""
-    own: FloatArray
-    """(n, 3, 3): covariances by the noise of the pixels."""
-    by_shared: FloatArray
-    """(n, 3, q): derivatives by the parameters."""
-    shared: FloatArray
-    """(q, q): covariance of the parameters."""
-
-
 @dataclass(frozen=True, eq=False)
 class MeasuredClicks:
     """3D points of clicks, and distances between them."""
@@ -259,21 +239,23 @@ class MeasuredClicks:
         return np.asarray(np.isfinite(self.pixels[..., 0]).sum(axis=1))
 
     @cached_property
-    def fits(self) -> Fits:
-        """As `reconstruct` has them."""
+    def fits(self) -> Measured:
+        """As `reconstruct` has them; of two cameras without chi-squares."""
         rig, sigma_px = self.how.measuring, self.settled.sigma_px
         if isinstance(rig, RigFile):
             fitter = ViewFitter(rig)
-            found = fitter.fits(self.pixels, fitter.rays(self.pixels), derivatives=True)
-            chi_square = np.nansum(np.square(found.residuals), axis=(1, 2))
-            own = sigma_px**2 * found.covariances
-            return Fits(found.points, chi_square, own, found.by_shared, rig.covariance)
-        xyz = rig.reconstruct(self.pixels[:, 0], self.pixels[:, 1])
-        about = shared_unknowns(rig), lenses_of_cameras(rig.primary, rig.secondary)
-        own, by_shared = point_errors(*about, sigma_px, xyz)
-        known = noise_of_file(rig)[1]
-        shared = np.zeros(2 * by_shared.shape[2:]) if known is None else known
-        return Fits(xyz, np.zeros(len(xyz)), own, by_shared, shared)
+            return fitter.fit(self.pixels, fitter.rays(self.pixels), sigma_px)
+        first, second = self.pixels.swapaxes(0, 1)
+        xyz, error_px = rig.reconstruct(first, second), rig.reprojection_errors(first, second)
+        errors = errors_of_pairs(rig, xyz, sigma_px)
+        return Measured(xyz, error_px.mean(axis=1), errors, np.zeros(len(xyz)))
+
+    @cached_property
+    def points(self) -> Points3D:
+        """As they are in `points.csv`."""
+        fits, volume = self.fits, self.how.measuring.volume
+        about = fits.xyz, fits.error_px, fits.errors.covariances
+        return Points3D.in_frame(self.how.world, volume, *about)
 
     @cached_property
     def errors_px(self) -> tuple[FloatArray, FloatArray]:
@@ -293,15 +275,11 @@ class MeasuredClicks:
 
     def sentence(self, place: Place) -> str:
         """Error, and position with its standard error, of one of `rows` in words."""
-        row, fits, world = self.rows[place], self.fits, self.how.world
-        xyz, by_shared = fits.xyz[row : row + 1], fits.by_shared[row]
-        covariance = fits.own[row] + by_shared @ fits.shared @ by_shared.T
-        volume = self.how.measuring.volume
-        outside = volume is not None and not volume.contains(xyz).all()
-        if world is not None:
-            xyz, covariance = world.apply(xyz), world.R @ covariance @ world.R.T
-        numbers = zip("xyz", xyz[0].tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
+        row, points = self.rows[place], self.points
+        assert points.sigma_m is not None  # the noise is settled
+        numbers = zip("xyz", points.xyz[row].tolist(), points.sigma_m[row].tolist(), strict=True)
         where = ", ".join(f"{axis} {Length(value, sigma)}" for axis, value, sigma in numbers)
+        outside = points.outside_volume is not None and bool(points.outside_volume[row])
         error_px, limit_px = (float(each[row]) for each in self.errors_px)
         fit = "below" if error_px <= limit_px else "above"
         doubt = "" if error_px <= limit_px else ": not the same point, or clicked badly"
@@ -312,8 +290,9 @@ class MeasuredClicks:
 
     def beyond(self, frame: int) -> set[str]:
         """The tracks whose point in a frame has an error above the threshold."""
-        found = zip(self.places, *self.errors_px, strict=True)
-        return {at.track for at, error, limit in found if at.frame == frame and error > limit}
+        errors, limits = self.errors_px
+        above = errors > limits
+        return {at.track for at, row in self.rows.items() if at.frame == frame and above[row]}
 
     def in_words(self, *ends: tuple[Place, Place]) -> str:
         """The distance of two points, or the mean of several such, as a sentence; empty if none is
@@ -347,13 +326,11 @@ class MeasuredClicks:
         rows = [(self.rows[a], self.rows[b]) for a, b in ends if {a, b} <= {*self.rows}]
         if not rows or any(a == b for a, b in rows):
             return None
-        fits, (one, other) = self.fits, np.array(rows).T
-        apart = fits.xyz[one] - fits.xyz[other]
+        (own, by_shared, shared), (one, other) = self.fits.errors, np.array(rows).T
+        apart = self.fits.xyz[one] - self.fits.xyz[other]
         metres = np.linalg.norm(apart, axis=1)
         along = apart / metres[:, None]
-        own = np.einsum("ni,nij,nj->", along, fits.own[one] + fits.own[other], along)
-        mean = np.einsum("ni,niq->q", along, fits.by_shared[one] - fits.by_shared[other]) / len(
-            rows
-        )
-        variance = own / len(rows) ** 2 + mean @ fits.shared @ mean
+        by_pixels = np.einsum("ni,nij,nj->", along, own[one] + own[other], along)
+        sums = np.einsum("ni,niq->q", along, by_shared[one] - by_shared[other])
+        variance = (by_pixels + sums @ shared @ sums) / len(rows) ** 2
         return Length(float(metres.mean()), float(np.sqrt(variance)), len(rows))

@@ -244,12 +244,8 @@ class _Tracks:
         rig, world = self.fitter.rig, self.world
         pixels = _pixels(rig, tracks)
         found = self.fitter.fit(pixels, self.fitter.rays(pixels), max(self.sigma_px, 1e-6))
-        outside = None if rig.volume is None else ~rig.volume.contains(found.xyz)
-        xyz, covariance = found.xyz, found.covariance
-        if world is not None:
-            xyz, covariance = world.apply(xyz), world.R @ covariance @ world.R.T
-        sigmas = np.sqrt(np.einsum("nii->ni", covariance))
-        points = Points3D(xyz, found.error_px, sigmas, outside)
+        about = found.xyz, found.error_px, found.errors.covariances
+        points = Points3D.in_frame(world, rig.volume, *about)
         further = tracks.drop(columns=["frame", *pixel_columns(rig), *OF_TRACKS], errors="ignore")
         views = {"views": np.isfinite(pixels[..., 0]).sum(axis=1)}
         return _table(

@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,14 +15,31 @@ from stereocal.refined.uncertainty import point_errors
 from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays, stack_rays, triangulate_rays
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.volume import Volume
 
 POSE = BASELINE + 1
 """Number of the shared unknowns that are the pose: five angles and the baseline."""
 
 
+class PointErrors(NamedTuple):
+    """Errors of n points to first order, in metres, in the reference's frame."""
+
+    own: FloatArray
+    """(n, 3, 3): covariances by the noise of their pixels."""
+    by_shared: FloatArray
+    """(n, 3, q): derivatives by the parameters."""
+    shared: FloatArray
+    """(q, q): covariance of the parameters."""
+
+    @property
+    def covariances(self) -> FloatArray:
+        """(n, 3, 3): of both."""
+        return np.asarray(self.own + self.by_shared @ self.shared @ self.by_shared.swapaxes(1, 2))
+
+
 @dataclass(frozen=True, eq=False)
 class Points3D:
-    """Points of n pairs."""
+    """Points of n pairs, or of tracks."""
 
     xyz: FloatArray
     """(n, 3) metres; NaN where the rays do not meet in front of both cameras."""
@@ -31,6 +49,27 @@ class Points3D:
     """(n, 3) standard error of each coordinate; None if no noise is known."""
     outside_volume: BoolArray | None = None
     """(n,): not in the volume of the bars; true for NaN, None if the volume is unknown."""
+
+    @classmethod
+    def in_frame(
+        cls,
+        world: Pose | None,
+        volume: Volume | None,
+        xyz: FloatArray,
+        error_px: FloatArray,
+        covariances: FloatArray | None,
+    ) -> "Points3D":
+        """Points in a world frame.
+
+        Args:
+            world: `world_from_reference`; None: points in the reference's frame, as the others are.
+            covariances: (n, 3, 3).
+        """
+        outside, sigma = None if volume is None else ~volume.contains(xyz), None
+        if covariances is not None:
+            turned = covariances if world is None else world.R @ covariances @ world.R.T
+            sigma = np.sqrt(np.einsum("nii->ni", turned))
+        return cls(xyz if world is None else world.apply(xyz), error_px, sigma, outside)
 
 
 def reconstruct_points(
@@ -54,16 +93,9 @@ def reconstruct_points(
     rays = stack_rays(rig.primary.rays_of(primary_px), rig.secondary.rays_of(secondary_px))
     xyz = triangulate_rays(rig.pose.R, rig.pose.T, rays)
     error = reprojection_errors_of_rays(rig.pose.R, rig.pose.T, rays, rig.pixel_scale).mean(axis=1)
-    sigma = None
-    of_targets, of_parameters = noise_of_file(rig)
-    sigma_px = of_targets if sigma_px is None else sigma_px
-    if sigma_px is not None:
-        covariance = _covariances(rig, xyz, sigma_px, of_parameters)
-        if world is not None:
-            covariance = world.R @ covariance @ world.R.T
-        sigma = np.sqrt(np.einsum("nii->ni", covariance))
-    outside = None if rig.volume is None else ~rig.volume.contains(xyz)
-    return Points3D(xyz if world is None else world.apply(xyz), error, sigma, outside)
+    sigma_px = noise_of_file(rig)[0] if sigma_px is None else sigma_px
+    covariances = None if sigma_px is None else errors_of_pairs(rig, xyz, sigma_px).covariances
+    return Points3D.in_frame(world, rig.volume, xyz, error, covariances)
 
 
 def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
@@ -89,31 +121,27 @@ def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
         ) from error
 
 
-def _covariances(
-    rig: RigParameters,
-    points_m: FloatArray,
-    sigma_px: float | FloatArray,
-    of_parameters: FloatArray | None,
-) -> FloatArray:
-    """Covariances (n, 3, 3) of points (n, 3), m^2 in the primary's frame, first order.
+def errors_of_pairs(
+    rig: RigParameters, points_m: FloatArray, sigma_px: float | FloatArray
+) -> PointErrors:
+    """Errors of points (n, 3) in the primary's frame, by the shared unknowns of `two_views`.
 
     Args:
         sigma_px: of all points, or (n, 2).
-        of_parameters: covariance (25, 25) of the shared unknowns of `two_views`.
     """
     if not (np.isfinite(sigma_px).all() and np.min(sigma_px, initial=0.0) >= 0):
         raise StereocalError(f"The image noise is {sigma_px} px: it must be 0 or more.")
     lenses = lenses_of_cameras(rig.primary, rig.secondary)
-    own, jacobian = point_errors(shared_unknowns(rig), lenses, sigma_px, points_m)
+    errors = point_errors(shared_unknowns(rig), lenses, sigma_px, points_m)
+    of_parameters = noise_of_file(rig)[1]
     if of_parameters is None:
-        return own
+        return PointErrors(*errors, np.zeros((SHARED, SHARED)))
     # In units of the standard errors: an entry near 0 is not known to 1e-6 of itself.
     scale = np.sqrt(np.abs(np.diag(of_parameters)))
     uneven = np.abs(of_parameters - of_parameters.T)
     if (uneven > 1e-6 * np.outer(scale, scale)).any():
         raise StereocalError("The covariance in the parameter file is not symmetric.")
-    symmetric = (of_parameters + of_parameters.T) / 2
-    return np.asarray(own + jacobian @ symmetric @ jacobian.transpose(0, 2, 1))
+    return PointErrors(*errors, (of_parameters + of_parameters.T) / 2)
 
 
 def name_of_world(world: Pose) -> str:

@@ -16,9 +16,10 @@ from scipy.special import chdtri
 
 from stereocal.errors import StereocalError
 from stereocal.matching.pair_candidates import pairs_within
+from stereocal.matching.reconstruction import PointErrors
 from stereocal.network.rig_file import RigFile
 from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.views import Cameras, PointFits, fit_points
+from stereocal.refined.views import Cameras, fit_points
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 
@@ -64,8 +65,8 @@ class Measured:
     """(n, 3): metres, in the reference's frame; NaN where there is no point."""
     error_px: FloatArray
     """(n,): mean distance of the images from those of the point."""
-    covariance: FloatArray
-    """(n, 3, 3): of the noise of the images and of the cameras, which is common to all points."""
+    errors: PointErrors
+    """Without a noise of the images for one of 1 px, and without derivatives."""
     chi_square: FloatArray
     """(n,): of the pixels, for noise of 1 px."""
 
@@ -84,23 +85,18 @@ class ViewFitter:
             [camera.rays_of(pixels[:, c]) for c, camera in enumerate(self.cameras)], axis=1
         )
 
-    def fits(self, pixels: FloatArray, rays: FloatArray, derivatives: bool) -> PointFits:
-        """As `fit_points`."""
-        return fit_points(Cameras(self.q, self.R, self.lenses), pixels, rays, derivatives)
-
     def fit(self, pixels: FloatArray, rays: FloatArray, sigma_px: float | None = None) -> Measured:
-        """The points of images (n, c, 2); with `sigma_px` their covariances too."""
-        points, residuals, covariance, by_shared = self.fits(pixels, rays, sigma_px is not None)
+        """The points of images (n, c, 2); with the noise `sigma_px` all of their errors."""
+        cameras, noise_px = Cameras(self.q, self.R, self.lenses), sigma_px or 1.0
+        points, residuals, own, by_shared = fit_points(cameras, pixels, rays, sigma_px is not None)
         distances = np.linalg.norm(residuals, axis=2)
         views = np.isfinite(distances).sum(axis=1)
         error = np.nansum(distances, axis=1) / np.maximum(views, 1)
         lost = ~np.isfinite(points[:, 0])
         chi_square = np.nansum(np.square(distances), axis=1)
         error[lost], chi_square[lost] = np.nan, np.inf
-        if sigma_px:
-            shared = by_shared @ self.rig.covariance @ by_shared.transpose(0, 2, 1)
-            covariance = sigma_px**2 * covariance + shared
-        return Measured(points, error, covariance, chi_square)
+        errors = PointErrors(noise_px**2 * own, by_shared, self.rig.covariance)
+        return Measured(points, error, errors, chi_square)
 
 
 def match_views(
@@ -121,8 +117,7 @@ def match_views(
     rays = [camera.rays_of(pixels) for camera, pixels in zip(fitter.cameras, points, strict=True)]
     groups = _pairs(fitter, points, rays, names, sigma_px)
     groups = _joined(fitter, points, rays, names, groups, sigma_px)
-    groups, measured = _sound(fitter, points, rays, groups, sigma_px)
-    return _chosen(groups, measured)
+    return _chosen(*_sound(fitter, points, rays, groups, sigma_px))
 
 
 def expected_wrong(
@@ -230,7 +225,7 @@ def _joined(
         known = np.isfinite(predicted[:, 0])
         free, predicted, seen = free[known], predicted[known], seen[known]
         # how far off the prediction is, from the noise of the two images
-        spread = poses[c].R @ measured.covariance[free] @ poses[c].R.T
+        spread = poses[c].R @ measured.errors.own[free] @ poses[c].R.T
         on_plane = seen[:, :2] / seen[:, 2:]
         J = np.zeros((len(free), 2, 3))
         J[:, 0, 0] = J[:, 1, 1] = 1.0 / seen[:, 2]
@@ -260,21 +255,21 @@ def _sound(
     rays: Sequence[FloatArray],
     groups: IntArray,
     sigma: float,
-) -> tuple[IntArray, Measured]:
-    """The groups whose pixels agree."""
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """The groups whose pixels agree, their errors and chi-squares."""
     images = images_of_groups(groups, points)
     measured = fitter.fit(images, images_of_groups(groups, rays))
     limits = np.append([0.0, 0.0], chdtri(2.0 * np.arange(2, len(points) + 1) - 3.0, LOST))
     views = np.asarray((groups >= 0).sum(axis=1))
     sound = measured.chi_square <= sigma**2 * limits[views]
-    return groups[sound], Measured(*(each[sound] for each in vars(measured).values()))
+    return groups[sound], measured.error_px[sound], measured.chi_square[sound]
 
 
-def _chosen(groups: IntArray, measured: Measured) -> ViewGroups:
+def _chosen(groups: IntArray, error_px: FloatArray, chi_square: FloatArray) -> ViewGroups:
     """Groups that share no image: first those with more views, then those that fit better."""
     views = (groups >= 0).sum(axis=1)
     freedom = np.maximum(2 * views - 3, 1)
-    order = np.lexsort((measured.chi_square / freedom, -views))
+    order = np.lexsort((chi_square / freedom, -views))
     taken: dict[tuple[int, int], int] = {}
     chosen, rivals = list[int](), dict[int, int]()
     for k in order.tolist():
@@ -290,5 +285,5 @@ def _chosen(groups: IntArray, measured: Measured) -> ViewGroups:
             taken.update(dict.fromkeys(images, k))
     picked = np.array(chosen, dtype=np.int64)
     ambiguous = [rivals.get(k, 0) >= int((groups[k] >= 0).sum()) for k in chosen]
-    error_px, chi_square = measured.error_px[picked], measured.chi_square[picked]
-    return ViewGroups(groups[picked], error_px, chi_square, np.array(ambiguous, bool))
+    flags = np.array(ambiguous, bool)
+    return ViewGroups(groups[picked], error_px[picked], chi_square[picked], flags)

@@ -1,7 +1,8 @@
 """The Apply page: choice of points, parameters and threshold, and the computation."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -9,17 +10,16 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import METHOD_NAMES
-from stereocal.matching.application import STAGES, Application, Points, points_by_camera
-from stereocal.matching.clicks import CLICK_PX, ClickMeasure
+from stereocal.matching.application import STAGES, Application
+from stereocal.matching.clicks import CLICK_PX, ClickMeasure, Parameters
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
-from stereocal.matching.names import AUTO
 from stereocal.matching.pairs import Stated
-from stereocal.matching.trajectories import TRACK
-from stereocal.projects.application import USES, ProjectApplication, slot_of
+from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.clicks import ProjectClicks
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
@@ -28,7 +28,6 @@ from stereocal.ui.apply_points import (
     OPTIONAL,
     PointsForm,
     ThresholdForm,
-    ask_names,
     ask_noise,
     chosen_depths,
     noise_field,
@@ -65,30 +64,28 @@ def choose_apply_inputs(project: Project, store: ProjectApplication) -> ApplyInp
     return _choose_for_pair(project, store)
 
 
-def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs | None:
+def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs:
     """Points of two cameras; a set to match with, one to measure with, and a threshold."""
-    source, dataset = Source(project, APPLY_SETS), project.dataset
-    own_tables = None if dataset is None else partial(points_by_camera, dataset)
-    titles, slots = (
-        ("The bar's own points", "Two point files"),
-        {str(name): name for name in CAMERAS},
-    )
-    form = PointsForm(store, slots, "apply_points", *titles, own_tables)
-    given = store.set_of("matching")
+    source, given = Source(project, APPLY_SETS), store.set_of("matching")
     cameras = {
         which: camera or (getattr(given[1], which) if given else None)
         for which, camera in zip(CAMERAS, project.cameras, strict=True)
     }
-    form.take({which: camera and camera.image_size[1] for which, camera in cameras.items()})
+    form = PointsForm(
+        store,
+        {which: camera and camera.image_size[1] for which, camera in cameras.items()},
+        project.dataset,
+        is_rig=False,
+    )
+    form.take()
     points_at, noise_at = st.columns([2, 1])
     matching_at, threshold_at, measuring_at = st.columns(3)
     with points_at:
-        points = form.choose("Targets A and B", dataset.name if dataset else "")
-        is_complete = len(points) == len(CAMERAS)
-        names = _choose_names(form, store, list(points.values()))
+        points, names = form.choose()
     sets = _choose_sets(source, store, (matching_at, measuring_at))
-    thresholds = threshold = depths = sigma_px = world = None
-    if is_complete and sets is not None:
+    known_px = noise_field(project, "apply_sigma_px").value()
+    thresholds = threshold = depths = sigma_px = None
+    if len(points) == len(CAMERAS) and sets is not None:
         with ErrorsShown():
             depths = chosen_depths(project)
         usual_px = CLICK_PX if form.is_clicked else None
@@ -103,37 +100,29 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
             for use, column in zip(USES, st.columns(2), strict=True):
                 with column:
                     upload_set(project, store, use)
-    if sets is not None:
-        world = choose_world(project, store, sets[1])
-    show_refusal()
-    if form.is_clicked and sets is not None:
-        forced_px = setting(project, "apply_threshold", None, OPTIONAL).value()
-        known_px = noise_field(project, "apply_sigma_px").value()
-        stated = Stated(forced_px, depths or ANY_DEPTH, known_px, names)
-        show_clicks(project, ClickMeasure(*sets, stated, world))
-    _tell_missing(form.missing, is_complete)
+    forced_px = setting(project, "apply_threshold", None, OPTIONAL).value()
+    world = _click(form, sets, Stated(forced_px, depths or ANY_DEPTH, known_px, names))
+    form.tell_missing(points)
     if sets is None:
         source.tell_missing("a parameter file to match with, and one to measure with")
-    if sets is None or thresholds is None:
-        return ApplyInputs(None, None, form.is_clicked)
     work = None
-    if threshold is not None and depths is not None:
+    if sets is not None and threshold is not None and depths is not None:
         forced = threshold.threshold_px if threshold.is_forced else None
         work = Application(points, *sets, Stated(forced, depths, sigma_px, names), world)
-    return ApplyInputs(work, partial(thresholds.show, threshold), form.is_clicked)
+    show = None if thresholds is None else partial(thresholds.show, threshold)
+    return ApplyInputs(work, show, form.is_clicked)
 
 
-def _tell_missing(missing: Sequence[str], is_complete: bool) -> None:
-    if missing and (not is_complete or len(missing) == 1):
-        which = "both cameras" if len(missing) == len(CAMERAS) else f"the {missing[0]} camera"
-        st.info(f"Still missing: the points of {which}.")
-
-
-def _choose_names(form: PointsForm, store: ProjectApplication, points: Sequence[Points]) -> str:
-    """Whether names decide; those of clicked points do."""
-    if form.is_clicked:
-        return TRACK
-    return ask_names(store, points) if len(points) >= FEWEST else AUTO
+def _click(
+    form: PointsForm, sets: tuple[Parameters, Parameters] | None, stated: Stated
+) -> Pose | None:
+    """The world frame, and the pictures if points are clicked."""
+    project, store = form.store.project, form.store
+    world = None if sets is None else choose_world(project, store, sets[1])
+    show_refusal()
+    if form.is_clicked and sets is not None:
+        show_clicks(project, ClickMeasure(*sets, stated, world))
+    return world
 
 
 def _choose_sets(
@@ -168,35 +157,26 @@ def _choose_for_rig(project: Project, store: ProjectApplication) -> ApplyInputs 
         st.info("The cameras are not calibrated yet.")
         st.page_link("pages/rig.py", label="Calibrate all on the page Rig")
         return None
-    found = recording.read() if recording.is_given else None
-    own_tables = None if found is None else partial(points_by_camera, found)
-    titles = "The object's own points", "A point file of each camera"
-    slots = {name: slot_of(name) for name in rig.names}
-    form = PointsForm(store, slots, "apply_points_of_rig", *titles, own_tables)
-    form.take({name: camera.image_size[1] for name, camera in rig.cameras.items()})
+    heights = {name: camera.image_size[1] for name, camera in rig.cameras.items()}
+    form = PointsForm(store, heights, recording.read(), is_rig=True)
+    form.take()
     points_at, noise_at, rig_at = st.columns([2, 1, 1])
     with points_at:
-        points = form.choose("The targets' names", found.name if found else "")
-        names = AUTO if not points else _choose_names(form, store, list(points.values()))
+        points, names = form.choose()
     with noise_at:
         otherwise = "estimated from their epipolar errors, else as exact as the targets"
         sigma_px = ask_noise(noise_field(project, "apply_sigma_px"), "by the points", otherwise)
     rig_at.caption(f"Match and measure with  \nIn use: {escape_markdown(label)}")
-    world = choose_world(project, store, rig)
-    show_refusal()
-    if form.is_clicked:
-        measure = ClickMeasure(rig, rig, Stated(sigma_px=sigma_px, names=TRACK), world)
-        show_clicks(project, measure)
-        if points and sigma_px is None:
-            clicks = ProjectClicks(project).clicks.of_cameras(rig.names)
-            sigma_px = measure.settled(clicks).sigma_px
-    if len(points) < FEWEST:
-        if not form.is_clicked:
-            st.info("Still missing: the points of two cameras at least.")
-        return ApplyInputs(None, None, form.is_clicked)
     stated = Stated(sigma_px=sigma_px, names=names)
-    work = Application(points, rig, rig, stated, world)
-    return ApplyInputs(work, None, form.is_clicked)
+    world = _click(form, (rig, rig), stated)
+    form.tell_missing(points)
+    if len(points) < FEWEST:
+        return ApplyInputs(None, None, form.is_clicked)
+    if form.is_clicked:
+        clicks = ProjectClicks(project).clicks.of_cameras(rig.names)
+        noise_px = ClickMeasure(rig, rig, stated).settled(clicks).sigma_px
+        stated = replace(stated, sigma_px=noise_px)
+    return ApplyInputs(Application(points, rig, rig, stated, world), None, form.is_clicked)
 
 
 def update_application(project: Project, store: ProjectApplication, work: Application) -> None:

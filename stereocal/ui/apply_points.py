@@ -1,7 +1,7 @@
 """The points of the Apply page: the project's own, or a file of each camera; their noise, the
 threshold, and depths."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import cycle
@@ -12,18 +12,21 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.figures.matches import describe_pair_errors, plot_pair_errors
-from stereocal.matching.application import Points
+from stereocal.matching.application import Points, points_by_camera
 from stereocal.matching.in_step import points_in_step
 from stereocal.matching.matching import ANY_DEPTH, check_depths, nearest_errors
 from stereocal.matching.names import AUTO, NO_NAMES, OFF, Sample, name_columns, stated_columns
 from stereocal.matching.pairs import PairMatching, Stated, further_of, sample_frames
 from stereocal.matching.point_noise import FEWEST_PAIRS, PointNoise
 from stereocal.matching.threshold import ThresholdChoice
-from stereocal.projects.application import CLICKED_IN, Asked, ProjectApplication
+from stereocal.matching.trajectories import TRACK
+from stereocal.projects.application import CLICKED_IN, Asked, ProjectApplication, slot_of
 from stereocal.projects.clicks import ProjectClicks
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.recording import Recording
 from stereocal.rig.rig import camera_in_words
 from stereocal.system.numbers import count, rounded
 from stereocal.ui import jobs
@@ -50,25 +53,40 @@ class PointsForm:
     """The choice of points, and the uploaders."""
 
     store: ProjectApplication
-    slots: Mapping[str, Asked]
-    """By camera, what its file is for."""
-    key: str
-    """Of the setting."""
-    own: str
-    """What the page calls the project's own points."""
-    files: str
-    """What it calls files."""
-    own_tables: Callable[[], Mapping[str, pd.DataFrame]] | None
-    """The project's own points by camera; None if it has none."""
+    heights: Mapping[str, int | None]
+    """By camera, rows of its images, if known."""
+    data: Dataset | Recording | None
+    """Its own points can be chosen."""
+    is_rig: bool
+    """Of three cameras or more."""
 
     @property
-    def missing(self) -> list[str]:
-        """The cameras without a file, where files are wanted."""
-        return [] if self.is_clicked else self._without_file
+    def slots(self) -> dict[str, Asked]:
+        """By camera, what its file is for."""
+        return {name: slot_of(name) if self.is_rig else name for name in self.heights}
 
     @property
-    def _without_file(self) -> list[str]:
+    def _titles(self) -> tuple[str, str]:
+        """What the page calls the project's own points, and files."""
+        if self.is_rig:
+            return "The object's own points", "A point file of each camera"
+        return "The bar's own points", "Two point files"
+
+    @property
+    def _missing(self) -> list[str]:
+        """The cameras without a file."""
         return [camera for camera, slot in self.slots.items() if not self.store.point_file(slot)]
+
+    def tell_missing(self, points: Mapping[str, Points]) -> None:
+        """Whose points are still missing."""
+        missing, which = self._missing, "both cameras"
+        if self.is_clicked or (len(points) >= FEWEST and (self.is_rig or len(missing) != 1)):
+            return
+        if self.is_rig:
+            which = "two cameras at least"
+        elif len(missing) == 1:
+            which = f"the {missing[0]} camera"
+        st.info(f"Still missing: the points of {which}.")
 
     @property
     def is_clicked(self) -> bool:
@@ -77,26 +95,24 @@ class PointsForm:
 
     @property
     def _kind(self) -> Field:
-        kinds = [*([self.own] if self.own_tables else []), self.files, CLICKED]
-        given = len(self.slots) - len(self._without_file)
-        usual = self.files if given >= FEWEST else kinds[0]
-        return setting(self.store.project, self.key, usual, one_of(kinds))
+        kinds, files = [*self._titles, CLICKED][self.data is None :], self._titles[1]
+        usual = files if len(self.slots) - len(self._missing) >= FEWEST else kinds[0]
+        key = "apply_points_of_rig" if self.is_rig else "apply_points"
+        return setting(self.store.project, key, usual, one_of(kinds))
 
-    def take(self, heights: Mapping[str, int | None]) -> None:
-        """An uploader for each camera, and the questions about its file, unless points are clicked.
-
-        Args:
-            heights: rows of the images, by camera, if known.
-        """
+    def take(self) -> None:
+        """An uploader for each camera, and the questions about its file, unless points are
+        clicked."""
         if self.is_clicked:
             return
         columns = st.columns(min(len(self.slots), COLUMNS))
-        in_use = "In use" if self._kind.value() == self.files else "Not in use"
+        in_use = "In use" if self._kind.value() == self._titles[1] else "Not in use"
         for (camera, slot), place in zip(self.slots.items(), cycle(columns), strict=False):
             with place:
                 self._upload(slot, camera_in_words(camera), in_use)
         for number, (camera, slot) in enumerate(self.slots.items()):
-            ask_about_points(self.store, slot, heights[camera], camera_in_words(camera), number)
+            about = self.heights[camera], camera_in_words(camera), number
+            ask_about_points(self.store, slot, *about)
 
     def _upload(self, slot: Asked, camera: str, in_use: str) -> None:
         if (file := self.store.point_file(slot)) is not None:
@@ -109,28 +125,30 @@ class PointsForm:
 
     def _offer(self, slot: Asked, label: str, content: bytes) -> None:
         self.store.offer_points(slot, label, content)
-        if len(self.slots) - len(self.missing) >= FEWEST:
-            self._kind.set(self.files)
+        if len(self.slots) - len(self._missing) >= FEWEST:
+            self._kind.set(self._titles[1])
 
-    def choose(self, left_aside: str, source: str) -> dict[str, Points]:
-        """The points by camera, of those that have any.
+    def choose(self) -> tuple[dict[str, Points], str]:
+        """The points by camera, of those that have any; and how their names decide."""
+        points = self._points(self._kind.menu("Points"))
+        if self.is_clicked:
+            return points, TRACK
+        several = len(points) >= FEWEST
+        return points, _ask_names(self.store, [*points.values()]) if several else AUTO
 
-        Args:
-            left_aside: what of the project's own points is.
-            source: name of the data set that these are from.
-        """
-        kind = self._kind.menu("Points")
+    def _points(self, kind: str) -> dict[str, Points]:
         if kind == CLICKED:
             clicks = ProjectClicks(self.store.project).clicks.of_cameras(self.slots)
             tables = clicks.tables(self.slots, to_match=True) if clicks.are_points else {}
             label = f"{CLICKED_IN} {{}} pictures"
             return {c: self.store.own_points(own, label.format(c)) for c, own in tables.items()}
-        if self.own_tables is not None and kind == self.own:
-            st.caption(f"{left_aside} are left aside: the matching has to tell them apart.")
-            own = self.own_tables()
+        if self.data is not None and kind == self._titles[0]:
+            aside = "The targets' names" if self.is_rig else "Targets A and B"
+            st.caption(f"{aside} are left aside: the matching has to tell them apart.")
+            own = points_by_camera(self.data)
             labels = {c: f"{c} points" if c in CAMERAS else f"camera {c}" for c in self.slots}
             return {
-                camera: self.store.own_points(own[camera], f"{label} of {source}")
+                camera: self.store.own_points(own[camera], f"{label} of {self.data.name}")
                 for camera, label in labels.items()
                 if camera in own
             }
@@ -273,7 +291,7 @@ def _tables(form: ThresholdForm) -> tuple[pd.DataFrame, pd.DataFrame]:
     return first, second
 
 
-def ask_names(store: ProjectApplication, points: Sequence[Points]) -> str:
+def _ask_names(store: ProjectApplication, points: Sequence[Points]) -> str:
     """Whether names decide, where all cameras have them; as of `pairs.match`."""
     field = setting(store.project, "apply_names", True, yes_or_no)
     tables = (whole_table(each.name, each.label, store) for each in points)
