@@ -19,7 +19,7 @@ from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.matching.tables_by_camera import pixel_columns
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.parameters import RigParameters
 
 A_POINT = np.zeros((1, 2))
@@ -47,13 +47,13 @@ def run(parsed: argparse.Namespace) -> None:
     report(*measured.sentences, notes=measured.notes, written=[parsed.out])
 
 
-def _compile(rig: RigParameters | RigFile) -> None:
+def _compile(rig: Parameters) -> None:
     """Compile what worker processes call, which those of a rig do not have."""
     if isinstance(rig, RigParameters):
         reconstruct_points(rig, A_POINT, A_POINT)
 
 
-def _rig(parsed: argparse.Namespace) -> RigParameters | RigFile:
+def _rig(parsed: argparse.Namespace) -> Parameters:
     if parsed.rig is not None:
         refuse_given(parsed, WITH_RIG, "matched_with", "workers", "scheduler")
         return RigFile.load(parsed.rig)

@@ -7,7 +7,7 @@ from stereocal.commands.options import contents
 from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import Axes, WorldSettings
 from stereocal.formats.world_file import pair_in_table, read_observed, write_world
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import write_atomically
 
@@ -42,7 +42,7 @@ def run(parsed: argparse.Namespace) -> None:
     axes = Axes(parsed.origin, parsed.x_axis, parsed.heading)
     noise = parsed.sigma_px, parsed.survey_sigma
     settings = WorldSettings(axes, *noise, parsed.drag, parsed.upside_down)
-    rig: RigParameters | RigFile
+    rig: Parameters
     if parsed.rig is not None:
         rig = RigFile.load(parsed.rig)
     else:

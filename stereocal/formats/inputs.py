@@ -11,7 +11,7 @@ from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
 from stereocal.formats.recording_files import parse_recording, read_points_csv
 from stereocal.matching.point_table import PointTable, is_parquet
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.network.started_by_hand import bring_into_step
 from stereocal.rig.camera import LensModel
 from stereocal.rig.correspondences import PIXELS
@@ -54,8 +54,10 @@ def read_input(path: Path, lens_model: LensModel | None = None, pair: str | None
     return read_dataset(path, lens_model, pair)
 
 
-def images_in(content: bytes, label: str, rig: RigParameters) -> NewImages:
+def images_in(content: bytes, label: str, rig: Parameters) -> NewImages | Recording:
     """New images in an uploaded file: a zip with `dataset.json`, or a table."""
+    if isinstance(rig, RigFile):
+        return recording_in(content, label, rig)
     if is_zip(content):
         return images_of_bars(parse_zip(content, label), rig)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:

@@ -26,7 +26,7 @@ from stereocal.field.world.frame import (
     WorldFrame,
 )
 from stereocal.matching.reconstruction import name_of_world
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -59,7 +59,7 @@ LONGEST_NAME = 60
 FARTHEST_M = 1e8
 
 
-def write_world(frame: WorldFrame, rig: RigParameters | RigFile) -> bytes:
+def write_world(frame: WorldFrame, rig: Parameters) -> bytes:
     """The file of a world frame.
 
     Args:
@@ -158,7 +158,7 @@ def kind_of_table(content: bytes, source: str) -> str:
     )
 
 
-def pair_in_table(rig: RigParameters | RigFile, content: bytes, source: str) -> CameraPair:
+def pair_in_table(rig: Parameters, content: bytes, source: str) -> CameraPair:
     """The two cameras whose pixels a table has: `u_left,v_left,u_right,v_right`. Of more than two
     of a rig, those that see most of its rows together."""
     if isinstance(rig, RigParameters):
@@ -225,7 +225,7 @@ def read_observed(
     return found
 
 
-def check_world(content: bytes, source: str, rig: RigParameters | RigFile) -> None:
+def check_world(content: bytes, source: str, rig: Parameters) -> None:
     """Check that a file is a world frame, or a table of a rig's cameras that gives one."""
     if is_json(source):
         parse_world(content, source)

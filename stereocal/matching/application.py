@@ -24,7 +24,7 @@ from stereocal.matching.point_table import POINT, PointTable
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.tables_by_camera import pixel_columns
 from stereocal.matching.trajectories import OUTSIDE_VOLUME
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
@@ -63,8 +63,8 @@ class Application:
 
     points: Mapping[str, Points]
     """Of the primary and the secondary, or of cameras of a rig."""
-    matching: RigParameters | RigFile
-    measuring: RigParameters | RigFile
+    matching: Parameters
+    measuring: Parameters
     """The same rig, where it is one of three cameras and more."""
     stated: Stated = field(default_factory=Stated)
     world: Pose | None = None

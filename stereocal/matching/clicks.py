@@ -21,12 +21,11 @@ from stereocal.matching.reconstruction import Points3D, errors_of_pairs
 from stereocal.matching.tracks import noise_of_tracks
 from stereocal.matching.trajectories import TRACK
 from stereocal.matching.view_groups import LOST, Measured, ViewFitter
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.epipolar_curve import epipolar_curve
 from stereocal.rig.geometry import Pose
-from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded, with_error
 
 CLICK_PX = 1.0
@@ -35,7 +34,6 @@ FEWEST = 2
 """Cameras that place a point; further ones improve it."""
 Source = Literal["clicked", "snapped", "followed"]
 Key = tuple[int, str, str]
-Parameters = RigParameters | RigFile
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from stereocal.calibration.corrections import FITTING
 from stereocal.errors import StereocalError
 from stereocal.matching.own_count import RATE, SHIFT, Seen
 from stereocal.matching.point_table import POINT, PointTable
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.network.started_by_hand import STANDS_OUT
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import PIXELS
@@ -47,7 +47,7 @@ NEIGHBOURS = np.arange(-3, 4)
 
 
 def tables_in_step(
-    rig: RigParameters | RigFile, tables: Mapping[str, PointTable]
+    rig: Parameters, tables: Mapping[str, PointTable]
 ) -> tuple[dict[str, PointTable], list[str]]:
     """As `points_in_step`, of tables that are read only if their cameras are not in step."""
     first, *others = tables
@@ -62,7 +62,7 @@ def tables_in_step(
 
 
 def points_in_step(
-    rig: RigParameters | RigFile, tables: Mapping[str, pd.DataFrame], numbered_alike: bool = False
+    rig: Parameters, tables: Mapping[str, pd.DataFrame], numbered_alike: bool = False
 ) -> tuple[dict[str, pd.DataFrame], dict[str, list[str]]]:
     """The points of all cameras with their frames numbered as the first's, at the instants of
     these; and what was done with those of each that was not in step.

@@ -15,9 +15,8 @@ from stereocal.matching.pairs import PairMatching, Stated
 from stereocal.matching.point_table import PointTable, open_table, together
 from stereocal.matching.tables_by_camera import Frame, Report, TablesByCamera
 from stereocal.matching.tracks import TrackMatching
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.field_of_view import beyond_in_words
-from stereocal.rig.parameters import RigParameters
 from stereocal.system.tasks import Progress, Task, run_tasks
 
 LOST_COLUMNS = ("camera", "frame", "u", "v")
@@ -26,7 +25,7 @@ Matching = PairMatching | TrackMatching
 
 
 def match_tables(
-    rig: RigParameters | RigFile,
+    rig: Parameters,
     tables: Mapping[str, PointTable],
     out: Path | None,
     stated: Stated | None = None,

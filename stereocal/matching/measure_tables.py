@@ -35,7 +35,7 @@ from stereocal.matching.trajectories import (
     with_track,
 )
 from stereocal.matching.view_groups import ViewFitter
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.field_of_view import beyond_in_words, count_beyond
@@ -91,7 +91,7 @@ def noise_of_pairs(
 
 
 def measure_tables(
-    rig: RigParameters | RigFile,
+    rig: Parameters,
     table: PointTable,
     out: Path | None,
     world: Pose | None = None,

@@ -236,6 +236,14 @@ def _written(cameras: int) -> tuple[IntArray, IntArray]:
     return np.ix_(*2 * [places[(places % EACH != DRIFT) | (places == places[-1])]])
 
 
+Parameters = RigParameters | RigFile
+
+
+def read_parameters(content: bytes, label: str) -> Parameters:
+    """What a file holds: a rig, or a parameter set of two cameras; `label` is for messages."""
+    return (RigFile if is_rig(content) else RigParameters).loads(content, label)
+
+
 def is_rig(content: bytes) -> bool:
     """Whether the content of a file is a rig's, of any version."""
     return b'"stereocal-rig/' in content[:200]

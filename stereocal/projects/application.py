@@ -11,7 +11,7 @@ from typing import Any, Literal
 import pandas as pd
 
 from stereocal.errors import StereocalError, can_be_shown, damaged
-from stereocal.formats.inputs import images_in, recording_in
+from stereocal.formats.inputs import images_in
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.point_answers import Answers, answered, answers_alike, layout_of
 from stereocal.formats.point_files import read_points
@@ -20,7 +20,7 @@ from stereocal.formats.point_text import point_text
 from stereocal.formats.world_file import check_world
 from stereocal.matching.application import POINTS, Application, Outcome, Points, apply_sets
 from stereocal.matching.point_table import POINT, PointTable, is_parquet
-from stereocal.network.rig_file import RIG, RigFile, is_rig
+from stereocal.network.rig_file import RIG, Parameters, RigFile, read_parameters
 from stereocal.projects.database import DamagedError
 from stereocal.projects.files import StoredFile, loaded
 from stereocal.projects.project import Project, ProjectPart
@@ -212,10 +212,9 @@ class ProjectApplication(ProjectPart):
     def keep_set(self, use: Use, label: str, content: bytes) -> None:
         """Store a parameter file, or a rig.json as such; another one is refused, and nothing
         changes."""
-        if is_rig(content):
+        if isinstance(read_parameters(content, label), RigFile):
             self.keep_rig(label, content)
             return
-        RigParameters.loads(content, label)
         with self.database.transaction():
             self.database.give(SETS, use, label, content)
             self.database.forget_files(ASKING, [use])
@@ -237,7 +236,7 @@ class ProjectApplication(ProjectPart):
             return None
         return found.label, RigParameters.loads(found.read_bytes(), found.label)
 
-    def keep_world(self, label: str, content: bytes, rig: RigParameters | RigFile) -> None:
+    def keep_world(self, label: str, content: bytes, rig: Parameters) -> None:
         """Store a world frame, or a table for one, as of `check_world`."""
         check_world(content, label, rig)
         self.database.give(WORLD, WORLD, label, content)
@@ -305,19 +304,12 @@ class ProjectCheck(ProjectPart):
         return Project(self.database.of_page("check"))
 
     def keep_parameters(self, label: str, content: bytes) -> None:
-        if is_rig(content):
-            RigFile.loads(content, label)
-        else:
-            RigParameters.loads(content, label)
+        read_parameters(content, label)
         self.database.give(CHECK, PARAMETERS, label, content)
 
-    def keep_images(
-        self, label: str, content: bytes, rig: RigParameters | RigFile | None = None
-    ) -> None:
+    def keep_images(self, label: str, content: bytes, rig: Parameters | None = None) -> None:
         """Store new images, if those of the parameters can be checked with them."""
-        if isinstance(rig, RigFile):
-            recording_in(content, label, rig)
-        elif rig is not None:
+        if rig is not None:
             images_in(content, label, rig)
         self.database.give(CHECK, IMAGES, label, content)
 

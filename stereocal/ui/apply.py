@@ -11,9 +11,10 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import METHOD_NAMES
 from stereocal.matching.application import STAGES, Application
-from stereocal.matching.clicks import CLICK_PX, ClickMeasure, Parameters
+from stereocal.matching.clicks import CLICK_PX, ClickMeasure
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
 from stereocal.matching.pairs import Stated
+from stereocal.network.rig_file import Parameters
 from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.clicks import ProjectClicks
 from stereocal.projects.project import Project

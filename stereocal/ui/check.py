@@ -23,14 +23,14 @@ from stereocal.field.checking.rig_check import RigCheck, check_rig
 from stereocal.figures.frame_errors import describe_check, plot_check
 from stereocal.formats.dataset_files import TABLE
 from stereocal.formats.dropped import Dropped
-from stereocal.formats.inputs import images_in, recording_in
+from stereocal.formats.inputs import images_in
 from stereocal.formats.recording_files import POINTS, pack_recording
 from stereocal.frames import all_cameras
 from stereocal.matching.application import PAIRS
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
 from stereocal.matching.point_table import PARQUET
 from stereocal.network.pairs import pair_name
-from stereocal.network.rig_file import RigFile, is_rig
+from stereocal.network.rig_file import Parameters, RigFile, is_rig, read_parameters
 from stereocal.projects.application import (
     IMAGES,
     PARAMETERS,
@@ -64,7 +64,6 @@ from stereocal.ui.photographs import press_search
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
 
-Parameters = RigParameters | RigFile
 OF_PAIR = "New bars or matched points: photographs, videos, a zip, or a table"
 OF_RIG = "New bars: photographs of all cameras, a zip, or a table"
 VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
@@ -126,9 +125,7 @@ def _set_in(given: StoredFile | None) -> tuple[Parameters | None, str]:
     """The parameters in a file, and what they are called."""
     if given is None:
         return None, "none yet"
-    content = given.read_bytes()
-    kind = RigFile if is_rig(content) else RigParameters
-    return kind.loads(content, given.label), given.label
+    return read_parameters(given.read_bytes(), given.label), given.label
 
 
 def _own_set(source: Source) -> tuple[Parameters | None, str]:
@@ -236,8 +233,6 @@ def _checked(
 @st.cache_resource(show_spinner="Reading.", max_entries=16)
 def _images_of(key: str, _rig: Parameters, _label: str, _content: bytes) -> NewImages | Recording:
     assert key
-    if isinstance(_rig, RigFile):
-        return recording_in(_content, _label, _rig)
     return images_in(_content, _label, _rig)
 
 

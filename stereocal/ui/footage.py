@@ -16,13 +16,12 @@ import streamlit as st
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.dropped import Dropped
 from stereocal.frames.video.footage import Footage, of_photographs, of_videos
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters
 from stereocal.projects.clicks import ProjectClicks
 from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import camera_in_words
 from stereocal.system.latest import Latest
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
@@ -86,7 +85,7 @@ _OWN: Latest[Footage] = Latest(4)
 class Pictures:
     """The pictures of a project's cameras, and the place to give them."""
 
-    def __init__(self, project: Project, rig: RigParameters | RigFile) -> None:
+    def __init__(self, project: Project, rig: Parameters) -> None:
         self.project, self.rig, self.cameras = project, rig, tuple(rig.placed)
         self.given = ProjectGiven(ProjectClicks(project).of_pictures)
         first, *others = self.cameras

@@ -19,12 +19,11 @@ from stereocal.formats.world_file import (
     read_observed,
     write_world,
 )
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.rig.geometry import Pose
-from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair
 from stereocal.rig.rig import camera_in_words
 from stereocal.ui import jobs
@@ -45,9 +44,7 @@ HELP = (
 OF_RIG = "The pixels are those of two cameras of the rig, as the columns u_{0},v_{0},u_{1},v_{1}."
 
 
-def choose_world(
-    project: Project, store: ProjectApplication, rig: RigParameters | RigFile
-) -> Pose | None:
+def choose_world(project: Project, store: ProjectApplication, rig: Parameters) -> Pose | None:
     """The fold; returns `world_from_primary`, of a rig `world_from_reference`; None for points in
     the camera's frame."""
     camera, told = camera_in_words(next(iter(rig.placed))), HELP
@@ -88,9 +85,7 @@ def choose_world(
     return world
 
 
-def _found(
-    project: Project, file: StoredFile, rate: float | None, rig: RigParameters | RigFile
-) -> Pose:
+def _found(project: Project, file: StoredFile, rate: float | None, rig: Parameters) -> Pose:
     """The frame that a table gives, with its sentence and download."""
     content = file.read_bytes()
     cameras = pair_in_table(rig, content, file.label)
@@ -156,11 +151,7 @@ def _switch(project: Project, title: str, name: str) -> bool:
 
 @st.cache_resource(show_spinner="Finding the world frame.", max_entries=16)
 def _world(
-    key: str,
-    _rig: RigParameters | RigFile,
-    _observed: Observed,
-    settings: WorldSettings,
-    cameras: CameraPair,
+    key: str, _rig: Parameters, _observed: Observed, settings: WorldSettings, cameras: CameraPair
 ) -> WorldFrame:
     assert key
     return jobs.compute(find_world, _rig, _observed, settings, cameras)

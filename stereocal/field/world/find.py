@@ -9,14 +9,13 @@ from stereocal.field.world.frame import Observed, Survey, Throw, WorldFrame, Wor
 from stereocal.field.world.lines import world_of_lines
 from stereocal.field.world.survey import world_of_survey
 from stereocal.field.world.throw import world_of_throw
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair
 
 
 def find_world(
-    rig: RigParameters | RigFile,
+    rig: Parameters,
     observed: Observed,
     settings: WorldSettings | None = None,
     cameras: CameraPair = CAMERAS,
