@@ -182,6 +182,10 @@ def test_frames_without_common_points_match_nothing(run: CalibrationRun) -> None
     assert len(pairs) == 0
     assert "u_primary" in pairs
     assert len(stereocal.reconstruct(run.sets["3d"], pairs)) == 0
+    # Of rows without a point, as of those in a file.
+    lost = pd.concat([primary, primary[:1].assign(u=np.nan, v=np.nan)])
+    pairs = stereocal.match(run.sets["2d"], lost, secondary)
+    assert len(pairs) > 0 and "1 row without a point left out" in repr(pairs)
 
 
 def test_points_counted_apart_are_matched_without_a_common_number(run: CalibrationRun) -> None:

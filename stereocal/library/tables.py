@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 import pandas as pd
 
-from stereocal.errors import StereocalError
 from stereocal.library.drawing import draw
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.matching import ANY_DEPTH
 from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.names import AUTO
 from stereocal.matching.pairs import PAIR_COLUMNS, Stated, further_names
-from stereocal.matching.point_table import POINT, PointTable
+from stereocal.matching.point_table import PointTable
 from stereocal.matching.tables_by_camera import Report, pixel_columns
 from stereocal.matching.trajectories import POINT_COLUMNS
 from stereocal.network.rig_file import RigFile
@@ -25,7 +24,6 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras
 from stereocal.system.answers import TableAnswer
-from stereocal.system.tables import refuse_missing
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -95,7 +93,8 @@ def match(
     Args:
         rig: the set to match with; or a rig.
         primary, secondary: tables with the columns `frame`, `u`, `v` (raw pixels) and any further
-            ones, which are carried along; of a rig one mapping of tables by camera.
+            ones, which are carried along; of a rig one mapping of tables by camera. Rows without
+            `u` and `v` are left out.
         threshold_px: "auto" or None: by the noise of the points.
         depths_m: nearest and farthest in front of the primary camera.
         sigma_px: the noise of the points, if it is known; None: that of the column `sigma_px`,
@@ -107,17 +106,16 @@ def match(
         The pairs, with the columns of `pairs.csv`, ordered by frame; of a rig its tracks.
 
     Raises:
-        StereocalError: a column is missing, a number not finite, or a point outside its image.
+        StereocalError: a column is missing, a number is none, or a point is outside its image.
     """
     tables: dict[str, pd.DataFrame] = (
         dict(primary) if isinstance(primary, Mapping) else {CAMERAS[0]: primary}
     )
     if secondary is not None:
         tables[CAMERAS[1]] = secondary
-    for which, table in tables.items():
-        refuse_missing(f"The {which} table", table, ("frame", *POINT))
-        if not np.isfinite(table[["frame", *POINT]].to_numpy(dtype=np.float64)).all():
-            raise StereocalError(f"The {which} table has a number that is not finite.")
+    given = {
+        which: PointTable(table, label=f"the {which} table") for which, table in tables.items()
+    }
     first, last = (tables[name]["frame"] for name in (min(tables), max(tables)))
     two = isinstance(rig, RigParameters) and len(tables) == 2
     apart = isinstance(rig, RigParameters) and rig.start_frame and len(first) and len(last)
@@ -125,9 +123,6 @@ def match(
         further = further_names(*map(tuple, tables.values()))
         columns = [*PAIR_COLUMNS, *(name for own in further for name in own.values())]
         return Pairs.of(pd.DataFrame(columns=columns), NOTHING)
-    given = {
-        which: PointTable(table, label=f"the {which} table") for which, table in tables.items()
-    }
     limit = None if threshold_px == "auto" else threshold_px
     rows: list[pd.DataFrame] = []
     stated = Stated(limit, depths_m, sigma_px, names)
@@ -159,15 +154,12 @@ def reconstruct(
     Raises:
         StereocalError: a column is missing, or a point outside its image.
     """
-    columns = pixel_columns(rig)
-    refuse_missing("The table of pairs", pairs, ("frame", *columns))
     if not len(pairs):
         found, report = pd.DataFrame(columns=[*POINT_COLUMNS]), Report(0, ["No points."])
     else:
         rows: list[pd.DataFrame] = []
-        table = PointTable(
-            pd.DataFrame(pairs), columns, "the table of pairs", isinstance(rig, RigFile)
-        )
+        about = pixel_columns(rig), "the table of pairs", isinstance(rig, RigFile)
+        table = PointTable(pd.DataFrame(pairs), *about)
         report = measure_tables(rig, table, None, world, sigma_px, passed_on=rows)
         found = pd.concat(rows, ignore_index=True)
     points = Points.of(found, report)

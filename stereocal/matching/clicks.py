@@ -89,10 +89,6 @@ class Clicks:
         """In the order of their first clicks."""
         return list(dict.fromkeys(each.track for each in self.every.values()))
 
-    def at(self, frame: int, camera: str) -> list[Click]:
-        """Those in one image."""
-        return [each for each in self.every.values() if each.key[:2] == (frame, camera)]
-
     def along(self, track: str, camera: str) -> list[Click]:
         """Those of a track in one camera, by frame."""
         own = [e for e in self.every.values() if e.track == track and e.camera == camera]

@@ -169,9 +169,9 @@ class _Panel:
         st.markdown(f"**{escape_markdown(camera.capitalize())}** · {escape_markdown(label)}")
         marks = [
             Mark(each.track, each.u, each.v, None, self.colours[each.track], shape)
-            for own, shape in ((self.clicks.at(frame, camera), "cross"), (self.proposed, "dashed"))
+            for own, shape in ((self.clicks.every.values(), "cross"), (self.proposed, "dashed"))
             for each in own
-            if each.camera == camera
+            if each.key[:2] == (frame, camera)
         ]
         lines = []
         for other in self.cameras:

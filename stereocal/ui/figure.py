@@ -4,6 +4,7 @@ may stand far below."""
 import time
 from typing import Any
 
+import numpy as np
 import plotly.graph_objects as go
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -56,6 +57,15 @@ def show_figure(
     st.plotly_chart(figure, key=key, alt=words, **chart)
     if caption:
         st.caption(escape_markdown(words))
+
+
+def clicked_in(chart: str) -> Any:
+    """What the first point is of that was clicked in a figure: a frame, or a name; None if none
+    was."""
+    shown = st.session_state.get(chart)
+    points = shown["selection"]["points"] if shown else ()
+    found = [np.ravel(each["customdata"])[0] for each in points if "customdata" in each]
+    return found[0].item() if found else None
 
 
 def is_narrow() -> bool:

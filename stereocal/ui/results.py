@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from functools import partial
 
-import numpy as np
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
@@ -28,7 +27,7 @@ from stereocal.system.zip_files import pack_zip
 from stereocal.ui import refined_looks, screening
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting
-from stereocal.ui.figure import is_narrow, scroll_to, scrolled_part, show_figure
+from stereocal.ui.figure import clicked_in, is_narrow, scroll_to, scrolled_part, show_figure
 from stereocal.ui.forms import describe_settings
 from stereocal.ui.messages import callback, fragment, readable
 from stereocal.ui.navigation import go_to
@@ -163,7 +162,7 @@ def _look_at_frame(project: Project, calibration: Calibration, frame: int) -> No
 @callback
 def open_clicked_frame(project: Project) -> None:
     """Open the frame of a point of the figure of the Data page: its photographs, or its errors."""
-    frame, calibration = _clicked_frame(COVERAGE), project.calibration
+    frame, calibration = clicked_in(COVERAGE), project.calibration
     if frame is None:
         return
     if screening.photographed(project):
@@ -173,13 +172,6 @@ def open_clicked_frame(project: Project) -> None:
         go_to("calibrate")
     else:
         raise StereocalError(f"Frame {frame}: its errors are shown once you have calibrated.")
-
-
-def _clicked_frame(chart: str) -> int | None:
-    """The frame of the first point that was clicked in a figure."""
-    shown = st.session_state.get(chart)
-    points = shown["selection"]["points"] if shown else ()
-    return int(np.ravel(points[0]["customdata"])[0]) if points else None
 
 
 @fragment
@@ -197,7 +189,7 @@ def _show_frames(project: Project, run: Run, answer: Run | None) -> None:
 
     @callback
     def clicked() -> None:
-        if (frame := _clicked_frame(CHART)) is not None:
+        if (frame := clicked_in(CHART)) is not None:
             chosen.set(frame)
 
     st.caption("Click on a point to open its frame below.")

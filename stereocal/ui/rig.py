@@ -1,6 +1,5 @@
 """The Rig page: all cameras of a recording together, and buttons that open one of its pairs."""
 
-import numpy as np
 import streamlit as st
 
 from stereocal.errors import StereocalError
@@ -16,7 +15,7 @@ from stereocal.system.numbers import count
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
-from stereocal.ui.figure import show_figure
+from stereocal.ui.figure import clicked_in, show_figure
 from stereocal.ui.messages import button, callback, end_here
 from stereocal.ui.navigation import go_to
 from stereocal.ui.project import current_project, open_project
@@ -85,10 +84,8 @@ def _show_rig(store: ProjectRecording, rig: RigFile) -> None:
 
     @callback
     def open_clicked() -> None:
-        for point in st.session_state[GRAPH]["selection"]["points"]:
-            if "customdata" in point:  # not a camera
-                open_pair(store, str(np.ravel(point["customdata"])[0]))
-                return
+        if (pair := clicked_in(GRAPH)) is not None:  # None of a camera
+            open_pair(store, pair)
 
     graph, words = rig_report.plot_rig_graph(rig), rig_report.describe_rig_graph(rig)
     show_figure(graph, words, GRAPH, on_select=open_clicked, selection_mode="points")
