@@ -37,12 +37,13 @@ from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import Scene, observe
 from stereocal.verdict.forecast import forecast_files
 from stereocal.workflow import Run
-from tests.rigs.culprits import KINDS, PAIRS, bars_of, lit, sound, waved
+from tests.rigs.culprits import KINDS, bars_of, lit, sound, waved
 from tests.rigs.pair_mistakes import MISTAKES, Mistake
 from tests.rigs.population import figures_on
 
 FIGURES = WITH_FCP[:3]
 ROWS = ("pairs", "balls", "tags", "fisheyes")
+PAIRS = tuple(KINDS)[:6]
 FURTHER = 300
 HELD = 4.0
 """Standard errors within which an offset is right."""

@@ -26,9 +26,10 @@ from stereocal.network.rig_file import RIG, ROTATION, RigFile
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from tests.files import write
-from tests.rigs.spoiled_rigs import KINDS, MISTAKES, WAVED_ONLY, sound
+from tests.rigs.spoiled_rigs import KINDS, MISTAKES, sound
 
 SILENT_Z = 3.0
+WAVED_ONLY = ("half a frame late",)
 
 
 def told(recording: Recording) -> tuple[str, str, RigFile | None]:

@@ -43,18 +43,24 @@ def recording(
         exact: with the true lenses and lengths.
     """
     rng = np.random.default_rng(seed)
-    placed = place_bars(fisheye_rig(field_of_view_deg), rng, 2 * frames, 0.4, (0.7, 4.0))
-    usable = np.ones(2 * frames, dtype=bool)  # noise must not move them beyond 75 degrees
-    for points in placed.points_m:
-        away = np.hypot(points[:, 0], points[:, 1]) < np.tan(np.radians(74.0)) * points[:, 2]
-        usable &= away.reshape(-1, 2).all(axis=1)
-    scene = replace(placed, ends_m=placed.ends_m[usable][:frames])
+    scene = within_74_degrees(
+        place_bars(fisheye_rig(field_of_view_deg), rng, 2 * frames, 0.4, (0.7, 4.0)), frames
+    )
     cameras = [off(camera, rng) for camera in (scene.rig.primary, scene.rig.secondary)]
     baseline, bar = 1.0 + 0.002 * rng.standard_normal(), 0.4 * (1 + 5e-4 * rng.standard_normal())
     nominal = None if exact else Nominal(cameras[0], cameras[1], baseline, bar)
     found = observe(scene, rng, NOISE_PX, f"fisheye {field_of_view_deg:g}", nominal)
     found = replace(found, baseline_sigma_m=0.002, target_distance_sigma_m=0.0002)
     return found, scene
+
+
+def within_74_degrees(scene: Scene, frames: int) -> Scene:
+    """The first frames whose targets noise does not move beyond 75 degrees from an axis."""
+    usable = np.ones(len(scene.ends_m), dtype=bool)
+    for points in scene.points_m:
+        away = np.hypot(points[:, 0], points[:, 1]) < np.tan(np.radians(74.0)) * points[:, 2]
+        usable &= away.reshape(-1, 2).all(axis=1)
+    return replace(scene, ends_m=scene.ends_m[usable][:frames])
 
 
 def off(camera: Camera, rng: np.random.Generator) -> Camera:

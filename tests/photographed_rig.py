@@ -9,6 +9,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
+from stereocal.simulation.rigs import looking
 from tests.files import encoded
 from tools.photographs.bars import (
     BarSettings,
@@ -110,12 +111,7 @@ BAR = BarSettings(board_m=BOARD_M, black=60.0, white=160.0)
 def _middle() -> Pose:
     """Above the line between the others, and rolled so that it sees other ends on the left."""
     centre = 0.5 * RIG.pose.inverse().T + [0.0, -0.3, 0.0]
-    ahead = SEEN_M - centre
-    ahead = ahead / np.linalg.norm(ahead)
-    across = np.cross([0.0, 1.0, 0.0], ahead)
-    across /= np.linalg.norm(across)
-    R = turned([0.0, 0.0, 2.0]) @ np.vstack([across, np.cross(ahead, across), ahead])
-    return Pose(R, -R @ centre)
+    return Pose(turned([0.0, 0.0, 2.0]), np.zeros(3)) @ looking(centre, SEEN_M)
 
 
 POSES = {"left": HERE, "mid": _middle(), "right": RIG.pose}

@@ -1,9 +1,12 @@
 """Simulated recordings of a wand by three cameras and more."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from stereocal.network.fit import RigSettings
+from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
@@ -33,6 +36,11 @@ class SimulatedRig:
     points_m: FloatArray
     """(frames, targets, 3): true, in the reference's frame."""
 
+    @property
+    def settings(self) -> RigSettings:
+        """With the uncertainties of the nominal lenses."""
+        return RigSettings(lenses=dict.fromkeys(self.cameras, LensPrior(*LENS_ERRORS)))
+
 
 def simulated_rig(
     rng: np.random.Generator,
@@ -53,7 +61,6 @@ def simulated_rig(
     true = {name: _camera(rng) for name in names}
     placed = _placed(rng, frames)
     points = world[0].apply(placed.reshape(-1, 3)).reshape(placed.shape)
-    rows: list[tuple[int, int, int]] = []
     pixels: list[FloatArray] = []
     for number, (name, camera) in enumerate(true.items()):
         in_camera = poses[name].apply(points.reshape(-1, 3))
@@ -64,17 +71,39 @@ def simulated_rig(
         if neighbours_only:
             first = np.arange(frames) % (cameras - 1)
             seen &= np.isin(number - first, (0, 1))[:, None]
-        at = np.argwhere(seen)
-        rows += [(int(frame), number, int(target)) for frame, target in at]
-        pixels.append(images.reshape(frames, -1, 2)[seen])
-    focal, centre = LENS_ERRORS
-    off = {name: rng.normal(0.0, (focal, centre, centre)).tolist() for name in names}
-    nominal = {name: lens_off_by(true[name], f, (cx, cy)) for name, (f, cx, cy) in off.items()}
-    frame, which, target = np.array(rows, dtype=np.int64).T
-    images = np.concatenate(pixels)
-    unknown = np.full(len(frame), np.nan)
-    recording = Recording("simulated", nominal, WAND, frame, which, target, images, unknown)
+        pixels.append(np.where(seen[..., None], images.reshape(frames, -1, 2), np.nan))
+    recording = recording_of("simulated", nominal_of(true, rng), WAND, pixels)
     return SimulatedRig(recording, true, poses, points)
+
+
+def nominal_of(true: Mapping[str, Camera], rng: np.random.Generator) -> dict[str, Camera]:
+    """The lenses as a calibration finds them, off by `LENS_ERRORS`."""
+    focal, centre = LENS_ERRORS
+    off = {name: rng.normal(0.0, (focal, centre, centre)).tolist() for name in true}
+    return {name: lens_off_by(true[name], f, (cx, cy)) for name, (f, cx, cy) in off.items()}
+
+
+def recording_of(
+    name: str, cameras: Mapping[str, Camera], held: RigidObject, pixels: Sequence[FloatArray]
+) -> Recording:
+    """The recording of what each camera sees in frames from 0.
+
+    Args:
+        pixels: of each camera (frames, targets, 2); NaN where it does not see a target.
+    """
+    images = np.stack(pixels)
+    camera, frame, target = at = np.nonzero(np.isfinite(images[..., 0]))
+    unknown = np.full(len(frame), np.nan)
+    return Recording(name, cameras, held, frame, camera, target, images[at], unknown)
+
+
+def looking(centre: FloatArray, at: FloatArray) -> Pose:
+    """`camera_from_world` of a level camera at a place, which looks at another; y points down."""
+    forward = (at - centre) / np.linalg.norm(at - centre)
+    right = np.cross([0.0, 1.0, 0.0], forward)
+    right /= np.linalg.norm(right)
+    R = np.array([right, np.cross(forward, right), forward])
+    return Pose(R, -R @ centre)
 
 
 def _camera(rng: np.random.Generator) -> Camera:
@@ -89,11 +118,7 @@ def _camera_pose(rng: np.random.Generator, number: int, cameras: int, arc_deg: f
     angle = np.radians(arc_deg) * (number / max(cameras - 1, 1) - 0.5) + rng.normal(0.0, 0.05)
     away = DISTANCE_M * rng.uniform(0.9, 1.1)
     centre = np.array([away * np.sin(angle), rng.uniform(-1.0, 0.3), -away * np.cos(angle)])
-    forward = -centre / np.linalg.norm(centre)
-    right = np.cross([0.0, 1.0, 0.0], forward)
-    right /= np.linalg.norm(right)
-    R = np.array([right, np.cross(forward, right), forward])
-    return Pose(R, -R @ centre)
+    return looking(centre, np.zeros(3))
 
 
 def _placed(rng: np.random.Generator, frames: int) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
+from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, homogeneous
@@ -49,6 +49,8 @@ class Scene:
     rig: Rig
     ends_m: FloatArray
     """(frames, 2, 3): targets A and B of each frame, in the primary camera's frame."""
+    late_ends_m: FloatArray | None = None
+    """Those of the moments at which the secondary camera sees them; None: the same."""
 
     def __post_init__(self) -> None:
         ends = np.array(self.ends_m, dtype=np.float64)
@@ -67,8 +69,18 @@ class Scene:
     @property
     def points_m(self) -> tuple[FloatArray, FloatArray]:
         """The targets A, B of all frames, (2 frames, 3), in the primary's and secondary's frame."""
-        points = self.ends_m.reshape(-1, 3)
-        return points, self.rig.pose.apply(points)
+        late = self.ends_m if self.late_ends_m is None else self.late_ends_m
+        return self.ends_m.reshape(-1, 3), self.rig.pose.apply(late.reshape(-1, 3))
+
+    def in_view(self, depths_m: Depths, margin_px: float) -> BoolArray:
+        """(frames,): whether both cameras see both ends in the depth range and in their images."""
+        near, far = depths_m
+        cameras = self.rig.primary, self.rig.secondary
+        seen = [
+            camera.sees(points, margin_px) & (points[:, 2] >= near) & (points[:, 2] <= far)
+            for camera, points in zip(cameras, self.points_m, strict=True)
+        ]
+        return np.asarray(np.all(seen, axis=0).reshape(-1, 2).all(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,11 +120,8 @@ def place_bars(
         raise StereocalError(f"The number of frames is {frames}: it must be at least 1.")
     found = np.empty((0, 2, 3))
     for _ in range(MAXIMUM_ROUNDS):
-        candidates = _random_bars(rig.primary, rng, 8 * frames, length_m, depths_m)
-        points = candidates.reshape(-1, 3)
-        seen = in_view(rig.primary, points, depths_m, margin_px)
-        seen &= in_view(rig.secondary, rig.pose.apply(points), depths_m, margin_px)
-        found = np.concatenate([found, candidates[seen.reshape(-1, 2).all(axis=1)]])
+        scene = Scene(rig, _random_bars(rig.primary, rng, 8 * frames, length_m, depths_m))
+        found = np.concatenate([found, scene.ends_m[scene.in_view(depths_m, margin_px)]])
         if len(found) >= frames:
             return Scene(rig, found[:frames])
     raise StereocalError(
@@ -228,11 +237,3 @@ def _random_bars(
     along = rng.standard_normal((count, 3))
     half = 0.5 * length_m * along / np.linalg.norm(along, axis=1, keepdims=True)
     return np.stack([middles - half, middles + half], axis=1)
-
-
-def in_view(
-    camera: Camera, points: FloatArray, depths_m: Depths, margin_px: float
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """(n,): whether points (n, 3) in the camera's frame are in the depth range and in its image."""
-    near, far = depths_m
-    return camera.sees(points, margin_px) & (points[:, 2] >= near) & (points[:, 2] <= far)

@@ -14,7 +14,8 @@ from stereocal.workflow import Run
 from tests.further import further
 from tests.rigs.board_mistakes import MISTAKES
 from tests.rigs.board_pairs import BoardPair, sound
-from tests.rigs.pair_mistakes import from_the_right, of_points
+from tests.rigs.mistakes import from_the_right
+from tests.rigs.pair_mistakes import of_points
 
 PAIR, EVEN_ROWS, OTHER_SIZE = (sound(number, frames=12) for number in (0, 2, 6))
 

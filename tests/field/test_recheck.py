@@ -22,23 +22,13 @@ from stereocal.refined.screening import screen
 from stereocal.refined.two_views import BASELINE, shared_unknowns
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import lens_off_by, place_bars
-from tests.rigs.bumps import (
-    Case,
-    bound,
-    bumped,
-    cases,
-    joined,
-    matched,
-    new_bars,
-    seen_by,
-    true_fit,
-)
+from tests.rigs.accuracy import turned
+from tests.rigs.bumps import Case, bound, bumped, cases, joined, matched, new_bars, true_fit
 from tests.rigs.moving_bar import move_bar, record
 from tests.rigs.refined_rigs import (
     BAR_M,
@@ -59,10 +49,6 @@ COARSE = Smallest(float(np.radians(1.0)), 0.05)
 @pytest.fixture
 def case() -> Case:
     return next(cases(1, 41))
-
-
-def angle_between(one: Rig, other: Rig) -> float:
-    return float(Rotation.from_matrix(one.pose.R @ other.pose.R.T).magnitude())
 
 
 def test_an_unmoved_rig_is_the_same_where_it_can_be_told(case: Case) -> None:
@@ -98,13 +84,13 @@ def test_a_turn_is_found_with_its_size_and_the_pose_repaired(case: Case, degrees
     found = recheck(case.prior, images)
     assert found.verdict == "moved" and found.pose_moved and not found.refocused
     turn = np.degrees([found.turn[0].low, found.turn[0].value, found.turn[0].high])
-    true_turn = np.degrees(angle_between(rig, case.truth))
+    true_turn = np.degrees(turned(rig.pose, case.truth.pose))
     assert turn[0] < true_turn < turn[2]
     assert turn[2] - turn[0] < 0.6
     # Four standard errors by the information bound.
     C = true_fit(case, images).covariance
-    assert angle_between(found.repaired, rig) < 4 * np.sqrt(np.trace(C[:3, :3]))
-    assert angle_between(found.repaired, rig) < 0.5 * angle_between(case.truth, rig)
+    assert turned(found.repaired.pose, rig.pose) < 4 * np.sqrt(np.trace(C[:3, :3]))
+    assert turned(found.repaired.pose, rig.pose) < 0.5 * turned(case.truth.pose, rig.pose)
     before, after = found.held_out.px
     assert found.offers_repair and after < 0.5 * before
 
@@ -118,7 +104,7 @@ def test_matched_points_find_a_turn_and_keep_the_baseline(case: Case) -> None:
     baseline = case.prior.rig.pose.baseline
     assert answer["baseline_m"] == {"value": baseline, "low": None, "high": None}
     assert any("do not show the baseline" in note for note in notes(found))
-    true_turn = angle_between(rig, case.truth)
+    true_turn = turned(rig.pose, case.truth.pose)
     assert found.turn[0].low < true_turn < found.turn[0].high
 
 
@@ -148,7 +134,7 @@ def test_since_when(case: Case) -> None:
     assert found.since.low <= 23 <= found.since.high
     assert found.since.high - found.since.low <= 4
     assert "Since frame 2" in sentence(found)
-    assert angle_between(found.repaired, rig) < 0.5 * angle_between(case.truth, rig)
+    assert turned(found.repaired.pose, rig.pose) < 0.5 * turned(case.truth.pose, rig.pose)
     residuals = residuals_of(found)
     old, repaired = residuals.before, residuals.after
     assert repaired and repaired.length is not None and old.length is not None
@@ -222,13 +208,8 @@ def waved_cases(trials: int) -> Iterator[Case]:
 
 def waved_bars(case: Case, *rigs: Rig) -> NewImages:
     """New frames of a waved bar, seen by several rigs in turn."""
-    seen = [seen_by(case, waved_scene(rig, case.rng, NEW // len(rigs), RUN)) for rig in rigs]
-    rows = [part.correspondences for part in seen]
-    first, second = (
-        np.concatenate([getattr(own, which) for own in rows]) for which in ("primary", "secondary")
-    )
-    whole = Correspondences.from_arrays(np.arange(2 * NEW) // 2, "AB" * NEW, first, second)
-    data = in_runs(replace(seen[0], correspondences=whole), case.rng, RUN, OFF.noise_px)
+    scenes = (waved_scene(rig, case.rng, NEW // len(rigs), RUN) for rig in rigs)
+    data = in_runs(joined(case, *scenes), case.rng, RUN, OFF.noise_px)
     return images_of_bars(data, case.prior.rig)
 
 
@@ -276,8 +257,8 @@ def test_lenses_that_are_not_as_their_model_make_no_movement(seed: int) -> None:
     assert recheck(prior, still).verdict != "moved"
     turn = Rotation.from_rotvec(np.radians([0.12, 0.0, 0.16])).as_matrix()
     pose = prior.rig.pose
-    turned = replace(prior.rig, pose=Pose(turn @ pose.R, turn @ pose.T))
-    assert recheck(replace(prior, rig=turned, q=_at(prior.q, turned)), still).verdict == "moved"
+    moved = replace(prior.rig, pose=Pose(turn @ pose.R, turn @ pose.T))
+    assert recheck(replace(prior, rig=moved, q=_at(prior.q, moved)), still).verdict == "moved"
 
 
 def _at(q: FloatArray, rig: RigParameters) -> FloatArray:

@@ -10,13 +10,13 @@ from stereocal.errors import StereocalError
 from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import Axes, Line, WorldSettings
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import MeasuredOffset
 from tests.fisheye_rig import fisheye_rig
 from tests.rigs.worlds import (
     CLICK_PX,
     GRAVITY,
     Place,
+    known_place,
     known_places,
     mirrored,
     off_vertical,
@@ -25,7 +25,6 @@ from tests.rigs.worlds import (
     refusal,
     surveyed,
     thrown,
-    world_of_cameras,
 )
 
 
@@ -98,12 +97,8 @@ class TestLines:
     def test_plumb_lines_through_fisheyes(self) -> None:
         off = []
         for seed in range(6):
-            truth, rng = fisheye_rig(150.0), np.random.default_rng(seed)
-            rig = RigParameters(
-                truth.primary, truth.secondary, truth.pose, "2d", 1.0, {}, {}, noise_px=CLICK_PX
-            )
-            place = Place(truth, rig, world_of_cameras(rng), rng)
-            found = find_world(rig, plumb_lines(place, depth=1.5))
+            place = known_place(fisheye_rig(150.0), np.random.default_rng(seed))
+            found = find_world(place.rig, plumb_lines(place, depth=1.5))
             off.append(off_vertical(place, found.pose, 1.5) / found.uncertainty["vertical_deg"])
         # Over the stated 95 %; measured: 0.1 to 1.0.
         assert max(off) < 1.5

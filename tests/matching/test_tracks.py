@@ -19,12 +19,10 @@ from stereocal.matching.point_table import PointTable
 from stereocal.matching.tables_by_camera import Report
 from stereocal.matching.view_groups import ViewFitter, expected_wrong, match_views
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings
 from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
-from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
+from stereocal.simulation.rigs import SimulatedRig, simulated_rig
 from tests.matching.test_clicks import LENGTH_M, agrees, off
 
 NOISE = 0.3
@@ -37,8 +35,7 @@ def truth() -> SimulatedRig:
 
 @pytest.fixture(scope="module")
 def rig(truth: SimulatedRig) -> RigFile:
-    priors = dict.fromkeys(truth.cameras, LensPrior(*LENS_ERRORS))
-    return rig_file(calibrate_rig(truth.recording, RigSettings(lenses=priors)))
+    return rig_file(calibrate_rig(truth.recording, truth.settings))
 
 
 def scene(

@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import astuple, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -21,25 +22,20 @@ from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.two_views import BAR, shared_unknowns
-from stereocal.refined.unknowns import LensPrior
 from stereocal.refined.views import EACH, TRANSLATION, fit_points
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
-from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
+from stereocal.simulation.rigs import SimulatedRig, simulated_rig
 from tests.further import further
+from tests.rigs.spoiled_rigs import joined
 
-STATED = LensPrior(*LENS_ERRORS)
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "rig"
 
 
 def simulated(seed: int, cameras: int = 3) -> SimulatedRig:
     return simulated_rig(np.random.default_rng(seed), cameras, 120)
-
-
-def settings_of(truth: SimulatedRig) -> RigSettings:
-    return RigSettings(lenses=dict.fromkeys(truth.cameras, STATED))
 
 
 def pose_errors(rig: RigCalibration, truth: SimulatedRig) -> FloatArray:
@@ -60,7 +56,7 @@ def test_errors_are_as_stated(cameras: int) -> None:
     z = []
     for seed in range(3):
         truth = simulated(seed, cameras)
-        rig = calibrate_rig(truth.recording, settings_of(truth))
+        rig = calibrate_rig(truth.recording, truth.settings)
         z.append(pose_errors(rig, truth))
         assert not rig.wrong
         assert not rig.unreached
@@ -122,7 +118,7 @@ def test_measured_baselines_give_the_scale() -> None:
     truth = simulated(4)
     measured = {("c1", "c3"): float(np.linalg.norm(truth.poses["c3"].T))}
     recording = replace(truth.recording, baselines_m=measured, baseline_sigma_m=0.0002)
-    loose = replace(settings_of(truth), object_sigma=0.05)
+    loose = replace(truth.settings, object_sigma=0.05)
     rig, at = calibrate_rig(recording, loose), 2 * EACH + TRANSLATION
     assert rig.poses["c3"].baseline == pytest.approx(measured["c1", "c3"], abs=0.001)
     # without it, the object's length is known to 5 % only, and so is the scale
@@ -140,7 +136,7 @@ def test_cameras_exchanged_in_the_measured_baselines_are_asked_about(exchanged: 
         return (second @ first.inverse()).baseline
 
     measured = {pair: apart(*pair) for pair in [("c1", "c2"), ("c1", "c3"), ("c2", "c3")]}
-    rig = calibrate_rig(replace(truth.recording, baselines_m=measured), settings_of(truth))
+    rig = calibrate_rig(replace(truth.recording, baselines_m=measured), truth.settings)
     asked = [note for note in rig.warnings if "c2 and c3 are exchanged" in note]
     assert len(asked) == exchanged
 
@@ -159,7 +155,7 @@ def test_a_wrong_image_is_named_with_its_camera() -> None:
     points[at(whole[0], 1, 2)] += [25.0, 20.0]
     one, other = at(whole[1], 2, 0), at(whole[1], 2, 2)
     points[[one, other]] = points[[other, one]]
-    rig = calibrate_rig(replace(rows, points=points), settings_of(truth))
+    rig = calibrate_rig(replace(rows, points=points), truth.settings)
     named = {(own.frame, own.camera, own.target, own.exchanged) for own in rig.wrong}
     assert named == {(whole[0], "c2", "B", False), (whole[1], "c3", None, True)}
     assert not rig.left_out
@@ -169,7 +165,7 @@ def test_a_wrong_image_is_named_with_its_camera() -> None:
 
 def test_a_chain_of_four_that_only_neighbours_see() -> None:
     truth = simulated_rig(np.random.default_rng(6), 4, 180, neighbours_only=True)
-    rig = calibrate_rig(truth.recording, settings_of(truth))
+    rig = calibrate_rig(truth.recording, truth.settings)
     assert [*rig.pairs.fits] and not rig.unreached
     assert np.sqrt(np.mean(np.square(pose_errors(rig, truth)))) < 2.0
 
@@ -179,7 +175,7 @@ def test_a_camera_that_shares_nothing_is_named() -> None:
     rows = truth.recording
     apart = rows.camera == 3
     frame = np.where(apart, rows.frame + 10_000, rows.frame)
-    rig = calibrate_rig(replace(rows, frame=frame), settings_of(truth))
+    rig = calibrate_rig(replace(rows, frame=frame), truth.settings)
     assert [*rig.unreached] == ["c4"]
     assert "c4" in rig.unreached["c4"]
     assert rig.names == ["c1", "c2", "c3"]
@@ -188,13 +184,8 @@ def test_a_camera_that_shares_nothing_is_named() -> None:
 def test_points_of_another_recording_are_named() -> None:
     truth, other = simulated(8, 4), simulated(9, 4)
     rows, foreign = truth.recording, other.recording
-    mixed: dict[str, Any] = {
-        name: np.concatenate(
-            [getattr(rows, name)[rows.camera != 2], getattr(foreign, name)[foreign.camera == 2]]
-        )
-        for name in ("frame", "camera", "target", "points", "sigma_px")
-    }
-    rig = calibrate_rig(replace(rows, **mixed), settings_of(truth))
+    mixed = joined(rows.where(rows.camera != 2), foreign.where(foreign.camera == 2))
+    rig = calibrate_rig(mixed, truth.settings)
     assert [*rig.unreached] == ["c3"]
     assert np.sqrt(np.mean(np.square(pose_errors(rig, truth)))) < 2.0
 
@@ -219,12 +210,9 @@ def held_out(rig: RigCalibration, rows: Recording) -> tuple[float, dict[tuple[st
     placed = points.reshape(*pixels.shape[:2], 3)
     names = rows.object.names
     lengths = {}
-    for i in range(len(names)):
-        for j in range(i + 1, len(names)):
-            found = (
-                np.linalg.norm(placed[:, i] - placed[:, j], axis=1) / rows.object.distance(i, j) - 1
-            )
-            lengths[names[i], names[j]] = float(best(np.abs(found)).mean())
+    for i, j in combinations(range(len(names)), 2):
+        found = np.linalg.norm(placed[:, i] - placed[:, j], axis=1) / rows.object.distance(i, j) - 1
+        lengths[names[i], names[j]] = float(best(np.abs(found)).mean())
     squares = np.square(residuals).sum(axis=2).mean(axis=1).reshape(pixels.shape[:2])
     return float(np.sqrt(best(squares[:, [0, -1]].ravel()).mean())), {
         **lengths,

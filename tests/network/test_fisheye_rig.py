@@ -6,11 +6,10 @@ from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
 from stereocal.network.result import RigCalibration
 from stereocal.refined.unknowns import FIXED_LENS
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.simulation.rigs import SimulatedRig
+from stereocal.simulation.rigs import SimulatedRig, recording_of
 from tests.fisheye_rig import NOISE_PX, fisheye, off
 from tests.network.test_calibrate_rig import pose_errors
 from tools.photographs.rendering import turned
@@ -33,17 +32,14 @@ def wand_seen(seed: int, frames: int, lens_errors: bool) -> Recording:
     along = rng.standard_normal((frames, 1, 3))
     half = 0.2 * along / np.linalg.norm(along, axis=2, keepdims=True)
     points = np.concatenate([middles - half, middles + half], axis=1).reshape(-1, 3)
-    rows: list[FloatArray] = []
-    for number, (name, lens) in enumerate(LENSES.items()):
+    pixels = np.full((len(LENSES), 2 * frames, 2), np.nan)
+    for (name, lens), found in zip(LENSES.items(), pixels, strict=True):
         own = POSES[name].apply(points)
         at = np.flatnonzero((own[:, 2] > 0.2) & lens.sees(own, 5.0))
-        pixels = lens.project(own[at]) + NOISE_PX * rng.standard_normal((len(at), 2))
-        rows.append(np.column_stack([at // 2, np.full(len(at), number), at % 2, pixels]))
-    table = np.concatenate(rows)
+        found[at] = lens.project(own[at]) + NOISE_PX * rng.standard_normal((len(at), 2))
     stated = {name: off(lens, rng) if lens_errors else lens for name, lens in LENSES.items()}
-    frame, camera, target = table[:, :3].T.astype(np.int64)
-    wand, unknown = RigidObject.bar(0.4, 0.0002), np.full(len(table), np.nan)
-    return Recording("wand", stated, wand, frame, camera, target, table[:, 3:], unknown)
+    wand = RigidObject.bar(0.4, 0.0002)
+    return recording_of("wand", stated, wand, [*pixels.reshape(len(LENSES), frames, 2, 2)])
 
 
 def held_out_px(rig: RigCalibration, test: Recording) -> float:

@@ -10,9 +10,8 @@ from stereocal.network.held_out import frame_errors, point_fits, relative_length
 from stereocal.network.in_words import rig_errors_in_words, rig_sentence
 from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.recording import Recording
-from stereocal.simulation.rigs import LENS_ERRORS, simulated_rig
+from stereocal.simulation.rigs import simulated_rig
 from stereocal.system.numbers import rounded
 from tests.projects.test_recording import rig_text
 from tests.rigs.moving_wand import stated_over_true, wave_wand
@@ -32,10 +31,9 @@ def test_they_are_those_of_frames_to_come() -> None:
     ratios = []
     for seed in range(4):
         truth = simulated_rig(np.random.default_rng(seed), 3, 300)
-        settings = RigSettings(lenses=dict.fromkeys(truth.cameras, LensPrior(*LENS_ERRORS)))
         frames = np.unique(truth.recording.frame)
         few = np.isin(truth.recording.frame, frames[:30])
-        rig = calibrate_rig(truth.recording.where(few), settings)
+        rig = calibrate_rig(truth.recording.where(few), truth.settings)
         own, true = rig.held_out["frames"].errors, errors_on(rig, truth.recording.where(~few))
         assert "runs" not in rig.held_out  # its frames do not follow each other
         fitted = float(np.sqrt(np.nanmean(np.square(rig.reprojection_px))))

@@ -7,15 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings
 from stereocal.network.pair_of_rig import data_of_pair, sets_of_pairs, settings_of_pair
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import BAR, shared_unknowns
-from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair, Recording
-from stereocal.simulation.rigs import LENS_ERRORS, simulated_rig
+from stereocal.simulation.rigs import simulated_rig
 
 PAIRS = [("c1", "c2"), ("c2", "c3"), ("c3", "c1")]
 
@@ -25,8 +24,7 @@ def rig_of(seed: int) -> tuple[Recording, RigFile]:
     truth = simulated_rig(np.random.default_rng(seed), 3, 120)
     recording = truth.recording
     recording.points[recording.frame == 11] += [30.0, 0.0]
-    settings = RigSettings(lenses=dict.fromkeys(truth.cameras, LensPrior(*LENS_ERRORS)))
-    return recording, rig_file(calibrate_rig(recording, settings))
+    return recording, rig_file(calibrate_rig(recording, truth.settings))
 
 
 def refined_of(pair: CameraPair) -> tuple[RefinedResult, RefineSettings]:

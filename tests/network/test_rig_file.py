@@ -10,7 +10,6 @@ import pytest
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import camera_table
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings
 from stereocal.network.fuse_files import fuse_files
 from stereocal.network.in_words import rig_notes, rig_sentence
 from stereocal.network.result import RigCalibration
@@ -36,8 +35,7 @@ def truth() -> SimulatedRig:
 
 @pytest.fixture(scope="module")
 def rig(truth: SimulatedRig) -> RigCalibration:
-    settings = RigSettings(lenses=dict.fromkeys(truth.cameras, STATED))
-    return calibrate_rig(truth.recording, settings)
+    return calibrate_rig(truth.recording, truth.settings)
 
 
 def test_the_file_reads_back(rig: RigCalibration) -> None:

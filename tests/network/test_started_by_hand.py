@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import field_rig
 from tests.further import further
 from tests.rigs.moving_bar import move_bar, record
+from tests.rigs.spoiled_rigs import joined
 
 PAIR = ("1", "2")
 
@@ -69,27 +69,18 @@ def test_cameras_that_recorded_at_different_times_have_no_offset() -> None:
         offset_of_pair(_window(50, 250, later=300), PAIR)
 
 
-def _joined(*parts: Recording) -> Recording:
-    """One after the other, each with its own numbers of frames."""
-    columns = ("frame", "camera", "target", "points", "sigma_px")
-    joined: dict[str, Any] = {
-        name: np.concatenate([getattr(each, name) for each in parts]) for name in columns
-    }
-    return replace(parts[0], **joined)
-
-
 def _resting(at: int, first: int, frames: int) -> Recording:
     """A frame of the recording for a number of frames."""
     still = _window(at, at + 1)
     added = range(first - at, first - at + frames)
-    return _joined(*(still.counted_from(dict.fromkeys(PAIR, more)) for more in added))
+    return joined(*(still.counted_from(dict.fromkeys(PAIR, more)) for more in added))
 
 
 def test_a_motion_that_repeats_itself_leaves_two_offsets() -> None:
     once = _window(300, 345)
     again = [once.counted_from(dict.fromkeys(PAIR, 45 * turn)) for turn in range(4)]
     with pytest.raises(StereocalError, match=r"two offsets fit nearly as well, -?\d+ .* and -?\d+"):
-        offset_of_pair(_joined(*again), PAIR)
+        offset_of_pair(joined(*again), PAIR)
 
 
 def test_an_object_at_rest_tells_no_offset() -> None:
@@ -104,7 +95,7 @@ def test_a_recording_that_is_too_short_tells_no_offset(frames: int) -> None:
 
 
 def test_a_long_rest_before_and_after_does_no_harm() -> None:
-    rested = _joined(_resting(300, 0, 300), _window(300, 420), _resting(419, 420, 300))
+    rested = joined(_resting(300, 0, 300), _window(300, 420), _resting(419, 420, 300))
     found = offset_of_pair(rested.counted_from({"2": -77}), PAIR)
     assert found.measured.frames == pytest.approx(77, abs=0.02)
 

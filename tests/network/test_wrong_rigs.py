@@ -24,8 +24,8 @@ from stereocal.simulation import rigs
 from stereocal.simulation.rigs import IMAGE_SIZE, SimulatedRig, simulated_rig
 from stereocal.simulation.simulate import lens_off_by
 from tests.further import further
+from tests.rigs.mistakes import from_the_right, upside_down
 from tests.rigs.moving_wand import wave_wand
-from tests.rigs.pair_mistakes import from_the_right, upside_down
 from tests.rigs.spoiled_rigs import MISTAKES, bumped_from, sound
 
 

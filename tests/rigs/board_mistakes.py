@@ -9,24 +9,26 @@ import numpy as np
 from stereocal.calibration.corrections import scaled
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
-from tests.rigs.board_pairs import BoardPair
-from tests.rigs.mistakes import flipped
+from tests.rigs.board_pairs import BoardPair, seen_at
+from tests.rigs.mistakes import (
+    files_exchanged,
+    flipped,
+    from_below,
+    from_the_right,
+    of_lenses,
+    one_file_for_all,
+    zoomed,
+)
 from tests.rigs.pair_mistakes import (
     OF_FISHEYES,
     Change,
     copied,
-    file_twice,
-    files_exchanged,
-    from_below,
-    from_the_right,
     lexical,
     moved,
-    of_lenses,
     of_points,
     reordered,
     slipped,
     unrelated,
-    zoomed,
 )
 
 Spoil = Callable[[BoardPair, np.random.Generator], BoardPair]
@@ -74,10 +76,7 @@ def board_of(pair: BoardPair, scale: FloatArray, second_half: bool = False) -> B
     for frame, pose in enumerate(pair.placings):
         if second_half and frame < len(points) // 2:
             continue
-        at = pose.apply(corners)
-        seen = [pair.truth.primary.project(at)]
-        seen.append(pair.truth.secondary.project(pair.truth.pose.apply(at)))
-        points[frame] = np.stack(seen, axis=1)
+        points[frame] = seen_at(pair.truth, pose, corners)
         points[frame] += pair.noise_px * rng.standard_normal(points[frame].shape)
     sizes = np.array([camera.image_size for camera in pair.cameras])
     inside = ((points > 0) & (points < sizes - 1)).all(axis=(1, 2, 3))
@@ -166,8 +165,8 @@ MISTAKES: Mapping[str, BoardMistake] = {
     "K at twice the size": _of_pair(of_lenses(partial(scaled, factor=2.0)), "matrix k"),
     "distortion of one camera of the other sign": _of_pair(of_lenses(flipped), "distortion"),
     "distortion of both of the other sign": _of_pair(of_lenses(flipped, True), "distortion"),
-    "file of another zoom": _of_pair(zoomed, "focal length"),
-    "one file for both cameras": _of_pair(file_twice, "same lens"),
+    "file of another zoom": _of_pair(zoomed(0.5), "focal length"),
+    "one file for both cameras": _of_pair(one_file_for_all, "same lens"),
     "frames in no order": _of_pair(unrelated, "cannot tell"),
     "half of the frames copied": _of_pair(partial(copied, share=0.5), "exactly those of"),
 }

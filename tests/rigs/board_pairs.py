@@ -14,6 +14,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
+from stereocal.simulation.rigs import recording_of
 from stereocal.simulation.simulate import lens_off_by
 from tests.fisheye_rig import fisheye
 
@@ -43,20 +44,13 @@ class BoardPair:
     def recording(self) -> Recording:
         """All that is seen, under the names of the corners that the board has."""
         board = RigidObject.of_board(self.board)
-        names = min(len(board.names), self.points.shape[1])
-        frame, target, camera = np.nonzero(np.isfinite(self.points[:, :names, :, 0]))
-        return Recording(
-            "boards",
-            dict(zip(CAMERAS, self.cameras, strict=True)),
-            board,
-            frame + 1,
-            camera,
-            target,
-            self.points[frame, target, camera],
-            np.full(len(frame), np.nan),
-            {} if self.baseline_m is None else {CAMERAS: self.baseline_m},
-            None if self.baseline_m is None else 0.002,
-        )
+        cameras: dict[str, Camera] = dict(zip(CAMERAS, self.cameras, strict=True))
+        pixels = np.moveaxis(self.points[:, : len(board.names)], 2, 0)
+        found = recording_of("boards", cameras, board, [*pixels])
+        found = found.counted_from(dict.fromkeys(CAMERAS, 1))
+        if self.baseline_m is None:
+            return found
+        return replace(found, baselines_m={CAMERAS: self.baseline_m}, baseline_sigma_m=0.002)
 
     @property
     def dataset(self) -> Dataset:
@@ -207,7 +201,7 @@ def seen_by(
 ) -> BoardPair:
     """What the cameras see, with lenses stated as a calibration gives them."""
     corners = true_corners(board, bend_m)
-    points = np.stack([_seen(rig, pose, corners) for pose in placings])
+    points = np.stack([seen_at(rig, pose, corners) for pose in placings])
     points += noise_px * rng.standard_normal(points.shape)
     focal, centre = 5e-4, 0.5
     cameras = []
@@ -220,11 +214,10 @@ def seen_by(
     return BoardPair((cameras[0], cameras[1]), board, points, stated, rig, placings, noise_px)
 
 
-def _seen(rig: Rig, pose: Pose, corners: FloatArray) -> FloatArray:
-    points = pose.apply(corners)
-    return np.stack(
-        [rig.primary.project(points), rig.secondary.project(rig.pose.apply(points))], axis=1
-    )
+def seen_at(rig: Rig, pose: Pose, corners: FloatArray, late: Pose | None = None) -> FloatArray:
+    """(k, 2, 2): the corners in both images, the second perhaps of another moment."""
+    first, second = pose.apply(corners), rig.pose.apply((late or pose).apply(corners))
+    return np.stack([rig.primary.project(first), rig.secondary.project(second)], axis=1)
 
 
 def waved(number: int, late: float, frames: int = 80, length: int = 10) -> BoardPair:
@@ -242,10 +235,7 @@ def waved(number: int, late: float, frames: int = 80, length: int = 10) -> Board
     for here, there in pairwise(placings):
         turns = Slerp([0, 1], Rotation.from_matrix(np.stack([here.R, there.R])))
         then = Pose(turns(late).as_matrix(), (1.0 - late) * here.T + late * there.T)
-        seen = rig.primary.project(here.apply(corners))
-        points.append(
-            np.stack([seen, rig.secondary.project(rig.pose.apply(then.apply(corners)))], axis=1)
-        )
+        points.append(seen_at(rig, here, corners, then))
     noisy = np.stack(points) + WAVED_NOISE_PX * rng.standard_normal((len(points), 35, 2, 2))
     cameras = rig.primary, rig.secondary
     return BoardPair(cameras, board, noisy, None, rig, placings[:-1], WAVED_NOISE_PX)

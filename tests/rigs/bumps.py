@@ -17,6 +17,8 @@ from stereocal.field.checking.new_images import NewImages, images_of_bars, image
 from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
@@ -92,14 +94,11 @@ def matched(case: Case, rig: Rig, pairs: int) -> NewImages:
     return images_of_matches(rows.frame, rows.primary, rows.secondary, case.prior.rig, "points")
 
 
-def joined(case: Case, before: Scene, after: Scene) -> Dataset:
-    """The bars of two rigs, one after the other."""
-    one, two = seen_by(case, before), seen_by(case, after)
-    a, b = one.correspondences, two.correspondences
-    rows = type(a).from_arrays(
-        np.concatenate([a.frame, b.frame + len(before.ends_m)]),
-        "AB" * (len(before.ends_m) + len(after.ends_m)),
-        np.concatenate([a.primary, b.primary]),
-        np.concatenate([a.secondary, b.secondary]),
-    )
-    return replace(one, correspondences=rows)
+def joined(case: Case, *scenes: Scene) -> Dataset:
+    """The bars of several rigs, one after the other."""
+    seen = [seen_by(case, scene) for scene in scenes]
+    rows = [part.correspondences for part in seen]
+    first, second = (np.concatenate([getattr(own, which) for own in rows]) for which in CAMERAS)
+    frames = np.repeat(np.arange(1, len(first) // 2 + 1), 2)
+    whole = Correspondences.from_arrays(frames, "AB" * (len(first) // 2), first, second)
+    return replace(seen[0], correspondences=whole)

@@ -15,6 +15,7 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import Scene, observe, place_bars
+from tests.fisheye_rig import within_74_degrees
 from tests.rigs.board_pairs import wide_lens
 from tests.rigs.moving_bar import move_bar, record
 from tests.rigs.refined_rigs import Misjudged, misjudged, random_rig
@@ -95,7 +96,6 @@ KINDS: Mapping[str, Kind] = {
 }
 """Of balls and tags with the noise and about the frames that photographs of them give
 (docs/photographs.md); fisheyes of 120 to 175 degrees."""
-PAIRS = tuple(KINDS)[:6]
 
 
 def sound(
@@ -115,11 +115,7 @@ def bars_of(it: Kind, rig: Rig, rng: np.random.Generator, frames: int) -> Scene:
     if not rig.primary.is_fisheye:
         return place_bars(rig, rng, frames, it.bar_m, it.depths_m)
     scene = place_bars(rig, rng, 3 * frames, it.bar_m, it.depths_m)
-    within = np.ones(3 * frames, dtype=bool)
-    for points in scene.points_m:
-        away = np.hypot(points[:, 0], points[:, 1]) / points[:, 2]
-        within &= (away < np.tan(np.radians(74.0))).reshape(-1, 2).all(axis=1)
-    return replace(scene, ends_m=scene.ends_m[within][:frames])
+    return within_74_degrees(scene, frames)
 
 
 def lit(data: Dataset, light_px: float, rng: np.random.Generator) -> Dataset:

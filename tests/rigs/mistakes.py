@@ -1,12 +1,17 @@
 """The ordinary mistakes of a first hour: exchanged frames, wrong points, wrong lenses."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from stereocal.calibration.corrections import Given, cameras_of, with_changed, with_files
 from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
-from stereocal.simulation.simulate import Scene
+from stereocal.rig.recording import Recording
+from stereocal.simulation.simulate import Scene, lens_off_by
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 KNOWN = Misjudged()
@@ -60,6 +65,68 @@ def with_points_off(data: Dataset, rng: np.random.Generator) -> tuple[Dataset, t
     return replace(data, correspondences=changed), tuple(sorted({int(f) for f in rows.frame[bad]}))
 
 
+def misplaced(data: Dataset, rows: Any, by: Any) -> Dataset:
+    """Points of the secondary camera, in some rows, off by so many pixels."""
+    secondary = data.correspondences.secondary.copy()
+    secondary[rows] += by
+    return replace(data, correspondences=replace(data.correspondences, secondary=secondary))
+
+
 def flipped(camera: Camera) -> Camera:
     """The lens with all distortion of the other sign."""
     return replace(camera, distortion=-camera.distortion)
+
+
+def upside_down(points: FloatArray, camera: Camera) -> FloatArray:
+    """Images of a camera that stood on its head, turned by the program that recorded them."""
+    return np.array(camera.image_size) - 1.0 - points
+
+
+def from_the_right(points: FloatArray, camera: Camera) -> FloatArray:
+    """u counted from the right."""
+    return np.column_stack([camera.image_size[0] - 1 - points[:, 0], points[:, 1]])
+
+
+def from_below(points: FloatArray, camera: Camera) -> FloatArray:
+    """v counted from below."""
+    return np.column_stack([points[:, 0], camera.image_size[1] - 1 - points[:, 1]])
+
+
+def one_of(data: Dataset | Recording, rng: np.random.Generator) -> str:
+    """The name of a camera."""
+    names = [*cameras_of(data)]
+    return names[int(rng.integers(len(names)))]
+
+
+def of_lenses(
+    change: Callable[[Camera], Camera], every: bool = False
+) -> Callable[[Given, np.random.Generator], Given]:
+    """The file of one camera, or of every one, changed."""
+
+    def changed(data: Given, rng: np.random.Generator) -> Given:
+        names = cameras_of(data) if every else [one_of(data, rng)]
+        return with_changed(data, names, change)
+
+    return changed
+
+
+def zoomed(factor: float) -> Callable[[Given, np.random.Generator], Given]:
+    """The file of one camera is of a focal length longer by a part of itself."""
+    return of_lenses(lambda camera: lens_off_by(camera, factor, (0.0, 0.0)))
+
+
+def files_exchanged(data: Given, rng: np.random.Generator) -> Given:
+    """The files of two cameras beside each other exchanged, with the image sizes where they
+    belong."""
+    cameras: Mapping[str, Camera] = cameras_of(data)
+    first = int(rng.integers(len(cameras) - 1))
+    (a, one), (b, two) = [*cameras.items()][first : first + 2]
+    of_a, of_b = replace(two, image_size=one.image_size), replace(one, image_size=two.image_size)
+    return with_files(data, {a: of_a, b: of_b})
+
+
+def one_file_for_all(data: Given, _: np.random.Generator) -> Given:
+    """The first camera's file for all, with the image sizes where they belong."""
+    cameras: Mapping[str, Camera] = cameras_of(data)
+    first = next(iter(cameras.values()))
+    return with_changed(data, cameras, lambda own: replace(first, image_size=own.image_size))

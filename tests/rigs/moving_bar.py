@@ -4,14 +4,13 @@ bar = move_bar(field_rig(4.5), rng, frames=300, length_m=0.9)
 dataset = record(bar, rng, noise_px=0.15, name="moving", offset=TimeOffset(0.3))
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
 from stereocal.rig.compiled import FloatArray
-from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
@@ -20,7 +19,7 @@ from stereocal.simulation.simulate import (
     MARGIN_PX,
     Nominal,
     Scene,
-    in_view,
+    observe,
     place_bars,
 )
 
@@ -86,37 +85,8 @@ def record(
         nominal: lenses and lengths of the data set; the true ones if None.
     """
     recorded = np.arange(bar.frames)
-    rig, late = bar.rig, (offset or TimeOffset()).at(recorded)
-    points = (
-        bar.ends_m(recorded).reshape(-1, 3),
-        rig.pose.apply(bar.ends_m(recorded + late).reshape(-1, 3)),
-    )
-    cameras = rig.primary, rig.secondary
-    seen = (
-        np.all(
-            [
-                in_view(camera, own, bar.depths_m, MARGIN_PX)
-                for camera, own in zip(cameras, points, strict=True)
-            ],
-            axis=0,
-        )
-        .reshape(-1, 2)
-        .all(axis=1)
-    )
-    kept = np.repeat(seen, 2)
-    primary, secondary = (
-        camera.project(own[kept]) + noise_px * rng.standard_normal((np.count_nonzero(kept), 2))
-        for camera, own in zip(cameras, points, strict=True)
-    )
-    count = int(np.count_nonzero(seen))
-    rows = Correspondences.from_arrays(
-        np.repeat(np.arange(1, count + 1), 2),
-        "AB" * count,
-        primary,
-        secondary,
-        time_frame=np.repeat(recorded[seen], 2),
-    )
-    stated = nominal or Nominal.exact(Scene(rig, bar.ends_m(recorded[:1])))
-    return Dataset(
-        name, stated.primary, stated.secondary, rows, stated.baseline_m, stated.target_distance_m
-    )
+    ends, late = bar.ends_m(recorded), bar.ends_m(recorded + (offset or TimeOffset()).at(recorded))
+    seen = Scene(bar.rig, ends, late).in_view(bar.depths_m, MARGIN_PX)
+    data = observe(Scene(bar.rig, ends[seen], late[seen]), rng, noise_px, name, nominal)
+    times = np.repeat(recorded[seen], 2)
+    return replace(data, correspondences=replace(data.correspondences, time_frame=times))

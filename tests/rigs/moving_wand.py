@@ -1,7 +1,5 @@
 """Simulate a wand that is waved before three cameras and more, each late by some frames."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from stereocal.network.fit import RigFit
@@ -9,7 +7,7 @@ from stereocal.network.held_out import seen_by_others
 from stereocal.network.result import RigCalibration
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import Recording
-from stereocal.simulation.rigs import IMAGE_SIZE, WAND, SimulatedRig, simulated_rig
+from stereocal.simulation.rigs import IMAGE_SIZE, WAND, SimulatedRig, recording_of, simulated_rig
 from tests.rigs.refined_rigs import smooth_fields, wave_errors
 
 
@@ -41,7 +39,7 @@ def wave_wand(
         way = np.column_stack([np.cos(d), np.sin(d) * np.cos(e), np.sin(e) * np.sin(d)])
         return np.asarray(centre + 0.9 * middle[:, None] + along[None, :, None] * way[:, None])
 
-    rows, points, recorded = [], [], np.arange(float(frames))
+    pixels, recorded = [], np.arange(float(frames))
     for number, (name, camera) in enumerate(truth.cameras.items()):
         times = recorded + late[number]
         if number == len(late) - 1:
@@ -49,20 +47,9 @@ def wave_wand(
         images = camera.project(truth.poses[name].apply(wand(times).reshape(-1, 3)))
         images += misfit_px * wave_errors(smooth_fields(rng)[:2], images / max(IMAGE_SIZE))
         images += noise_px * rng.standard_normal(images.shape)
-        inside = np.flatnonzero(((images > 0) & (images < np.array(IMAGE_SIZE) - 1)).all(axis=1))
-        rows.append(np.column_stack([inside // 3, np.full(len(inside), number), inside % 3]))
-        points.append(images[inside])
-    frame, of_camera, target = np.concatenate(rows).T
-    order = np.lexsort([target, of_camera, frame])
-    recording = replace(
-        truth.recording,
-        frame=frame[order],
-        camera=of_camera[order],
-        target=target[order],
-        points=np.concatenate(points)[order],
-        sigma_px=np.full(len(frame), np.nan),
-    )
-    return truth, recording
+        images[~((images > 0) & (images < np.array(IMAGE_SIZE) - 1)).all(axis=1)] = np.nan
+        pixels.append(images.reshape(frames, -1, 2))
+    return truth, recording_of("simulated", truth.recording.cameras, WAND, pixels)
 
 
 def stated_over_true(rig: RigCalibration, rest: Recording) -> list[float]:

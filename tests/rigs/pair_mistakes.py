@@ -10,18 +10,23 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.calibration.corrections import scaled
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensUncertainty
+from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
-from stereocal.simulation.simulate import lens_off_by
 from tests.rigs.culprits import OFF, accusations_of, sound, waved
-from tests.rigs.mistakes import flipped
+from tests.rigs.mistakes import (
+    files_exchanged,
+    flipped,
+    from_below,
+    from_the_right,
+    of_lenses,
+    one_file_for_all,
+    one_of,
+    upside_down,
+    zoomed,
+)
 
 Change = Callable[[Dataset, np.random.Generator], Dataset]
-
-
-def _which(rng: np.random.Generator) -> CameraName:
-    return CAMERAS[int(rng.integers(2))]
 
 
 def _points(data: Dataset, **changed: FloatArray) -> Dataset:
@@ -32,7 +37,7 @@ def _points(data: Dataset, **changed: FloatArray) -> Dataset:
 def cropped(data: Dataset, rng: np.random.Generator) -> Dataset:
     """The outer columns of one camera cut off, an eighth on each side, of which its file tells
     nothing: only bars that are left."""
-    which = _which(rng)
+    which = one_of(data, rng)
     width = getattr(data, which).image_size[0]
     points = getattr(data.correspondences, which) - [width / 8, 0.0]
     kept = (points[:, 0] >= 0) & (points[:, 0] <= 0.75 * width - 1)
@@ -54,7 +59,7 @@ def reordered(order: Callable[[int], list[int]]) -> Change:
     """The frames of one camera in another order, given by their places."""
 
     def change(data: Dataset, rng: np.random.Generator) -> Dataset:
-        rows, which = data.correspondences, _which(rng)
+        rows, which = data.correspondences, one_of(data, rng)
         places = np.array(order(len(rows.frames)))
         points = getattr(rows, which).reshape(len(places), -1, 2)
         changed = _points(data, **{which: points[places % len(points)].reshape(-1, 2)})
@@ -75,7 +80,7 @@ def slipped(count: int) -> list[int]:
 
 def copied(data: Dataset, rng: np.random.Generator, share: float = 0.2) -> Dataset:
     """A share of the frames of one camera are others of its frames, saved once more."""
-    which, rows = _which(rng), data.correspondences
+    which, rows = one_of(data, rng), data.correspondences
     points = getattr(rows, which).reshape(len(rows.frames), -1, 2).copy()
     count = round(share * len(points))
     order = rng.permutation(len(points))
@@ -83,37 +88,9 @@ def copied(data: Dataset, rng: np.random.Generator, share: float = 0.2) -> Datas
     return _points(data, **{which: points.reshape(-1, 2)})
 
 
-def files_exchanged(data: Dataset, _: np.random.Generator) -> Dataset:
-    """The camera files exchanged, with the image sizes where they belong."""
-    one, two = data.primary, data.secondary
-    return replace(
-        data,
-        primary=replace(two, image_size=one.image_size),
-        secondary=replace(one, image_size=two.image_size),
-    )
-
-
-def zoomed(data: Dataset, rng: np.random.Generator) -> Dataset:
-    """The file of one camera is of a focal length half as long again."""
-    which = _which(rng)
-    lens: dict[str, Any] = {which: lens_off_by(getattr(data, which), 0.5, (0.0, 0.0))}
-    return replace(data, **lens)
-
-
 def unrelated(data: Dataset, rng: np.random.Generator) -> Dataset:
     """The frames of one camera in no order: nothing given otherwise would fit."""
     return reordered(lambda count: rng.permutation(count).tolist())(data, rng)
-
-
-def of_lenses(change: Callable[[Camera], Camera], both: bool = False) -> Change:
-    """The files of one camera, or of both, changed."""
-
-    def changed(data: Dataset, rng: np.random.Generator) -> Dataset:
-        cameras = CAMERAS if both else (_which(rng),)
-        lenses: dict[str, Any] = {which: change(getattr(data, which)) for which in cameras}
-        return replace(data, **lenses)
-
-    return changed
 
 
 def of_points(change: Callable[[FloatArray, Camera], FloatArray], both: bool = False) -> Change:
@@ -122,7 +99,7 @@ def of_points(change: Callable[[FloatArray, Camera], FloatArray], both: bool = F
     def changed(data: Dataset, rng: np.random.Generator) -> Dataset:
         rows, points = data.correspondences, dict[str, FloatArray]()
         lost = np.zeros(len(rows), dtype=bool)
-        for which in CAMERAS if both else (_which(rng),):
+        for which in CAMERAS if both else [one_of(data, rng)]:
             camera = getattr(data, which)
             own = change(getattr(rows, which), camera)
             lost |= ~((own >= 0) & (own <= np.array(camera.image_size) - 1)).all(axis=1)
@@ -131,21 +108,6 @@ def of_points(change: Callable[[FloatArray, Camera], FloatArray], both: bool = F
         return _points(data, **points).of_frames(kept)
 
     return changed
-
-
-def upside_down(points: FloatArray, camera: Camera) -> FloatArray:
-    """Images of a camera that stood on its head, turned by the program that recorded them."""
-    return np.array(camera.image_size) - 1.0 - points
-
-
-def from_the_right(points: FloatArray, camera: Camera) -> FloatArray:
-    """u counted from the right."""
-    return np.column_stack([camera.image_size[0] - 1 - points[:, 0], points[:, 1]])
-
-
-def from_below(points: FloatArray, camera: Camera) -> FloatArray:
-    """v counted from below."""
-    return np.column_stack([points[:, 0], camera.image_size[1] - 1 - points[:, 1]])
 
 
 def lengths(baseline: float = 1.0, bar: float = 1.0) -> Change:
@@ -176,11 +138,6 @@ def sure(change: Change) -> Change:
     return changed
 
 
-def file_twice(data: Dataset, _: np.random.Generator) -> Dataset:
-    """The primary's file for both cameras."""
-    return replace(data, secondary=replace(data.primary, image_size=data.secondary.image_size))
-
-
 def points_twice(data: Dataset, _: np.random.Generator) -> Dataset:
     """The primary's points for both cameras."""
     return _points(data, secondary=data.correspondences.primary.copy())
@@ -193,12 +150,12 @@ def targets_exchanged(data: Dataset, _: np.random.Generator) -> Dataset:
 
 def moved(data: Dataset, rng: np.random.Generator, degrees: float = 2.0) -> Dataset:
     """One camera turned from the middle on."""
-    which, axis = _which(rng), rng.standard_normal(3)
+    which, axis = one_of(data, rng), rng.standard_normal(3)
     turn = np.radians(degrees) * axis / np.linalg.norm(axis)
     return turned_after(data, which, turn, float(np.median(data.correspondences.frames)))
 
 
-def turned_after(data: Dataset, which: CameraName, turn: FloatArray, frame: float) -> Dataset:
+def turned_after(data: Dataset, which: str, turn: FloatArray, frame: float) -> Dataset:
     """One camera turned about its centre after a frame."""
 
     def turned(points: FloatArray, camera: Camera) -> FloatArray:
@@ -272,7 +229,7 @@ MISTAKES: Mapping[str, Mistake] = {
     "a fifth of the frames copied": Mistake(copied, ("copied",)),
     "half of the frames copied": Mistake(partial(copied, share=0.5), ("copied",)),
     "camera files exchanged": Mistake(files_exchanged, ("exchanged", *OF_FISHEYES), kinds=UNLIKE),
-    "file of another zoom": Mistake(zoomed, ("focal length",)),
+    "file of another zoom": Mistake(zoomed(0.5), ("focal length",)),
     "0.3 frames late": Mistake(None, ("out of step", "same moment")),
     "0.3 frames late, every tenth frame kept": Mistake(None, ("out of step",), every=10),
     "frames in no order": Mistake(unrelated, ("cannot tell",)),
@@ -306,15 +263,13 @@ MISTAKES: Mapping[str, Mistake] = {
     "distortion of both of the other sign": Mistake(
         of_lenses(flipped, True), ("distortion", *OF_FISHEYES)
     ),
-    "focal length 2 % too long": Mistake(
-        sure(of_lenses(lambda camera: lens_off_by(camera, 0.02, (0.0, 0.0)))), FOCAL
-    ),
+    "focal length 2 % too long": Mistake(sure(zoomed(0.02)), FOCAL),
     "baseline 3 % too long": Mistake(sure(lengths(1.03)), ("baseline", "distance")),
     "bar 2 % too long": Mistake(sure(lengths(bar=1.02)), ("baseline", "distance")),
     "baseline in cm": Mistake(lengths(100.0), ("centimetres", "millimetres")),
     "bar in mm": Mistake(lengths(bar=1000.0), ("millimetres",)),
     "one file for both cameras": Mistake(
-        file_twice, ("same lens", *OF_FISHEYES, *FOCAL), kinds=UNLIKE
+        one_file_for_all, ("same lens", *OF_FISHEYES, *FOCAL), kinds=UNLIKE
     ),
     "the same points in both cameras": Mistake(points_twice, ("same points",), kinds=LIKE),
     "targets exchanged in one camera": Mistake(targets_exchanged, ("A and B seem",)),

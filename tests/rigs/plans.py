@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from stereocal.calibration.methods import FILE_METHODS, CalibrationSettings, Method
+from stereocal.calibration.methods import FILE_METHODS, Method
 from stereocal.errors import StereocalError
 from stereocal.field.planning.plan import Plan
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
-from stereocal.simulation.simulate import Nominal, lens_off_by, observe, place_bars
+from stereocal.simulation.simulate import Nominal, observe, place_bars
 from tests.rigs.population import population
+from tests.rigs.refined_rigs import Misjudged, misjudged
 
 TEST_BARS = 1000
 FIGURES = (
@@ -30,27 +30,20 @@ def observed(plan: Plan, seed: int) -> dict[tuple[Method, str], float]:
     """The figures of the files of one field day on its population."""
     rng = np.random.default_rng([seed, 0xF1E1D])
     own = plan.uncertainty
-    primary, secondary = (
-        lens_off_by(camera, own.focal * rng.normal(), tuple(own.centre_px * rng.normal(size=2)))
-        for camera in (plan.primary, plan.secondary)
-    )
-    baseline = plan.baseline_m + own.baseline_m * rng.normal()
-    bar = plan.bar_m + own.bar_m * rng.normal()
-    truth = Rig(primary, secondary, Pose(plan.pose.R, plan.pose.T * baseline / plan.baseline_m))
-    depths, nominal = (
-        (plan.near_m, plan.far_m),
-        Nominal(plan.primary, plan.secondary, plan.baseline_m, plan.bar_m),
-    )
+    off = Misjudged(own.baseline_m, own.bar_m, own.focal, own.centre_px, plan.noise_px)
+    planned, depths = Rig(plan.primary, plan.secondary, plan.pose), (plan.near_m, plan.far_m)
+    nominal = Nominal(plan.primary, plan.secondary, plan.baseline_m, plan.bar_m)
+    true = misjudged(planned, plan.bar_m, rng, off)
+    pose = Pose(plan.pose.R, plan.pose.T * true.baseline_m / plan.baseline_m)
+    truth, bar = Rig(true.primary, true.secondary, pose), true.target_distance_m
     scene = place_bars(truth, rng, plan.frames, bar, depths)
     dataset = observe(scene, rng, plan.noise_px, plan.name, nominal)
-    lens = LensPrior(own.focal, own.centre_px)
-    settings = RefineSettings(lens, lens, own.baseline_m, own.bar_m)
-    found = calibrate(dataset, CalibrationSettings(), refined=settings)
+    found = calibrate(dataset, refined=off.settings())
     files = {m: Rig(plan.primary, plan.secondary, r.pose) for m, r in found.methods.items()}
     refined = found.refined
     if refined is None:
         raise StereocalError("There is no refined set.")
-    files["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
+    files["refined"] = refined.rig
     test = place_bars(truth, rng, TEST_BARS, bar, depths)
     limits: dict[Method, float] = dict.fromkeys(files, 1.0)
     figures = population(truth, files, test.ends_m, plan.noise_px, limits, rng)

@@ -154,7 +154,6 @@ def spoiled(
     rows = dataset.correspondences
     primary, secondary = rows.primary.copy(), rows.secondary.copy()
     bad = rng.choice(len(rows.bars), round(share * len(rows.bars)), replace=False)
-    size = np.array(dataset.secondary.image_size) - 1.0
     for turn, bar in enumerate(bad):
         a, b = rows.bars[bar]
         one = a if rng.random() < 0.5 else b
@@ -162,22 +161,17 @@ def spoiled(
             others = np.flatnonzero(rows.frame != rows.frame[a])
             secondary[one] = rows.secondary[rng.choice(others)]
         elif turn % 3 == 1:
-            image = primary if rng.random() < 0.5 else secondary
-            limit = np.array(dataset.primary.image_size) - 1.0 if image is primary else size
+            first = rng.random() < 0.5
+            image, camera = (primary, dataset.primary) if first else (secondary, dataset.secondary)
             angle = rng.uniform(0, 2 * np.pi)
             slip = slip_px * np.array([np.cos(angle), np.sin(angle)])
-            moved = image[one] + slip
-            inside = ((moved >= 0) & (moved <= limit)).all()
-            image[one] = moved if inside else image[one] - slip
+            inside = not camera.outside(image[one][None] + slip)
+            image[one] += slip if inside else -slip
         else:
             secondary[[a, b]] = secondary[[b, a]]
-    largest = np.array(dataset.primary.image_size) - 1
-    kept = np.asarray(((primary >= 0) & (primary <= largest)).all(axis=1))
-    kept &= ((secondary >= 0) & (secondary <= size)).all(axis=1)
-    changed = replace(rows, primary=primary, secondary=secondary).where(kept)
-    return replace(dataset, correspondences=changed), sorted(
-        int(frame) for frame in rows.frame[rows.bars[bad, 0]]
-    )
+    changed = replace(rows, primary=primary, secondary=secondary)
+    frames = sorted(int(frame) for frame in rows.frame[rows.bars[bad, 0]])
+    return replace(dataset, correspondences=changed), frames
 
 
 MARGIN_PX = 60.0

@@ -3,26 +3,39 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.calibration.corrections import scaled, with_changed, with_files, with_pixels
+from stereocal.calibration.corrections import scaled, with_pixels
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
-from stereocal.simulation.rigs import NOISE_PX, SimulatedRig
-from stereocal.simulation.simulate import lens_off_by
-from tests.rigs.mistakes import flipped
-from tests.rigs.pair_mistakes import from_below, from_the_right, upside_down
+from stereocal.simulation.rigs import (
+    IMAGE_SIZE,
+    NOISE_PX,
+    WAND,
+    SimulatedRig,
+    looking,
+    nominal_of,
+    recording_of,
+)
+from tests.rigs.mistakes import (
+    files_exchanged,
+    flipped,
+    from_below,
+    from_the_right,
+    of_lenses,
+    one_file_for_all,
+    one_of,
+    upside_down,
+    zoomed,
+)
 
-SIZE = (1280, 1024)
-LENS_ERRORS = 0.003, 5.0
-"""Standard deviations of the nominal focal lengths, as a fraction, and of the centres, in px."""
 BAR = RigidObject.bar(0.6)
-WAND = RigidObject(("A", "M", "B"), np.array([[0.0, 0, 0], [0.2, 0, 0], [0.6, 0, 0]]))
 BOARD = RigidObject.of_board(BoardPattern(7, 5, 0.1))
 
 
@@ -72,42 +85,31 @@ def _recorded(it: Kind, rng: np.random.Generator, offsets: FloatArray) -> Simula
     true = {name: _camera(rng) for name in names}
     poses = {name: pose @ world[0].inverse() for name, pose in zip(names, world, strict=True)}
     placed = _waved(it, rng) if it.waved else _random(it, rng)
-    times, rows, pixels = np.arange(it.frames, dtype=np.float64), [], []
+    times, pixels = np.arange(it.frames, dtype=np.float64), []
     middle = rng.integers(0, it.cameras, it.frames)
     for number, (pose, camera) in enumerate(zip(world, true.values(), strict=True)):
         points = pose.apply(placed(times + offsets[number]).reshape(-1, 3))
         images = camera.project(points) + rng.normal(0.0, NOISE_PX, (len(points), 2))
-        inside = ((images > 0) & (images < np.array(SIZE) - 1)).all(axis=1)
+        inside = ((images > 0) & (images < np.array(IMAGE_SIZE) - 1)).all(axis=1)
         seen = np.array(camera.sees(points) & inside).reshape(it.frames, -1)
         seen &= rng.random((it.frames, 1)) < rng.uniform(0.65, 0.95)
         if it.seen_by is not None:
             seen &= (np.abs(middle - number) <= it.seen_by // 2)[:, None]
         if it.object.board is not None:
             seen &= np.all(seen, axis=1, keepdims=True)
-        at = np.argwhere(seen)
-        rows.append(np.column_stack([at[:, 0] + 1, np.full(len(at), number), at[:, 1]]))
-        pixels.append(images.reshape(it.frames, -1, 2)[seen])
-    focal, centre = LENS_ERRORS
-    nominal = {
-        name: lens_off_by(
-            camera, rng.normal(0.0, focal), (rng.normal(0.0, centre), rng.normal(0.0, centre))
-        )
-        for name, camera in true.items()
-    }
-    frame, which, target = np.concatenate(rows).T
-    images = np.concatenate(pixels)
-    unknown = np.full(len(frame), np.nan)
-    recording = Recording("spoiled", nominal, it.object, frame, which, target, images, unknown)
+        pixels.append(np.where(seen[..., None], images.reshape(it.frames, -1, 2), np.nan))
+    recording = recording_of("spoiled", nominal_of(true, rng), it.object, pixels)
+    recording = recording.counted_from(dict.fromkeys(names, 1))
     points_m = world[0].apply(placed(times).reshape(-1, 3)).reshape(it.frames, -1, 3)
     return SimulatedRig(recording, true, poses, points_m)
 
 
 def _camera(rng: np.random.Generator) -> Camera:
     focal = rng.uniform(900, 1500)
-    cx, cy = 0.5 * (np.array(SIZE) - 1) + rng.normal(0.0, 25.0, 2)
+    cx, cy = 0.5 * (np.array(IMAGE_SIZE) - 1) + rng.normal(0.0, 25.0, 2)
     K = np.array([[focal, 0.0, cx], [0.0, focal, cy], [0.0, 0.0, 1.0]])
     k1 = rng.uniform(-0.25, -0.05)
-    return Camera(K, np.array([k1, -0.4 * k1, 5e-4, -4e-4]), SIZE)
+    return Camera(K, np.array([k1, -0.4 * k1, 5e-4, -4e-4]), IMAGE_SIZE)
 
 
 def _pose(rng: np.random.Generator, number: int, it: Kind) -> Pose:
@@ -115,13 +117,9 @@ def _pose(rng: np.random.Generator, number: int, it: Kind) -> Pose:
     angle = np.radians(it.arc_deg) * (number / (it.cameras - 1) - 0.5) + rng.normal(0.0, 0.05)
     away = 6.0 * rng.uniform(0.8, 1.2)
     centre = np.array([away * np.sin(angle), rng.uniform(-1.5, 0.3), -away * np.cos(angle)])
-    forward = rng.normal(0.0, 0.2, 3) - centre
-    forward /= np.linalg.norm(forward)
-    right = np.cross([0.0, 1.0, 0.0], forward)
-    right /= np.linalg.norm(right)
-    R = np.array([right, np.cross(forward, right), forward])
-    R = Rotation.from_rotvec([0.0, 0.0, rng.normal(0.0, 0.1)]).as_matrix() @ R
-    return Pose(R, -R @ centre)
+    level = looking(centre, rng.normal(0.0, 0.2, 3))
+    roll = Rotation.from_rotvec([0.0, 0.0, rng.normal(0.0, 0.1)]).as_matrix()
+    return Pose(roll, np.zeros(3)) @ level
 
 
 Placed = Callable[[FloatArray], FloatArray]
@@ -160,11 +158,7 @@ Change = Callable[[Recording, np.random.Generator], Recording]
 
 
 def _one(recording: Recording, rng: np.random.Generator) -> int:
-    return int(rng.integers(len(recording.cameras)))
-
-
-def _name(recording: Recording, rng: np.random.Generator) -> str:
-    return [*recording.cameras][_one(recording, rng)]
+    return [*recording.cameras].index(one_of(recording, rng))
 
 
 def _two(recording: Recording, rng: np.random.Generator) -> tuple[str, str]:
@@ -175,27 +169,12 @@ def _two(recording: Recording, rng: np.random.Generator) -> tuple[str, str]:
 
 def of_one(change: Callable[[FloatArray, Camera], FloatArray]) -> Change:
     """The points of one camera changed."""
-    return lambda recording, rng: with_pixels(recording, [_name(recording, rng)], change)
+    return lambda recording, rng: with_pixels(recording, [one_of(recording, rng)], change)
 
 
 def of_all(change: Callable[[FloatArray, Camera], FloatArray]) -> Change:
     """The points of all cameras changed."""
     return lambda recording, _: with_pixels(recording, recording.cameras, change)
-
-
-def of_file(change: Callable[[Camera], Camera]) -> Change:
-    """The file of one camera changed."""
-    return lambda recording, rng: with_changed(recording, [_name(recording, rng)], change)
-
-
-def of_files(change: Callable[[Camera], Camera]) -> Change:
-    """The files of all cameras changed."""
-    return lambda recording, _: with_changed(recording, recording.cameras, change)
-
-
-def files_exchanged(recording: Recording, rng: np.random.Generator) -> Recording:
-    a, b = _two(recording, rng)
-    return with_files(recording, {a: recording.cameras[b], b: recording.cameras[a]})
 
 
 def points_exchanged(recording: Recording, rng: np.random.Generator) -> Recording:
@@ -205,24 +184,21 @@ def points_exchanged(recording: Recording, rng: np.random.Generator) -> Recordin
     return replace(recording, camera=camera)
 
 
-def one_file_for_all(recording: Recording, _: np.random.Generator) -> Recording:
-    first = next(iter(recording.cameras.values()))
-    return replace(recording, cameras=dict.fromkeys(recording.cameras, first))
+def joined(*parts: Recording) -> Recording:
+    """All points of several recordings of the same cameras."""
+    columns = ("frame", "camera", "target", "points", "sigma_px")
+    rows: dict[str, Any] = {
+        name: np.concatenate([getattr(each, name) for each in parts]) for name in columns
+    }
+    return replace(parts[0], **rows)
 
 
 def points_twice(recording: Recording, rng: np.random.Generator) -> Recording:
     """The points of a camera are given for another one too."""
     a, b = (list(recording.cameras).index(name) for name in _two(recording, rng))
-    rest, own = (np.flatnonzero(own) for own in (recording.camera != b, recording.camera == a))
-    rows = np.concatenate([rest, own])
-    return replace(
-        recording,
-        frame=recording.frame[rows],
-        camera=np.concatenate([recording.camera[rest], np.full(len(own), b)]),
-        target=recording.target[rows],
-        points=recording.points[rows],
-        sigma_px=recording.sigma_px[rows],
-    )
+    own = recording.where(recording.camera == a)
+    again = replace(own, camera=np.full(len(own.frame), b))
+    return joined(recording.where(recording.camera != b), again)
 
 
 def cropped(recording: Recording, rng: np.random.Generator) -> Recording:
@@ -317,15 +293,15 @@ MISTAKES: Mapping[str, Callable[[str, int], Recording]] = {
     "all at 75 %": partial(changed, of_all(lambda points, _: 0.75 * points)),
     "all mirrored": partial(changed, of_all(from_the_right)),
     "all from below": partial(changed, of_all(from_below)),
-    "K of half size": partial(changed, of_file(partial(scaled, factor=0.5))),
-    "K of half size in all": partial(changed, of_files(partial(scaled, factor=0.5))),
-    "K of twice the size": partial(changed, of_file(partial(scaled, factor=2.0))),
-    "distortion of all negative": partial(changed, of_files(flipped)),
+    "K of half size": partial(changed, of_lenses(partial(scaled, factor=0.5))),
+    "K of half size in all": partial(changed, of_lenses(partial(scaled, factor=0.5), True)),
+    "K of twice the size": partial(changed, of_lenses(partial(scaled, factor=2.0))),
+    "distortion of all negative": partial(changed, of_lenses(flipped, True)),
     "u and v exchanged": partial(changed, of_one(lambda points, _: points[:, ::-1])),
     "all upside down": partial(changed, of_all(upside_down)),
     "a crop": partial(changed, cropped),
-    "another zoom": partial(changed, of_file(lambda own: lens_off_by(own, 0.3, (0.0, 0.0)))),
-    "negative distortion": partial(changed, of_file(flipped)),
+    "another zoom": partial(changed, zoomed(0.3)),
+    "negative distortion": partial(changed, of_lenses(flipped)),
     "ends exchanged": partial(changed, ends_exchanged),
     "frames shifted by one": partial(changed, reordered(one_later)),
     "frames backwards": partial(changed, reordered(lambda frames, _: frames[::-1])),
@@ -343,4 +319,3 @@ MISTAKES: Mapping[str, Callable[[str, int], Recording]] = {
     "half a frame late": lambda kind, number: late(kind, number, 0.5).recording,
     "moved by 2 degrees": lambda kind, number: bumped(*sound(kind, number), 2.0),
 }
-WAVED_ONLY = ("half a frame late",)

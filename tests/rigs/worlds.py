@@ -97,11 +97,15 @@ def known_places(trials: int, seed: int) -> Iterator[Place]:
     """Places with rigs that are known exactly."""
     for k in range(trials):
         rng = np.random.default_rng([seed, k])
-        truth = random_scene(rng, 5).rig
-        rig = RigParameters(
-            truth.primary, truth.secondary, truth.pose, "2d", 1.0, {}, {}, noise_px=CLICK_PX
-        )
-        yield Place(truth, rig, world_of_cameras(rng), rng)
+        yield known_place(random_scene(rng, 5).rig, rng)
+
+
+def known_place(truth: Rig, rng: np.random.Generator) -> Place:
+    """A place with this rig, known exactly."""
+    rig = RigParameters(
+        truth.primary, truth.secondary, truth.pose, "2d", 1.0, {}, {}, noise_px=CLICK_PX
+    )
+    return Place(truth, rig, world_of_cameras(rng), rng)
 
 
 def common_view(place: Place, depth: float) -> FloatArray:

@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.rig.parameters import RigParameters
+from stereocal.rig.rig import Rig
 from tests.field.world_tables import lines_csv, survey_csv, throw_csv
 from tests.formats import test_other_programs_points as other
 from tests.formats.test_other_programs_points import hdf5
 from tests.known_rig import PRIMARY, RIG, SECONDARY
-from tests.rigs.worlds import Place, plumb_lines, surveyed, thrown, world_of_cameras
+from tests.rigs.worlds import known_place, plumb_lines, surveyed, thrown
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 
@@ -89,9 +89,7 @@ def world_json() -> bytes:
 @cache
 def observed() -> Mapping[str, bytes]:
     """Tables that a world frame is found from."""
-    rng = np.random.default_rng(4)
-    rig = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, noise_px=0.3)
-    place = Place(rig, rig, world_of_cameras(rng), rng)
+    place = known_place(Rig(PRIMARY, SECONDARY, RIG), np.random.default_rng(4))
     return {
         "a survey": survey_csv(surveyed(place, 5)),
         "lines": lines_csv(plumb_lines(place, 2, clicks=4)),

@@ -1,5 +1,6 @@
 """Forecasts of the files against a truth that is known."""
 
+from collections import defaultdict
 from dataclasses import replace
 from functools import lru_cache
 
@@ -13,22 +14,21 @@ from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
 from stereocal.library.calibrations import calibrate
 from stereocal.matching.reconstruction import reconstruct_points
-from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.two_views import BASELINE
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.volume import Volume
-from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
+from stereocal.simulation.simulate import Scene, observe, place_bars
 from stereocal.verdict.forecast import Forecast, forecast_files
 from stereocal.verdict.forecast_draws import draw_forecast
 from stereocal.verdict.fresh_frames import _facing, _stand_by_rays, fresh_bars, noise_given
 from stereocal.verdict.intervals import mean_of, share_interval
 from stereocal.verdict.judging import add_noise
+from stereocal.workflow import Run
 from tests import known_rig as rig
 from tests.fisheye_rig import recording
 from tests.rigs.population import CASES, one_rig, population
@@ -86,7 +86,7 @@ def test_the_population_is_that_of_a_plain_count() -> None:
     scene = place_bars(Rig(rig.PRIMARY, rig.SECONDARY, rig.RIG), rng, 400, BAR_M, DEPTHS_M)
     files = forecast().files
     true = population(scene.rig, files, scene.ends_m, 0.2, dict.fromkeys(files, 1.0), rng)
-    data = observe(scene, rng, 0.2, "test", Nominal.exact(scene))
+    data = observe(scene, rng, 0.2, "test")
     fcp, median = figures_of_set(count_set(data, files["2d"].pose))
     # Other noise, and wrong pairs from all frames instead of groups of 5: 1.6 % and 3 % measured.
     assert true["2d"]["median_error_3d"] == pytest.approx(median, rel=0.2)
@@ -131,9 +131,15 @@ def test_whether_bars_stand_by_the_rays_of_a_fisheye_or_in_space() -> None:
 
 
 def test_draws_without_points_are_not_counted() -> None:
+    """Nor are halves of draws, without a warning: where few frames see all, one may have none."""
     cases, of = np.array([[1, 2], [0, 0], [2, 1]]), np.array([[50, 50], [0, 0], [50, 50]])
     assert share_interval(cases, of) == share_interval(cases[[0, 2]], of[[0, 2]])
     assert np.isnan(share_interval(cases[[1]], of[[1]]).value)
+    assert np.isnan(mean_of(np.full((2, 3), np.nan))).all()
+    cases, of = np.tile([3, 4], (50, 1)), np.tile([100, 110], (50, 1))
+    cases[0], of[0] = (3, 0), (100, 0)
+    found = share_interval(cases, of)
+    assert 0.0 <= found.low <= found.value <= found.high < 0.1
 
 
 def test_bars_along_one_axis_stay_so() -> None:
@@ -142,7 +148,7 @@ def test_bars_along_one_axis_stay_so() -> None:
     middle = scene.ends_m.mean(axis=1)
     upright = np.array([0.0, 0.5 * BAR_M, 0.0])
     ends = np.stack([middle + upright, middle - upright], axis=1)
-    data = observe(Scene(scene.rig, ends), rng, 0.1, "upright", Nominal.exact(scene))
+    data = observe(Scene(scene.rig, ends), rng, 0.1, "upright")
     model = refine(data)
     fresh = fresh_bars(model, 4, 100, rng)
     along = fresh[:, :, 0] - fresh[:, :, 1]
@@ -192,29 +198,20 @@ def test_sigmas_of_points_are_honest(k1: float, rigs: int = 60) -> None:
 
     Points of a rig share its errors, so that the rms of n rigs scatters by about 0.6 / sqrt(n).
     """
-    squares: dict[Method, list[float]] = {"2d": [], "3d": [], "refined": []}
+    squares = defaultdict[Method, list[float]](list)
     for seed in range(rigs):
         rng = np.random.default_rng([seed, 9])
         scene = random_scene(rng, 25)
         data = with_k1(stated(scene, rng, Misjudged()), k1, rng)
         settings = RefineSettings(baseline_sigma_m=0.005, distance_sigma_m=0.0005)
-        calibration = calibrate(data, refined=settings)
-        found = forecast_files(calibration)
-        entries = found.of_files({})
+        files = Run.of(calibrate(data, refined=settings)).sets
         test = place_bars(scene.rig, rng, 50, BAR_M, DEPTHS_M)
-        points = test.ends_m.reshape(-1, 3)
-        one, two = test.rig.primary, test.rig.secondary
-        pixels = [
-            one.project(points) + 0.2 * rng.normal(size=(100, 2)),
-            two.project(test.rig.pose.apply(points)) + 0.2 * rng.normal(size=(100, 2)),
-        ]
-        for method in ("2d", "3d"):
-            file = calibration.parameters(method, None, entries[method])
-            squares[method].append(mean_square_z(file, pixels, points))
-        refined = calibration.refined
-        assert refined is not None
-        file = refined_parameters(refined, (), None, (), entries["refined"])
-        squares["refined"].append(mean_square_z(file, pixels, points))
+        seen = observe(test, rng, 0.2, "test").correspondences
+        for method, file in files.items():
+            found = reconstruct_points(file, seen.primary, seen.secondary)
+            assert found.sigma_m is not None
+            z = (found.xyz - test.points_m[0]) / found.sigma_m
+            squares[method].append(float(np.nanmean(np.square(z))))
     for method, found_squares in squares.items():
         rms = float(np.sqrt(np.mean(found_squares)))
         print(method, k1, rms)
@@ -233,25 +230,9 @@ def with_k1(data: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
     return replace(data, primary=cameras[0], secondary=cameras[1])
 
 
-def mean_square_z(file: RigParameters, pixels: list[FloatArray], points: FloatArray) -> float:
-    """Of the three coordinates of all points."""
-    found = reconstruct_points(file, pixels[0], pixels[1])
-    assert found.sigma_m is not None
-    return float(np.nanmean(np.square((found.xyz - points) / found.sigma_m)))
-
-
 def test_the_covariance_of_a_file_contains_its_distance_from_the_model() -> None:
     found = forecast()
     away = found.files["3d"].pose.baseline - found.model.q[BASELINE]
     at = (BASELINE, BASELINE)
     expected = found.model.covariance[at] + away**2
     assert found.covariance("3d")[at] == pytest.approx(expected)
-
-
-def test_halves_of_draws_without_points_are_left_out() -> None:
-    """Without a warning: where few frames see all, a half of a draw may have none."""
-    assert np.isnan(mean_of(np.full((2, 3), np.nan))).all()
-    cases, of = np.tile([3, 4], (50, 1)), np.tile([100, 110], (50, 1))
-    cases[0], of[0] = (3, 0), (100, 0)
-    found = share_interval(cases, of)
-    assert 0.0 <= found.low <= found.value <= found.high < 0.1
