@@ -22,26 +22,12 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 
-RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
+FOLDER = Path(__file__).parents[2] / "sample_data" / "recording"
+RECORDING = read_dataset(FOLDER)
+FRAMES = RECORDING.correspondences.frames
+EVEN, ODD = (RECORDING.of_frames(FRAMES[parity == FRAMES % 2]) for parity in (0, 1))
 KEPT = 0.98
 """Best part of points and bars: a few detections of these recordings are wrong."""
-
-
-@pytest.fixture(scope="module")
-def recordings() -> Dataset:
-    return read_dataset(RECORDING)
-
-
-@pytest.fixture(scope="module")
-def even(recordings: Dataset) -> Dataset:
-    frames = recordings.correspondences.frames
-    return recordings.of_frames(frames[frames % 2 == 0])
-
-
-@pytest.fixture(scope="module")
-def odd(recordings: Dataset) -> Dataset:
-    frames = recordings.correspondences.frames
-    return recordings.of_frames(frames[frames % 2 == 1])
 
 
 def best(values: FloatArray) -> FloatArray:
@@ -59,10 +45,10 @@ def at_work(data: Dataset, pose: Pose) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_each_of_the_papers_sets_does_its_own_work(even: Dataset, odd: Dataset, seed: int) -> None:
+def test_each_of_the_papers_sets_does_its_own_work(seed: int) -> None:
     settings = CalibrationSettings(search=SearchSettings(seed=seed))
-    found = calibrate(even, settings, refined=None).methods
-    (px, length_2d), (px_3d, length) = (at_work(odd, found[own].pose) for own in ("2d", "3d"))
+    found = calibrate(EVEN, settings, refined=None).methods
+    (px, length_2d), (px_3d, length) = (at_work(ODD, found[own].pose) for own in ("2d", "3d"))
     # Measured with 5 seeds: 0.433 px, and 0.229 to 0.231 %.
     assert px <= 0.46
     assert length <= 0.0025
@@ -72,30 +58,30 @@ def test_each_of_the_papers_sets_does_its_own_work(even: Dataset, odd: Dataset, 
     assert px_3d >= 2.5 * px
 
 
-def test_one_refined_set_matches_and_measures(even: Dataset, odd: Dataset) -> None:
+def test_one_refined_set_matches_and_measures() -> None:
     """Measured: 0.372 px and 0.137 %, with the default settings."""
-    refined = refine(even)
-    px, length = at_work(refined.apply(odd), refined.pose)
+    refined = refine(EVEN)
+    px, length = at_work(refined.apply(ODD), refined.pose)
     assert px <= 0.38
     assert length <= 0.0015
 
 
-def test_the_frames_left_out_are_bad_detections(recordings: Dataset, even: Dataset) -> None:
+def test_the_frames_left_out_are_bad_detections() -> None:
     """15 of 205 (even) and 22 of all 409; docs/wrong_input.md says what they are.
 
     Points of other frames beside them fit, so nothing accuses the lens.
     """
-    assert len(screen(even).left_out) <= 17
-    whole = screen(recordings)
+    assert len(screen(EVEN).left_out) <= 17
+    whole = screen(RECORDING)
     assert len(whole.left_out) <= 28
     assert whole.together == ""
     assert whole.exchanged == ()
 
 
-def test_the_typed_baseline_is_doubted(recordings: Dataset) -> None:
+def test_the_typed_baseline_is_doubted() -> None:
     """4.976 m is stated; with 5 mm and 0.5 mm of uncertainty, images and bars want another."""
     settings = RefineSettings(baseline_sigma_m=0.005, distance_sigma_m=0.0005)
-    accused = [item for item in compare_inputs(refine(recordings, settings)).inputs if item.accused]
+    accused = [item for item in compare_inputs(refine(RECORDING, settings)).inputs if item.accused]
     assert accused
     assert accused[0].key == "baseline"
     assert accused[0].others_say is not None

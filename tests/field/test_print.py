@@ -2,6 +2,7 @@
 
 import math
 import xml.etree.ElementTree as ElementTree
+from contextlib import closing
 from io import BytesIO
 
 import numpy as np
@@ -52,12 +53,9 @@ def rasterised(pdf: bytes, dpi: float) -> FloatArray:
 
     PDFium widens rectangles to whole dots, which is why there are more of them.
     """
-    document = pypdfium2.PdfDocument(pdf)
-    try:
+    with closing(pypdfium2.PdfDocument(pdf)) as document:
         assert len(document) == 1
         dots = document[0].render(scale=FINE * dpi / 72.0, grayscale=True).to_numpy()
-    finally:
-        document.close()
     height, width = (side // FINE for side in dots.shape[:2])
     whole = dots[: height * FINE, : width * FINE].reshape(height, FINE, width, FINE)
     return np.asarray(whole.mean(axis=(1, 3)), dtype=np.float64)
@@ -256,12 +254,9 @@ PLANS = [plan(), plan(frames=7), plan(frames=200), plan(stated_pose=AimedPose(4.
 
 
 def words_of(pdf: bytes) -> str:
-    document = pypdfium2.PdfDocument(BytesIO(pdf))
-    try:
+    with closing(pypdfium2.PdfDocument(pdf)) as document:
         assert len(document) == 1
         words: str = document[0].get_textpage().get_text_range()
-    finally:
-        document.close()
     return " ".join(words.split())
 
 

@@ -12,11 +12,9 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.library.calibrations import calibrate
 from stereocal.library.tables import match, reconstruct
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
-from tests.evaluation.test_recording import RECORDING, recordings
+from tests.evaluation.test_recording import EVEN, FOLDER
 
-__all__ = ["recordings"]
 SEEDS = range(5)
 DISTANCES_M = {("A", "M"): 0.13, ("M", "B"): 0.26, ("A", "B"): 0.39}
 
@@ -24,10 +22,10 @@ DISTANCES_M = {("A", "M"): 0.13, ("M", "B"): 0.26, ("A", "B"): 0.39}
 @pytest.fixture(scope="module")
 def markers() -> tuple[pd.DataFrame, pd.DataFrame]:
     """All markers of the odd frames in each camera, shuffled; `marker` only serves to judge."""
-    outer = pd.read_csv(RECORDING / "correspondences.csv")
+    outer = pd.read_csv(FOLDER / "correspondences.csv")
     sides = []
     for side, seed in (("primary", 1), ("secondary", 2)):
-        middle = pd.read_csv(RECORDING / f"points_{side}.csv").assign(marker="M")
+        middle = pd.read_csv(FOLDER / f"points_{side}.csv").assign(marker="M")
         ends = outer[["frame", "target", f"u_{side}", f"v_{side}"]].set_axis(
             ["frame", "marker", "u", "v"], axis=1
         )
@@ -42,11 +40,8 @@ def markers() -> tuple[pd.DataFrame, pd.DataFrame]:
 )
 def sets(request: pytest.FixtureRequest) -> dict[str, RigParameters]:
     """With each seed of the search; all of them give the same to the digits that are tested."""
-    data: Dataset = request.getfixturevalue("recordings")
-    frames = data.correspondences.frames
-    even = data.of_frames(frames[frames % 2 == 0])
     settings = CalibrationSettings(search=SearchSettings(seed=request.param))
-    found = calibrate(even, settings, refined=None)
+    found = calibrate(EVEN, settings, refined=None)
     return {"2d": found.parameters("2d"), "3d": found.parameters("3d")}
 
 

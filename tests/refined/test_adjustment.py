@@ -9,19 +9,12 @@ from stereocal.refined import distortion, views
 from stereocal.refined.adjustment import add_baselines
 from stereocal.refined.distortion import lens_terms, lenses_of_cameras
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import (
-    BAR,
-    BASELINE,
-    DRIFT,
-    PRIMARY,
-    SHARED,
-    TIME,
-    unknowns_of_views,
-)
+from stereocal.refined.two_views import DRIFT, SHARED, TIME, shared_unknowns, unknowns_of_views
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import DISTORTION, EACH, OWN
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray
+from stereocal.rig.rig import Rig
 from tests import known_rig as rig
 from tests.rig.machine_code import machine_code
 
@@ -40,10 +33,7 @@ LENSES["tilted"] = [*LENSES["twelve"][:8], 0.002, -0.003, 0.001, 0.004, 0.03, -0
 
 def truth() -> FloatArray:
     """The 25 shared unknowns of the tests' rig."""
-    q = np.empty(SHARED)
-    q[:5], q[BASELINE], q[BAR] = rig.ANGLES, rig.BASELINE_M, 1.0
-    lenses = [rig.PRIMARY.lens_values, rig.SECONDARY.lens_values]
-    q[PRIMARY:TIME] = np.concatenate([lens[:4] for lens in lenses] + [lens[4:] for lens in lenses])
+    q = shared_unknowns(Rig(rig.PRIMARY, rig.SECONDARY, rig.RIG))
     q[TIME], q[DRIFT] = 0.3, 0.01
     return q
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stereocal.calibration.corrections import with_changed
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.stated_inputs import advice_on, moved_lengths, undetectable_errors
@@ -106,28 +107,15 @@ def test_a_wrong_distortion_is_named_and_estimated(camera: CameraName) -> None:
     """A k1 off by 0.25; one of 0.08 is mostly followed by the focal length within 1 %."""
     data = rig.dataset(50, 0.2)
     own = getattr(data, camera)
-    off = Camera(
-        own.K, own.distortion + 0.25 * np.eye(1, own.distortion.size).ravel(), own.image_size
-    )
-    found = compare_inputs(
-        refine(replace(data, primary=off) if camera == "primary" else replace(data, secondary=off))
-    )
+    k1 = 0.25 * np.eye(own.distortion.size)[0]
+    off = with_changed(data, [camera], lambda lens: replace(lens, distortion=lens.distortion + k1))
+    found = compare_inputs(refine(off))
     assert f"{camera} distortion" in [item.key for item in found.inputs if item.accused]
     freed = getattr(found.model, camera).distortion
     at = DISTORTION + 4 * (camera == "secondary")
     sigma = float(np.sqrt(found.model.covariance[at, at]))
     assert abs(freed[0] - own.distortion[0]) < 3.5 * sigma
     assert found.model.sigma_px.value == pytest.approx(0.2, rel=0.3)  # held fixed: 0.26 to 0.31
-
-
-def test_sound_rigs_keep_their_distortion() -> None:
-    accused = [
-        item.key
-        for seed in range(12)
-        for item in compare_inputs(refine(rig.dataset(25, 0.2, seed=seed))).inputs
-        if item.accused
-    ]
-    assert len(accused) <= 1
 
 
 def test_a_stated_distortion_moves_within_its_standard_error() -> None:

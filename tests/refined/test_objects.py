@@ -14,6 +14,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.rigid_object import RigidObject
 from tests import known_rig
 from tests.further import further
+from tests.rigs.mistakes import misplaced
 from tests.rigs.objects import BOARD, WAND, recorded
 
 EXACT_LENSES = RefineSettings(primary=LensPrior(0, 0), secondary=LensPrior(0, 0))
@@ -60,9 +61,7 @@ def test_stated_errors_of_boards_are_true(bend_px: float) -> None:
 def test_a_placing_is_left_out_whole() -> None:
     data = recorded(BOARD, 14)
     rows = data.correspondences
-    moved = rows.secondary.copy()
-    moved[(rows.frame == 5) & (rows.target < 20)] += [0.0, 6.0]
-    found = screen(replace(data, correspondences=replace(rows, secondary=moved)))
+    found = screen(misplaced(data, (rows.frame == 5) & (rows.target < 20), [0.0, 6.0]))
     assert found.left_out == (5,)
     assert not found.exchanged
     assert 5 not in found.dataset.correspondences.frames

@@ -15,6 +15,7 @@ from stereocal.refined.outliers import (
 )
 from stereocal.refined.results import Calibration
 from tests import known_rig as rig
+from tests.rigs.mistakes import misplaced
 
 MIXED_UP = 11
 
@@ -23,9 +24,8 @@ def make_calibration(noise_px: float, shift_px: float) -> Calibration:
     """25 frames numbered from 1; frame 1 has no B, the B of `MIXED_UP` is off by `shift_px`."""
     exact = rig.dataset(25, noise_px)
     rows = exact.correspondences
-    secondary = rows.secondary.copy()
-    secondary[(rows.frame == MIXED_UP) & (rows.target == 1), 1] += shift_px
-    shifted = replace(rows, secondary=secondary).where((rows.frame > 1) | (rows.target == 0))
+    off = misplaced(exact, (rows.frame == MIXED_UP) & (rows.target == 1), [0.0, shift_px])
+    shifted = off.correspondences.where((rows.frame > 1) | (rows.target == 0))
     dataset = replace(exact, correspondences=shifted)
     return calibrate(dataset, CalibrationSettings(calibration_frames=20), trace=True)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stereocal.calibration.corrections import with_changed
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
@@ -13,10 +14,10 @@ from stereocal.refined.noise import ASSUMED, ESTIMATED, GIVEN, scatter_of
 from stereocal.refined.refine import refine
 from stereocal.refined.two_views import BAR, BASELINE
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
-from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.simulation.simulate import Nominal, lens_off_by, observe
+from stereocal.rig.rig import Rig
+from stereocal.simulation.simulate import Nominal, Scene, lens_off_by, observe
 from tests import known_rig as rig
 from tests.rigs.accuracy import against_the_paper, turned, with_gross_errors
 from tests.rigs.refined_rigs import fixed_lenses, random_scene
@@ -98,17 +99,13 @@ def test_bars_in_a_small_part_of_the_images_are_not_fitted_with_depths_reversed(
     middle = np.array([-0.3, -0.6, 13.0]) + rng.uniform(-1, 1, (24, 3)) * [1.2, 0.9, 1.6]
     along = rng.normal(size=(24, 3))
     along *= 0.5 / np.linalg.norm(along, axis=1, keepdims=True)
-    points = np.stack([middle - along, middle + along], axis=1).reshape(-1, 3)
-    exact = rig.PRIMARY.project(points), rig.SECONDARY.project(pose.apply(points))
-    primary, secondary = (pixels + 0.9 * rng.normal(size=pixels.shape) for pixels in exact)
-    rows = Correspondences.from_arrays(
-        np.repeat(np.arange(24), 2), ["A", "B"] * 24, primary, secondary
+    ends = np.stack([middle - along, middle + along], axis=1)
+    exact = observe(Scene(Rig(rig.PRIMARY, rig.SECONDARY, pose), ends), rng, 0.9, "far")
+    found = refine(
+        with_changed(
+            exact, CAMERAS, lambda own: lens_off_by(own, 0.0, (rng.normal(0, 8), rng.normal(0, 8)))
+        )
     )
-    first, second = (
-        lens_off_by(camera, 0.0, (rng.normal(0, 8), rng.normal(0, 8)))
-        for camera in (rig.PRIMARY, rig.SECONDARY)
-    )
-    found = refine(Dataset("far", first, second, rows, 2.4, 1.0))
     assert found.pose.T @ pose.T > 0.98 * 2.4**2  # measured: 0.997
 
 

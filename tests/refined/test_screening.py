@@ -15,13 +15,13 @@ from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
-from stereocal.simulation.simulate import observe, place_bars
+from stereocal.simulation.simulate import lens_off_by, observe, place_bars
 from stereocal.verdict.in_words import left_out_line, why_not_trusted
 from tests import known_rig as rig
 from tests.further import further
 from tests.rigs.accuracy import turned
+from tests.rigs.mistakes import flipped, misplaced, with_frames_exchanged, with_points_off
 from tests.rigs.mistakes import rig as random_rig
-from tests.rigs.mistakes import with_frames_exchanged, with_points_off
 
 BAD = (3, 17)
 
@@ -69,11 +69,7 @@ def test_half_of_the_frames_may_be_bad(number: int) -> None:
 
 
 def test_a_misplaced_target_is_not_called_exchanged() -> None:
-    sound = rig.dataset(25, noise_px=0.2)
-    secondary = sound.correspondences.secondary.copy()
-    secondary[8] += 40.0
-    rows = replace(sound.correspondences, secondary=secondary)
-    found = screen(replace(sound, correspondences=rows))
+    found = screen(misplaced(rig.dataset(25, noise_px=0.2), 8, 40.0))
     assert found.left_out == (5,)
     assert found.exchanged == ()
 
@@ -81,11 +77,9 @@ def test_a_misplaced_target_is_not_called_exchanged() -> None:
 def test_a_wrong_input_is_not_taken_for_bad_frames() -> None:
     """It is shared by all frames, and the priors are wide. Measured: none left out."""
     sound = rig.dataset(25, noise_px=0.2)
-    K = sound.primary.K.copy()
-    K[[0, 1], [0, 1]] *= 1.05
     for wrong in (
         replace(sound, baseline_m=1.05 * sound.baseline_m),
-        replace(sound, primary=replace(sound.primary, K=K)),
+        replace(sound, primary=lens_off_by(sound.primary, 0.05, (0.0, 0.0))),
     ):
         assert screen(wrong).left_out == ()
 
@@ -130,9 +124,7 @@ def test_copies_are_named_and_add_nothing() -> None:
 
 
 def test_a_frame_can_be_put_back(exchanged: Dataset) -> None:
-    off = exchanged.correspondences.secondary.copy()
-    off[8, 1] += 4.0
-    data = replace(exchanged, correspondences=replace(exchanged.correspondences, secondary=off))
+    data = misplaced(exchanged, 8, [0.0, 4.0])
     assert calibrate(data).screening.left_out == (3, 5, 17)
     found = calibrate(data, CalibrationSettings(frames_put_back=(5,)))
     assert found.screening.left_out == BAD
@@ -141,10 +133,7 @@ def test_a_frame_can_be_put_back(exchanged: Dataset) -> None:
 
 def test_a_bad_frame_among_them_is_named_before_any_length() -> None:
     """One point off by 15 px: the bars agree with each other, and look as if they were to blame."""
-    sound = rig.dataset(25, noise_px=0.2)
-    secondary = sound.correspondences.secondary.copy()
-    secondary[8] += 15.0
-    data = replace(sound, correspondences=replace(sound.correspondences, secondary=secondary))
+    data = misplaced(rig.dataset(25, noise_px=0.2), 8, 15.0)
     assert essential_fit(data).spread < LENGTH_TOLERANCE
     said = explain_failure(data, screen(data))
     assert "(5)" in said
@@ -157,7 +146,6 @@ def test_frames_that_lie_together_accuse_the_lens(number: int) -> None:
     scene, _, rng = random_rig(number)
     many = place_bars(scene.rig, rng, 100, scene.bar_length_m, (4.0, 10.0))
     data = observe(many, rng, 0.2, "rig")
-    lens = replace(data.primary, distortion=-data.primary.distortion)
     if number < 2:
-        assert "distortion" in screen(replace(data, primary=lens)).together
+        assert "distortion" in screen(replace(data, primary=flipped(data.primary))).together
     assert screen(data).together == ""

@@ -30,9 +30,9 @@ def camera_with(coefficients: int, matrix: FloatArray = K) -> Camera:
     return Camera(matrix, np.array(LENSES[coefficients]), (1280, 1024))
 
 
-def grid() -> FloatArray:
+def grid(width: int = 1280, height: int = 1024) -> FloatArray:
     """Pixels over the whole image, the corners too."""
-    u, v = np.meshgrid(np.linspace(-0.5, 1279.5, 14), np.linspace(-0.5, 1023.5, 11))
+    u, v = np.meshgrid(np.linspace(-0.5, width - 0.5, 24), np.linspace(-0.5, height - 0.5, 18))
     return np.column_stack([u.ravel(), v.ravel()])
 
 
@@ -150,8 +150,7 @@ def test_a_rational_lens_of_140_degrees_is_undistorted_in_its_whole_image() -> N
     lens = [0.5177316, 0.0405462, 3e-4, -2e-4, 2.568208e-4, 0.8113298, 0.1286591, 3.096235e-3]
     matrix = np.array([[703.0, 0.0, 953.2], [0.0, 705.1, 728.9], [0.0, 0.0, 1.0]])
     read = read_camera(write_opencv_camera(Camera(matrix, np.array(lens), (1920, 1440))), "x.yml")
-    u, v = np.meshgrid(np.linspace(0, 1919, 24), np.linspace(0, 1439, 18))
-    pixels = np.column_stack([u.ravel(), v.ravel()])
+    pixels = grid(1920, 1440)
     rays = read.undistort(pixels)
     assert np.hypot(*rays.T).max() > np.tan(np.radians(75.0))
     found, _ = cv2.projectPoints(

@@ -87,5 +87,5 @@ def test_freed_lenses_lower_the_curve(data: Dataset, curves: TradeOff) -> None:
     fixed = min(max(x.cost_2d_px / ends[0], x.cost_3d_m / ends[1]) for x in curves.fixed)
     assert best < fixed
     found = refine(data)
-    refined = costs_of(data, {0: Rig(found.primary, found.secondary, found.pose)})[0]
+    refined = costs_of(data, {0: found.rig})[0]
     assert max(refined[0] / ends[0], refined[1] / ends[1]) < fixed
