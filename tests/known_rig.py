@@ -70,14 +70,8 @@ def dataset(
     frames: int = 20, noise_px: float = 0.0, seed: int = 7, known_points: bool = False
 ) -> Dataset:
     """The rig's data set; exact for `noise_px=0`."""
-    return Dataset(
-        name="asymmetric rig",
-        primary=PRIMARY,
-        secondary=SECONDARY,
-        correspondences=correspondences(frames, noise_px, seed, known_points),
-        baseline_m=BASELINE_M,
-        target_distance_m=BAR_M,
-    )
+    rows = correspondences(frames, noise_px, seed, known_points)
+    return Dataset("asymmetric rig", PRIMARY, SECONDARY, rows, BASELINE_M, BAR_M)
 
 
 ANY_ANGLES = st.builds(

@@ -13,13 +13,8 @@ from stereocal.rig.rig import Rig
 from tests.further import further
 from tests.rigs.refined_rigs import Misjudged, waved
 
-FIXED = RefineSettings(
-    primary=LensPrior(0.0, 0.0),
-    secondary=LensPrior(0.0, 0.0),
-    baseline_sigma_m=0.0,
-    distance_sigma_m=0.0,
-)
 EXACT = Misjudged(0.0, 0.0, 0.0, 0.0)
+FIXED = EXACT.settings()
 
 
 def fitted(seed: int, length: int, frames: int = 200) -> tuple[RefinedResult, Rig]:

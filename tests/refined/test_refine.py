@@ -17,7 +17,7 @@ from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
-from stereocal.simulation.simulate import Nominal, Scene, lens_off_by, observe
+from stereocal.simulation.simulate import Scene, lens_off_by, observe
 from tests import known_rig as rig
 from tests.rigs.accuracy import against_the_paper, turned, with_gross_errors
 from tests.rigs.refined_rigs import fixed_lenses, random_scene
@@ -42,14 +42,10 @@ def test_lenses_off_are_found_again_without_noise() -> None:
     """Lenses off by 0.3 % and 5 px: two frames' worth of priors against 40 exact bars."""
     scene = random_scene(np.random.default_rng(5), 40)
     true = scene.rig
-    nominal = Nominal(
-        lens_off_by(true.primary, 0.003, (5.0, -4.0)),
-        lens_off_by(true.secondary, -0.003, (-3.0, 5.0)),
-        true.pose.baseline,
-        scene.bar_length_m,
-    )
-    data = observe(scene, np.random.default_rng(1), 0.0, "rig", nominal)
-    found = refine(data)
+    primary = lens_off_by(true.primary, 0.003, (5.0, -4.0))
+    secondary = lens_off_by(true.secondary, -0.003, (-3.0, 5.0))
+    exact = observe(scene, np.random.default_rng(1), 0.0, "rig")
+    found = refine(replace(exact, primary=primary, secondary=secondary))
     # Measured: 0.003 px and 7e-7 rad: the priors pull a little.
     np.testing.assert_allclose(found.primary.K, true.primary.K, atol=0.05)
     np.testing.assert_allclose(found.secondary.K, true.secondary.K, atol=0.05)
@@ -125,15 +121,7 @@ def test_single_targets_and_no_bar_at_all() -> None:
 
 def test_fixed_stays_fixed_and_apart_comes_apart() -> None:
     data = rig.dataset(25, 0.2)
-    found = refine(
-        data,
-        RefineSettings(
-            primary=FIXED_LENS,
-            secondary=LensPrior(apart=True),
-            baseline_sigma_m=0.0,
-            distance_sigma_m=0.0,
-        ),
-    )
+    found = refine(data, RefineSettings(FIXED_LENS, LensPrior(apart=True), 0.0, 0.0))
     np.testing.assert_array_equal(found.primary.K, data.primary.K)
     assert found.pose.baseline == pytest.approx(rig.BASELINE_M, rel=1e-12)
     assert found.bar_factor == 1.0

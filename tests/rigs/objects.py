@@ -48,14 +48,5 @@ def recorded(
         rigid_object=stated,
     )
     rows = rows if seen is None else rows.where(np.asarray(seen).ravel())
-    longest = stated.longest_m
-    return Dataset(
-        "object",
-        known_rig.PRIMARY,
-        known_rig.SECONDARY,
-        rows,
-        known_rig.BASELINE_M,
-        longest,
-        baseline_sigma_m=0.003,
-        target_distance_sigma_m=stated.sigma_m,
-    )
+    lengths = known_rig.BASELINE_M, stated.longest_m, 0.003, stated.sigma_m
+    return Dataset("object", known_rig.PRIMARY, known_rig.SECONDARY, rows, *lengths)

@@ -31,12 +31,7 @@ class Misjudged:
     def settings(self) -> RefineSettings:
         """What an experimenter who knows these figures would set."""
         lens = LensPrior(self.focal, self.centre_px)
-        return RefineSettings(
-            primary=lens,
-            secondary=lens,
-            baseline_sigma_m=self.baseline_m,
-            distance_sigma_m=self.bar_m,
-        )
+        return RefineSettings(lens, lens, self.baseline_m, self.bar_m)
 
 
 def random_scene(rng: np.random.Generator, frames: int = FRAMES, margin_px: float = 20.0) -> Scene:
@@ -80,12 +75,8 @@ def misjudged(cameras: Rig, bar_m: float, rng: np.random.Generator, off: Misjudg
         lens_off_by(camera, off.focal * rng.normal(), tuple(off.centre_px * rng.normal(size=2)))
         for camera in (cameras.primary, cameras.secondary)
     )
-    return Nominal(
-        primary,
-        secondary,
-        cameras.pose.baseline + off.baseline_m * rng.normal(),
-        bar_m + off.bar_m * rng.normal(),
-    )
+    baseline = cameras.pose.baseline + off.baseline_m * rng.normal()
+    return Nominal(primary, secondary, baseline, bar_m + off.bar_m * rng.normal())
 
 
 def in_runs(dataset: Dataset, rng: np.random.Generator, length: int, noise_px: float) -> Dataset:
@@ -124,11 +115,11 @@ def with_waves(dataset: Dataset, fields: FloatArray, rms_px: float) -> Dataset:
     """The data set seen with errors of the lenses that vary smoothly over the images."""
     rows = dataset.correspondences
     size = float(max(dataset.primary.image_size))
-    moved = [
+    primary, secondary = (
         pixels + rms_px * wave_errors(waves, pixels / size)
         for pixels, waves in ((rows.primary, fields[:2]), (rows.secondary, fields[2:]))
-    ]
-    changed = replace(rows, primary=moved[0], secondary=moved[1])
+    )
+    changed = replace(rows, primary=primary, secondary=secondary)
     return replace(dataset, correspondences=changed)
 
 

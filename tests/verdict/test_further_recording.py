@@ -124,8 +124,7 @@ def test_boards_whose_corners_share_errors_have_wider_intervals() -> None:
 def test_boards_of_single_corners_have_no_lengths_to_draw() -> None:
     pair = sound(0, frames=16, baseline=True)
     pair.points[3:, 1:] = np.nan
-    data = pair.recording.pair("primary", "secondary")
-    forecast = forecast_files(calibrate(data, refined=RefineSettings()))
+    forecast = forecast_files(calibrate(pair.dataset, refined=RefineSettings()))
     assert not forecast.draws.further
 
 
