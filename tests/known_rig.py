@@ -1,5 +1,7 @@
 """A rig with a known truth that is asymmetric in everything, so that no exchange goes unseen."""
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 from hypothesis import strategies as st
@@ -9,6 +11,8 @@ from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, stack_rays
+from stereocal.rig.rig import Rig
+from stereocal.simulation.simulate import Nominal, Scene, observe
 
 PRIMARY = Camera(
     K=np.array([[1480.3, 0.0, 811.4], [0.0, 1502.7, 577.2], [0.0, 0.0, 1.0]]),
@@ -54,24 +58,20 @@ def correspondences(
     frames: int, noise_px: float = 0.0, seed: int = 7, known_points: bool = False
 ) -> Correspondences:
     """The bar in so many frames, numbered from 1, with normal noise on every pixel coordinate."""
-    points = bar_ends(frames, seed)
-    primary, secondary = images(points)
-    rng = np.random.default_rng([seed, 1])
-    return Correspondences.from_arrays(
-        frame=np.repeat(np.arange(1, frames + 1), 2),
-        target=["A", "B"] * frames,
-        primary=primary + noise_px * rng.normal(size=primary.shape),
-        secondary=secondary + noise_px * rng.normal(size=secondary.shape),
-        known_points_m=points if known_points else None,
-    )
+    return dataset(frames, noise_px, seed, known_points).correspondences
 
 
 def dataset(
     frames: int = 20, noise_px: float = 0.0, seed: int = 7, known_points: bool = False
 ) -> Dataset:
     """The rig's data set; exact for `noise_px=0`."""
-    rows = correspondences(frames, noise_px, seed, known_points)
-    return Dataset("asymmetric rig", PRIMARY, SECONDARY, rows, BASELINE_M, BAR_M)
+    points, rng = bar_ends(frames, seed), np.random.default_rng([seed, 1])
+    scene = Scene(Rig(PRIMARY, SECONDARY, RIG), points.reshape(-1, 2, 3))
+    nominal = Nominal(PRIMARY, SECONDARY, BASELINE_M, BAR_M)
+    data = observe(scene, rng, noise_px, "asymmetric rig", nominal)
+    if not known_points:
+        return data
+    return replace(data, correspondences=replace(data.correspondences, known_points_m=points))
 
 
 ANY_ANGLES = st.builds(

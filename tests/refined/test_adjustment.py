@@ -120,13 +120,8 @@ def test_an_unseen_target_and_one_behind_a_camera() -> None:
 def test_the_result_is_scipys_of_the_whole_problem() -> None:
     """The places are eliminated; SciPy keeps them: 5 frames, 13 + 30 unknowns."""
     data = rig.dataset(5, 0.3)
-    priors = RefineSettings(
-        primary=LensPrior(0.01, 10.0),
-        secondary=LensPrior(0.01, 10.0),
-        sigma_px=0.3,
-        scatter_m=0.001,
-        loss="squares",
-    )
+    lens = LensPrior(0.01, 10.0)
+    priors = RefineSettings(lens, lens, sigma_px=0.3, scatter_m=0.001, loss="squares")
     solve = RobustFit.of_pair(data, rig.RIG, priors)
     assert solve.run()
     unknowns = solve.unknowns

@@ -26,15 +26,8 @@ from tests.known_rig import (
     images,
 )
 
-PARAMETERS = RigParameters(
-    method="3d",
-    primary=PRIMARY,
-    secondary=SECONDARY,
-    pose=RIG,
-    cost=0.0123,
-    settings={"delta": 1e-3, "seed": 0},
-    inputs={"sha256": "0" * 64},
-)
+SETTINGS, INPUTS = {"delta": 1e-3, "seed": 0}, {"sha256": "0" * 64}
+PARAMETERS = RigParameters(PRIMARY, SECONDARY, RIG, "3d", 0.0123, SETTINGS, INPUTS)
 HEAD = ["format", "purpose", "method", "convention", "units", "pixel_origin", "cameras"]
 POSE = ["R", "T", "E", "angles", "baseline_m", "triangulation", "matching_threshold_px", "cost"]
 REST = ["validation", "settings", "inputs", "frames_left_out", "noise_px", "volume", "software"]

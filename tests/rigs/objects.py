@@ -40,13 +40,8 @@ def recorded(
     )
     secondary[:, 1] += np.repeat(bend_px * rng.normal(size=frames), k)
     stated = stated or true
-    rows = Correspondences.from_arrays(
-        np.repeat(np.arange(1, frames + 1), k),
-        list(true.names) * frames,
-        primary,
-        secondary,
-        rigid_object=stated,
-    )
+    frame, target = np.repeat(np.arange(1, frames + 1), k), list(true.names) * frames
+    rows = Correspondences.from_arrays(frame, target, primary, secondary, rigid_object=stated)
     rows = rows if seen is None else rows.where(np.asarray(seen).ravel())
     lengths = known_rig.BASELINE_M, stated.longest_m, 0.003, stated.sigma_m
     return Dataset("object", known_rig.PRIMARY, known_rig.SECONDARY, rows, *lengths)
