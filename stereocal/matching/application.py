@@ -182,6 +182,7 @@ class Outcome:
             return SeveralCameras(
                 {name: PlacedCamera.from_json(placed, name) for name, placed in several.items()}
             )
+        # As results of two cameras were stored before.
         first, second = (Camera.from_json(stored[name], name) for name in CAMERAS)
         return Rig(first, second, Pose.from_json(stored))
 
@@ -275,13 +276,10 @@ def _made_with(work: Application, threshold_px: float) -> str:
 
 
 def _measured_with(work: Application) -> dict[str, Any]:
-    world, rig = work.world, work.measuring
+    world = work.world
     frame = None if world is None else np.column_stack([world.R, world.T]).tolist()
-    if isinstance(rig, RigFile):
-        placed = {name: placed.to_json() for name, placed in rig.placed.items()}
-        return {"rig": placed, "world_from_primary": frame}
-    cameras = {"primary": rig.primary.to_json(), "secondary": rig.secondary.to_json()}
-    return {**cameras, **rig.pose.to_json(), "world_from_primary": frame}
+    placed = {name: placed.to_json() for name, placed in work.measuring.placed.items()}
+    return {"rig": placed, "world_from_primary": frame}
 
 
 def result_in_words(pairs: pd.DataFrame, points: pd.DataFrame) -> str:

@@ -263,7 +263,7 @@ def _chosen(
 ) -> tuple[ThresholdChoice | None, str]:
     """The threshold, or None, and the reason."""
     try:
-        tables = _tables(form)
+        tables = [*_tables(form).values()]
         columns = list(stated_columns(form.names, *map(further_of, tables)))
         distinct = [table[columns] for table in tables]
         stated = Stated(threshold, form.depths, sigma_px, form.names)
@@ -280,15 +280,12 @@ def _chosen(
 )
 def _sampled(form: ThresholdForm) -> Sample:
     """A sample of the points of both cameras."""
-    tables: dict[str, pd.DataFrame] = dict(zip(CAMERAS, _tables(form), strict=True))
-    return sample_frames(*points_in_step(form.rig, tables)[0].values())
+    return sample_frames(*points_in_step(form.rig, _tables(form))[0].values())
 
 
-def _tables(form: ThresholdForm) -> tuple[pd.DataFrame, pd.DataFrame]:
-    first, second = (
-        whole_table(each.name, each.label, form.store) for each in form.points.values()
-    )
-    return first, second
+def _tables(form: ThresholdForm) -> dict[str, pd.DataFrame]:
+    points = form.points.items()
+    return {camera: whole_table(own.name, own.label, form.store) for camera, own in points}
 
 
 def _ask_names(store: ProjectApplication, points: Sequence[Points]) -> str:

@@ -17,6 +17,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from tests.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
+from tests.matching.test_point_noise import sample
 
 SET = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 FRAMES = 8
@@ -36,16 +37,7 @@ def two_tables() -> tuple[pd.DataFrame, pd.DataFrame]:
 PRIMARY_TABLE, SECONDARY_TABLE = two_tables()
 PAIRS = match(SET, PRIMARY_TABLE, SECONDARY_TABLE)
 POINTS = reconstruct(SET, PAIRS)
-NEAREST = nearest_errors(
-    SET,
-    [
-        (
-            pixels_of(PRIMARY_TABLE[PRIMARY_TABLE["frame"] == frame]),
-            pixels_of(SECONDARY_TABLE[SECONDARY_TABLE["frame"] == frame]),
-        )
-        for frame in range(1, FRAMES + 1)
-    ],
-)
+NEAREST = nearest_errors(SET, sample((PRIMARY_TABLE, SECONDARY_TABLE)))
 CHOICE = ThresholdChoice(0.5, None, None, Shares(0.01, 0.02))
 
 

@@ -13,6 +13,7 @@ from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.point_answers import layout_of
 from stereocal.formats.point_layouts import OURS
+from stereocal.matching.application import points_by_camera
 from stereocal.matching.in_step import pairs_in_step
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.pairs import Stated
@@ -74,11 +75,8 @@ def test_new_bars_are_taken_as_they_were_counted(later: int) -> None:
 
 
 def _tables(later: int, first: int = 300, last: int = 420) -> list[pd.DataFrame]:
-    rows = _bars(first, last).correspondences
-    one, other = (
-        pd.DataFrame({"frame": rows.frame, "u": points[:, 0], "v": points[:, 1]})
-        for points in (rows.primary, rows.secondary)
-    )
+    points = points_by_camera(_bars(first, last)).values()
+    one, other = (own[["frame", "u", "v"]] for own in points)
     return [one, other.assign(frame=other["frame"] + later)]
 
 

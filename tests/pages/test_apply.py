@@ -13,14 +13,14 @@ from stereocal.figures.space import VIEWS
 from stereocal.matching.application import PAIRS, POINTS
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.projects.application import ProjectApplication
-from stereocal.rig.camera import CameraName
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import apply as apply_page
 from stereocal.ui import fields
 from tests.field.world_tables import lines_csv, survey_csv
-from tests.known_rig import PRIMARY, RIG, SECONDARY, images
+from tests.known_rig import PRIMARY, RIG, SECONDARY
+from tests.matching.test_point_noise import seen
 from tests.pages.stored_projects import go, page_of, project_of, run_job, told
 from tests.rigs.worlds import Place, plumb_lines, surveyed, world_of_cameras
 
@@ -29,19 +29,6 @@ SET_3D = replace(SET_2D, method="3d", matching_threshold_px=None)
 
 CASES = Path(__file__).parent.parent / "cases"
 CASE_T = [-1.1961007208, -0.0468322354155, 0.222822367413]
-
-
-def tables(frames: int = 6, points: int = 15) -> dict[CameraName, pd.DataFrame]:
-    """Points of both cameras, shuffled; `bird` tells which is which."""
-    rng = np.random.default_rng(4)
-    sides: dict[CameraName, list[pd.DataFrame]] = {"primary": [], "secondary": []}
-    for frame in range(1, 1 + frames):
-        seen = images(rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5], (points, 3)))
-        for side, pixels in zip(sides, seen, strict=True):
-            order = rng.permutation(points)
-            u, v = pixels[order].T
-            sides[side].append(pd.DataFrame({"frame": frame, "u": u, "v": v, "bird": order}))
-    return {side: pd.concat(parts, ignore_index=True) for side, parts in sides.items()}
 
 
 def csv(table: pd.DataFrame) -> bytes:
@@ -65,8 +52,7 @@ def give_points(app: AppTest, primary: bytes, secondary: bytes) -> AppTest:
 
 
 def with_files(app: AppTest) -> AppTest:
-    both = tables()
-    give_points(begun(app), csv(both["primary"]), csv(both["secondary"]))
+    give_points(begun(app), *map(csv, seen(0.0, 6, 15, missing=0.0)))
     return give_sets(app, SET_2D, SET_3D)
 
 
@@ -145,14 +131,16 @@ def test_threshold_moves_the_result_and_is_kept(app: AppTest, home: Path) -> Non
 
 def test_names_decide_with_a_switch(app: AppTest, home: Path) -> None:
     """The names of two points are exchanged in one camera."""
-    first, second = (table.rename(columns={"bird": "point"}) for table in tables().values())
-    second["point"] = second["point"].replace({0: 1, 1: 0})
+    first, second = (
+        table.rename(columns={"bird": "point"}) for table in seen(0.0, 6, 15, missing=0.0)
+    )
+    second["point"] = second["point"].replace({1: 12, 12: 1})
     give_sets(give_points(begun(app), csv(first), csv(second)), SET_2D, SET_3D)
     pairs, _, _ = result_of(app, home)
     assert (pairs["point_primary"] == pairs["point_secondary"]).all()
     assert len(pairs) == 89  # an exchanged one meets behind a camera
     assert "2D" in told(app, "caption") and "of points of one name" in told(app, "caption")
-    assert set(pairs["point_primary"][~pairs["within_threshold"]]) == {0, 1}
+    assert set(pairs["point_primary"][~pairs["within_threshold"]]) == {1, 12}
     app.toggle(key="apply_names").set_value(False).run()
     pairs, _, _ = result_of(app, home)
     assert (pairs["point_primary"] != pairs["point_secondary"]).sum() == 12
