@@ -51,8 +51,8 @@ APART, NEAR = 2.0, 0.6
 """Frames between candidates; and between the best one and the fit of the motion there."""
 AROUND = 30
 """Frames about an offset that something else tells."""
-JUDGED = 300
-"""Points that judge a candidate."""
+JUDGED, SAMPLES = 300, 200
+"""Points that judge a candidate, and samples of them drawn: at wrong offsets none is the last."""
 TARGETS = 4
 """Points of an object that are enough, spread over it."""
 HILL = 0.5
@@ -313,7 +313,7 @@ class _Seen:
             other = other.earlier(offset - whole)
         places, rays = common_points(one, other, whole, JUDGED)
         frames = np.unique(places[:, 0])
-        pose = robust_pose(self.cameras, rays) if len(frames) >= FEWEST else None
+        pose = robust_pose(self.cameras, rays, SAMPLES) if len(frames) >= FEWEST else None
         if pose is None:
             return _Candidate(offset)
         px = self.focal_px * float(np.median(np.abs(sampson(pose.essential, rays.T))))

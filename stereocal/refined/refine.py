@@ -401,7 +401,7 @@ def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:
     return pose and Pose(pose.R, dataset.baseline_m * pose.T)
 
 
-def robust_pose(cameras: Sequence[Camera], rays: FloatArray) -> Pose | None:
+def robust_pose(cameras: Sequence[Camera], rays: FloatArray, samples: int = 1000) -> Pose | None:
     """The pose of an essential matrix robust to wrong pairs (MAGSAC++, from OpenCV), with a
     baseline of 1.
 
@@ -409,6 +409,7 @@ def robust_pose(cameras: Sequence[Camera], rays: FloatArray) -> Pose | None:
 
     Args:
         rays: (4, n), as in `geometry`.
+        samples: the largest number that is drawn; where few pairs are wrong, some ten are.
     """
     if rays.shape[1] < 6:
         return None
@@ -423,6 +424,7 @@ def robust_pose(cameras: Sequence[Camera], rays: FloatArray) -> Pose | None:
         method=cv2.USAC_MAGSAC,
         prob=0.9999,
         threshold=2.0 / float(np.sqrt(np.prod(focal))),
+        maxIters=samples,
     )
     if E is None or np.shape(E) != (3, 3):
         return None

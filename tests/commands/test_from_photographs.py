@@ -182,7 +182,7 @@ def test_targets_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert len(rows.bars) == 6
 
 
-@pytest.mark.soak  # frames of videos are above, the size is proposed in tests/pages/test_held.py
+@pytest.mark.soak  # frames of videos are above, the size is in tests/pages/test_photographs.py
 def test_a_board_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Held still at nine places for 0.3 s each; the size of the board is found."""
     files, paths = photographs(stereo(0.3), 9, 6), []

@@ -14,6 +14,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import field_rig
+from stereocal.system.numbers import rounded
 from tests.further import further
 from tests.rigs.moving_bar import move_bar, record
 from tests.rigs.spoiled_rigs import joined
@@ -40,7 +41,7 @@ def test_the_offset_of_a_window_is_found_with_its_standard_error(start: int) -> 
     assert abs(found.measured.frames - start) < 4 * found.measured.sigma < 0.05
     assert found.px < 0.5
     assert min(found.one_off_px, found.other_px) > 5 * found.px
-    assert f"one frame off {found.one_off_px:.0f}" in found.sentence()
+    assert f"one frame off {rounded(found.one_off_px)}" in found.sentence()
 
 
 def test_a_camera_of_half_the_rate_is_brought_into_step_by_the_stated_rates() -> None:
