@@ -10,7 +10,7 @@ from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.frames.by_motion import found_by_motion, paired_by_motion
-from stereocal.frames.pairing import ByHand, Pairing
+from stereocal.frames.pairing import ByHand, Motion, Pairing
 from stereocal.frames.video.extract import VideoSettings, by_themselves, extract
 from stereocal.frames.video.sound import heard_later
 from stereocal.intrinsics.stereo_boards import orders_of
@@ -58,6 +58,10 @@ def _open(of: int, heard: float | None = None) -> Pairing:
     return Pairing((), (), (), "", True, ByHand(_counts(of), heard_of))
 
 
+def _offset(motion: Motion, camera: str = "secondary") -> float:
+    return motion.later[camera] + motion.late[camera]
+
+
 def test_ends_that_look_alike_are_followed_and_told_apart() -> None:
     """A and B are exchanged from photographs to photographs, as reading order does."""
     seen = _seen(Bar(8, 15.0).ends_m, 150, 40.4 / 15)
@@ -68,9 +72,7 @@ def test_ends_that_look_alike_are_followed_and_told_apart() -> None:
     about = (CAMERA, CAMERA), RigidObject.bar(1.0), orders
     found = paired_by_motion(_open(150), mixed, *about)
     assert found.motion is not None
-    assert found.motion.later["secondary"] + found.motion.late["secondary"] == pytest.approx(
-        40.4, abs=0.02
-    )
+    assert _offset(found.motion) == pytest.approx(40.4, abs=0.02)
     assert found.motion.exchanged in (turned, {*seen} - turned)
     assert {pair.frame: pair.secondary for pair in found.pairs}[60] == "right/20"
     of_one = {name: own for name, own in seen.items() if name.startswith("left")}
@@ -95,7 +97,7 @@ def test_cameras_that_share_a_view_with_one_only_are_joined_through_it() -> None
     about = dict.fromkeys(starts, CAMERA), RigidObject.bar(1.0), orders
     motion, told = found_by_motion(ByHand(counts, {"third": 20.0}), seen, *about)
     for camera, (_, start, _) in starts.items():
-        assert motion.later[camera] + motion.late[camera] == pytest.approx(start, abs=0.03)
+        assert _offset(motion, camera) == pytest.approx(start, abs=0.03)
     assert "The sound of third says the same" in told
     moments = ByHand(counts).moments(motion.later)
     assert moments[100] == {"left": "left/100", "mid": "mid/60", "third": "third/80"}
@@ -117,9 +119,7 @@ def test_boards_that_look_alike_when_turned() -> None:
     mixed = {name: own[half] if name.startswith("right") else own for name, own in seen.items()}
     found = paired_by_motion(_open(120), mixed, (CAMERA, CAMERA), board, orders_of(pattern))
     assert found.motion is not None
-    assert found.motion.later["secondary"] + found.motion.late["secondary"] == pytest.approx(
-        25.25, abs=0.02
-    )
+    assert _offset(found.motion) == pytest.approx(25.25, abs=0.02)
 
 
 def test_sound_decides_between_offsets_that_fit_and_none_other() -> None:

@@ -1,22 +1,35 @@
-"""Points of cameras that are not in step are shifted before they are matched or measured."""
+"""Points of cameras that are not in step are shifted before they are matched or measured, and those
+of cameras that were counted apart are paired as they were counted."""
 
+import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from stereocal.errors import StereocalError
+from stereocal.field.checking.new_images import NewImages, images_of_bars
+from stereocal.formats.dataset_files import read_recording
+from stereocal.formats.point_answers import layout_of
+from stereocal.formats.point_layouts import OURS
 from stereocal.library.tables import match
 from stereocal.matching.application import points_by_camera
-from stereocal.matching.in_step import points_in_step
+from stereocal.matching.in_step import pairs_in_step, points_in_step
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.own_count import SHIFT
 from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
+from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.refined.out_of_step import with_offset_if_out_of_step
+from stereocal.refined.parameter_file import refined_parameters
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import PIXELS, Correspondences
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
@@ -25,6 +38,7 @@ from tests.refined.test_time_offset import moving
 from tests.rigs.moving_bar import move_bar, record
 
 LATE = 0.7
+PAIR = ("1", "2")
 
 
 @pytest.fixture(scope="module")
@@ -58,14 +72,17 @@ def test_tables_on_disk_are_the_same(late: RigParameters, tmp_path: Path) -> Non
     assert not any("shifted" in note for note in measured.notes)
 
 
+def _pairs(dataset: Dataset) -> pd.DataFrame:
+    """The points of both cameras side by side, with their numbers as recorded."""
+    rows = dataset.correspondences
+    pairs = pd.DataFrame(np.hstack([rows.primary, rows.secondary]), columns=list(PIXELS))
+    return pairs.assign(frame=rows.frame, time_frame=rows.time_frame, end=rows.target)
+
+
 def test_pairs_from_elsewhere_are_shifted_when_they_are_measured(
     late: RigParameters, tmp_path: Path
 ) -> None:
-    rows = moving(LATE).correspondences
-    pairs = pd.DataFrame(
-        np.column_stack([rows.primary, rows.secondary]), columns=list(PIXELS)
-    ).assign(frame=rows.frame, time_frame=rows.time_frame, end=rows.target)
-    pairs.sort_values("frame").to_csv(tmp_path / "pairs.csv", index=False)
+    _pairs(moving(LATE)).sort_values("frame").to_csv(tmp_path / "pairs.csv", index=False)
     report = measure_tables(
         late, PointTable(tmp_path / "pairs.csv", PIXELS), tmp_path / "points.csv"
     )
@@ -112,3 +129,106 @@ def test_points_in_step_but_for_their_noise_get_no_offset_of_their_own(late: Rig
         rows = record(bar, rng, 2.0, "noisy", TimeOffset(LATE)).correspondences
         told += [note for note in moved(late, *_named(rows))[1] if "themselves" in note]
     assert not told
+
+
+@cache
+def _bars(first: int, last: int, later: int = 0) -> Dataset:
+    """Bars of the real recording; the second camera's frames are numbered `later` too high."""
+    whole = read_recording("sample_data/rig").of_cameras(PAIR)
+    kept = whole.where((whole.frame >= first) & (whole.frame < last))
+    return with_baseline_found(kept.counted_from({"2": later}).pair(*PAIR))
+
+
+@cache
+def _parameters() -> RigParameters:
+    """Of bars whose second camera was numbered one too high."""
+    fit, _ = with_offset_if_out_of_step(_bars(0, 150, later=1), RefineSettings())
+    return refined_parameters(fit)
+
+
+def _errors(images: NewImages) -> float:
+    return float(np.median(images.errors_with(_parameters())[0]))
+
+
+def test_whole_frames_of_an_offset_are_a_count() -> None:
+    found = _parameters()
+    assert found.start_frame == -1
+    assert found.time_offset is not None
+    assert abs(found.time_offset.frames) < 0.05
+    assert RigParameters.loads(found.dumps()).start_frame == -1
+
+
+def test_a_file_of_an_older_version_is_read_alike() -> None:
+    data = json.loads(_parameters().dumps())
+    del data["start_frames"]
+    data["time_offset_frames"]["value"] -= 1.0
+    found = RigParameters.loads(json.dumps(data))
+    assert found.start_frame == -1
+    assert found.time_offset is not None
+    assert found.time_offset.frames == pytest.approx(_parameters().time_offset.frames)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("later", [0, 1])
+def test_new_bars_are_taken_as_they_were_counted(later: int) -> None:
+    """Shifted by a frame, the bars of `later` 0 were 20 px off."""
+    assert _errors(images_of_bars(_bars(300, 420, later), _parameters())) < 1.0
+
+
+def _tables(later: int, first: int = 300, last: int = 420) -> list[pd.DataFrame]:
+    points = points_by_camera(_bars(first, last)).values()
+    one, other = (own[["frame", "u", "v"]] for own in points)
+    return [one, other.assign(frame=other["frame"] + later)]
+
+
+@pytest.mark.parametrize("later", [0, 1, -37])
+def test_unlabelled_points_tell_how_they_were_counted(later: int) -> None:
+    primary, secondary = _tables(later)
+    found, notes = moved(_parameters(), primary, secondary)
+    np.testing.assert_array_equal(found["frame"], primary["frame"])
+    assert notes
+
+
+def test_points_that_do_not_tell_are_refused() -> None:
+    primary, _ = _tables(0, 0, 60)
+    _, secondary = _tables(0, 400, 460)
+    with pytest.raises(StereocalError, match="they do not tell"):
+        moved(_parameters(), primary, secondary)
+
+
+@pytest.mark.parametrize("fast", [0, 1])
+def test_points_of_twice_the_frame_rate_are_paired(fast: int) -> None:
+    """Frames in between have points too, of a later motion."""
+    tables = _tables(-37, 300, 400)
+    expected = tables[0]["frame"] * (1 + (fast == 0))
+    twice = tables[fast].assign(frame=2 * tables[fast]["frame"])
+    between = tables[fast].shift(-1, fill_value=100.0).assign(frame=twice["frame"] + 1)
+    tables[fast] = pd.concat([twice, between])
+    found, notes = moved(_parameters(), *tables)
+    assert f"is frame {(2.0, 0.5)[fast]:g} k" in notes[0]
+    np.testing.assert_array_equal(found["frame"], expected)
+
+
+@pytest.mark.parametrize("later", [0, 1])
+def test_pairs_are_measured_as_they_were_counted(later: int) -> None:
+    pairs = _pairs(_bars(300, 420, later))
+    found = pd.concat(list(pairs_in_step(PointTable(pairs, PIXELS), _parameters())[0].blocks()))
+    kept = found[found["time_shift_frames"] != 0.0]
+    pixels = kept[list(PIXELS)].to_numpy()
+    errors = np.abs(_parameters().epipolar_errors(pixels[:, :2], pixels[:, 2:]))
+    assert len(kept) > 100
+    assert np.median(errors) < 1.0
+
+
+@pytest.mark.parametrize("column", ["frame", "camera_frame"])
+def test_tables_of_the_calibrated_recording_are_matched_by_its_count(
+    tmp_path: Path, column: str
+) -> None:
+    paths = [tmp_path / "primary.csv", tmp_path / "secondary.csv"]
+    for path, table in zip(paths, _tables(later=1), strict=True):
+        table.rename(columns={"frame": column}).to_csv(path, index=False)
+        assert layout_of(path.read_bytes(), path.name).program == OURS
+    read = [PointTable(path) for path in paths]
+    tables: dict[str, PointTable] = dict(zip(CAMERAS, read, strict=True))
+    report = match_tables(_parameters(), tables, tmp_path / "pairs.csv", Stated(2.0))
+    assert any("frame 0 of the secondary is frame -1" in note for note in report.notes)
+    assert len(pd.read_csv(tmp_path / "pairs.csv")) > 150

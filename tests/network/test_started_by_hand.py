@@ -1,5 +1,6 @@
 """Cameras that counted their own frames: their offset is found, or it is said to be open."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -65,11 +66,6 @@ def test_points_at_the_frames_of_the_slowest_camera_are_where_they_were_then() -
     assert len(found.frame) > 0.9 * len(two.frame)
 
 
-def test_cameras_that_recorded_at_different_times_have_no_offset() -> None:
-    with pytest.raises(StereocalError, match="cannot be told"):
-        offset_of_pair(_window(50, 250, later=300), PAIR)
-
-
 def _resting(at: int, first: int, frames: int) -> Recording:
     """A frame of the recording for a number of frames."""
     still = _window(at, at + 1)
@@ -84,15 +80,19 @@ def test_a_motion_that_repeats_itself_leaves_two_offsets() -> None:
         offset_of_pair(joined(*again), PAIR)
 
 
-def test_an_object_at_rest_tells_no_offset() -> None:
-    with pytest.raises(StereocalError, match="at rest tells nothing"):
-        offset_of_pair(_resting(300, 0, 200), PAIR)
-
-
-@pytest.mark.parametrize("frames", [1, 2, 20, 30])
-def test_a_recording_that_is_too_short_tells_no_offset(frames: int) -> None:
-    with pytest.raises(StereocalError, match=r"both cameras see 25 moments|saw no points"):
-        bring_into_step(_window(300, 300 + frames))
+@pytest.mark.parametrize(
+    ("recorded", "of", "refused"),
+    [
+        (_window, (50, 250, 300), "cannot be told"),  # at different times
+        (_resting, (300, 0, 200), "at rest tells nothing"),
+        *((_window, (300, 300 + few), "25 moments|saw no points") for few in (1, 2, 20, 30)),
+    ],
+)
+def test_what_tells_no_offset_is_refused(
+    recorded: Callable[..., Recording], of: tuple[int, ...], refused: str
+) -> None:
+    with pytest.raises(StereocalError, match=refused):
+        offset_of_pair(recorded(*of), PAIR)
 
 
 def test_a_long_rest_before_and_after_does_no_harm() -> None:
