@@ -16,7 +16,6 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from stereocal.calibration.essential import calibrate_essential, choose_pose
 from stereocal.errors import StereocalError
@@ -343,9 +342,9 @@ def _solves(
     """
     if near is not None:
         solve, noise = RobustFit.of_pair(dataset, near.pose, settings, rows), near.sigma_px.value
-        known = near.unknowns.named(near.p)
+        ended = near.unknowns.named(near.p)
         if solve.unknowns.names == near.unknowns.names and solve.start_near(
-            known, noise, near.scatter_m.value
+            ended, noise, near.scatter_m.value
         ):
             yield solve, True
     if settings.rest is not None:
@@ -357,12 +356,12 @@ def _solves(
         with suppress(StereocalError):
             start = calibrate_essential(rays, dataset.baseline_m).pose
     robust = robust_start(dataset, rays) if settings.loss == "robust" else None
-    starts = [pose for pose in (start, robust) if pose is not None]
-    starts.sort(key=lambda pose: median_residual(pose, rays))
-    for pose in tuple(starts):
-        twin = depth_reversed(pose, rays)
-        most = PLAUSIBLE * median_residual(pose, rays)
-        if twin is not None and median_residual(twin, rays) < most:
+    known = [pose for pose in (start, robust) if pose is not None]
+    off = sorted((median_residual(pose, rays), at) for at, pose in enumerate(known))
+    starts = [known[at] for _, at in off]
+    for residual, at in off:
+        twin = depth_reversed(known[at], rays)
+        if twin is not None and median_residual(twin, rays) < PLAUSIBLE * residual:
             starts.append(twin)
     along = [pose.T / pose.baseline for pose in starts]
     is_only = all(along[0] @ each > ALIKE for each in along)
@@ -382,11 +381,11 @@ def depth_reversed(pose: Pose, rays: FloatArray) -> Pose | None:
         return None
     middle = points.mean(axis=0)
     seen = pose.apply(middle)
-    ahead, of_secondary = (Rotation.align_vectors([0, 0, 1], [at])[0] for at in (middle, seen))
-    about = of_secondary * Rotation.from_matrix(pose.R) * ahead.inv()
-    first, tilt, last = about.as_euler("ZXZ")
-    turned = Rotation.from_euler("ZXZ", [first, -tilt, last])
-    R = (of_secondary.inv() * turned * ahead).as_matrix()
+    # Both views mirrored along the line of sight: together a rotation again.
+    of_primary, of_secondary = (
+        np.eye(3) - 2.0 * np.outer(at, at) / (at @ at) for at in (middle, seen)
+    )
+    R = of_secondary @ pose.R @ of_primary
     return Pose(R, seen - R @ middle)
 
 
