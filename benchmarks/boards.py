@@ -31,7 +31,7 @@ from stereocal.intrinsics.stereo_boards import (
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import standard_errors
-from stereocal.rig.camera import Camera, LensUncertainty
+from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
@@ -40,31 +40,32 @@ from tests.lens import PATTERN, SMALL, AtOnce, photographed
 from tests.rigs.boards import HERE, placings, stereo
 
 OPENCV = BoardPattern(9, 6, 0.03)
+BOTH: tuple[str, str] = CAMERAS
 HALVES, DRAWS, RENDERED = 10, 100, 100
 SETTINGS = LensSettings(subset=4, fix_k3=True)
 ENDS = np.array([(i, 53 - i) for i in range(27)])
 
 
 def boards_in(folder: Path) -> StereoBoards:
-    found = find_stereo_boards({p.name: p for p in folder.glob("*.jpg")}, OPENCV, AtOnce())
+    files = {p.name: p for p in folder.glob("*.jpg")}
+    about = pair_names(files).moments, files, dict.fromkeys(BOTH), OPENCV
+    found = find_stereo_boards(*about, AtOnce(), lambda _: None)
     print(found.sentence)
     return found
 
 
 def some(boards: StereoBoards, chosen: Collection[int]) -> StereoBoards:
     """Those of the common boards with these indices, which may repeat, numbered anew."""
-    views = [boards.common[at].views for at in chosen]
-    pairs = tuple(
-        replace(boards.pairing.pairs[0], frame=i, primary=f"l{i}", secondary=f"r{i}")
-        for i in range(len(views))
-    )
-    searches = [
-        BoardSearch(
-            OPENCV, tuple(replace(v[c], name=f"{'lr'[c]}{i}") for i, v in enumerate(views)), ()
+    seen = boards.of_pair(*BOTH)
+    views = [seen[at].views for at in chosen]
+    moments = {i: {camera: f"{camera}{i}" for camera in BOTH} for i in range(len(views))}
+    searches = {
+        camera: BoardSearch(
+            OPENCV, tuple(replace(v[c], name=f"{camera}{i}") for i, v in enumerate(views))
         )
-        for c in (0, 1)
-    ]
-    return StereoBoards(replace(boards.pairing, pairs=pairs), (searches[0], searches[1]), {})
+        for c, camera in enumerate(BOTH)
+    }
+    return StereoBoards(moments, searches, {})
 
 
 def camera_of(search: BoardSearch, known: LensUncertainty | None) -> Camera:
@@ -76,22 +77,26 @@ def camera_of(search: BoardSearch, known: LensUncertainty | None) -> Camera:
 
 def uncertainties(boards: StereoBoards, subset: int) -> list[LensUncertainty | None]:
     found = []
-    for search in boards.searches:
+    for search in boards.searches.values():
         own = replace(SETTINGS, subset=subset)
         lens = calibrate_lens(search, own, AtOnce(), without_each=True)
         found.append(lens.camera.uncertainty)
     return found
 
 
+def cameras_of(boards: StereoBoards, known: list[LensUncertainty | None]) -> dict[str, Camera]:
+    searches = boards.searches.items()
+    return {name: camera_of(own, of) for (name, own), of in zip(searches, known, strict=True)}
+
+
 def refined(boards: StereoBoards, known: list[LensUncertainty | None]) -> RefinedResult:
-    first, second = map(camera_of, boards.searches, known)
-    return refine(
-        with_baseline_found(recording_of(boards, (first, second), "x").pair("primary", "secondary"))
-    )
+    found = recording_of(boards, cameras_of(boards, known)).recording
+    return refine(with_baseline_found(found.pair(*BOTH)))
 
 
 def by_opencv(boards: StereoBoards, cameras: tuple[Camera, Camera]) -> Rig:
-    views = [[v.corners.astype(np.float32) for v in search.views] for search in boards.searches]
+    searches = boards.searches.values()
+    views = [[v.corners.astype(np.float32) for v in search.views] for search in searches]
     points = [OPENCV.points.astype(np.float32)] * len(views[0])
     K1, D1, K2, D2 = (part.copy() for camera in cameras for part in (camera.K, camera.distortion))
     found: Any = cv2.stereoCalibrate(
@@ -116,7 +121,7 @@ def errors(rig: Rig, boards: StereoBoards) -> tuple[float, float]:
     """Mean distance from the epipolar lines in px, and mean error of 27 lengths a board in %."""
     px, lengths = [], []
     true = np.linalg.norm(np.diff(OPENCV.points[ENDS], axis=1)[:, 0], axis=1)
-    for seen in boards.common:
+    for seen in boards.of_pair(*BOTH):
         first, second = (view.corners for view in seen.views)
         px.append(rig.epipolar_distances(first, second).mean())
         points = rig.reconstruct(first, second)
@@ -128,11 +133,12 @@ def errors(rig: Rig, boards: StereoBoards) -> tuple[float, float]:
 def halves(boards: StereoBoards) -> None:
     rows = []
     for seed in range(HALVES):
-        order = np.random.default_rng(seed).permutation(len(boards.common))
+        order = np.random.default_rng(seed).permutation(len(boards.seen))
         fitted, tested = some(boards, order[:7]), some(boards, order[7:])
         ours = refined(fitted, uncertainties(fitted, 4))
-        plain = camera_of(fitted.searches[0], None), camera_of(fitted.searches[1], None)
-        rows.append([*errors(by_opencv(fitted, plain), tested), *errors(ours.rig, tested)])
+        first, second = cameras_of(fitted, [None, None]).values()
+        theirs = by_opencv(fitted, (first, second))
+        rows.append([*errors(theirs, tested), *errors(ours.rig, tested)])
         print(seed, np.round(rows[-1], 3))
     mean = np.mean(rows, axis=0)
     print(
@@ -161,20 +167,20 @@ def bootstrap(boards: StereoBoards) -> None:
 def orders() -> None:
     """Three boards each, by which the geometry has to decide."""
     right = 0
-    pairing = pair_names([f"{side}{i}.png" for side in ("left", "right") for i in range(3)])
+    moments = {i: {camera: f"{camera}{i}.png" for camera in BOTH} for i in range(3)}
     for at in range(RENDERED):
         rng = np.random.default_rng(at)
         rig = stereo(rng.uniform(-np.pi, np.pi))
-        views = []
+        searches = dict[str, BoardSearch]()
         poses = placings(rig, 3, at)
-        for side, camera in (("left", HERE), ("right", rig)):
+        for name, camera in zip(BOTH, (HERE, rig), strict=True):
             found = [
-                find_board(photographed(camera @ pose), PATTERN, f"{side}{i}.png")
+                find_board(photographed(camera @ pose), PATTERN, f"{name}{i}.png")
                 for i, pose in enumerate(poses)
             ]
-            views.append(BoardSearch(PATTERN, tuple(found), ()))  # type: ignore[arg-type]
-        boards = stereo_boards(pairing, (views[0], views[1]))
-        data = recording_of(boards, (SMALL, SMALL), "x").pair("primary", "secondary")
+            searches[name] = BoardSearch(PATTERN, tuple(found))  # type: ignore[arg-type]
+        boards = stereo_boards(moments, searches)
+        data = recording_of(boards, dict.fromkeys(BOTH, SMALL)).recording.pair(*CAMERAS)
         px = Rig(SMALL, SMALL, rig).epipolar_distances(
             data.correspondences.primary, data.correspondences.secondary
         )

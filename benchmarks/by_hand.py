@@ -27,8 +27,8 @@ from benchmarks.studies import exact_interval, numbers_asked
 from stereocal.detection.target import in_reading_order
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset, read_recording
-from stereocal.frames.by_motion import paired_by_motion
-from stereocal.frames.pairing import ByHand, Pairing
+from stereocal.frames.by_motion import found_by_motion
+from stereocal.frames.pairing import ByHand
 from stereocal.network.frame_rates import at_slowest
 from stereocal.network.started_by_hand import OffsetOfPair, offset_of_pair
 from stereocal.rig.camera import CAMERAS
@@ -139,11 +139,8 @@ def offset_of_alike(case: Case) -> float:
                 own[f"{camera} {frame}"] = frame
                 points[f"{camera} {frame}"] = ends if in_reading_order(*ends) else ends[::-1]
     orders = [np.arange(2), np.array([1, 0])]
-    first, second = two.cameras.values()
-    pairing = Pairing((), (), (), "", True, ByHand(counts))
-    bar = RigidObject.bar(1.0)
-    motion = paired_by_motion(pairing, points, (first, second), bar, orders).motion
-    assert motion is not None
+    named = dict(zip(counts, two.cameras.values(), strict=True))
+    motion = found_by_motion(ByHand(counts), points, named, RigidObject.bar(1.0), orders)
     return motion.later[CAMERAS[1]] + motion.late[CAMERAS[1]]
 
 

@@ -166,10 +166,10 @@ def of_boards(rig: Pose, seed: int) -> tuple[Estimate, float]:
     rng, pattern = np.random.default_rng(seed), BoardPattern(8, 6, 0.03)
     pair = draw_fisheye(rng), draw_fisheye(rng)
     boards = draw_pairs(pair, rig, pattern, 20, 0.2, rng)
-    first, second = lenses_of_boards(boards, None, AtOnce())
-    recording = recording_of(boards, (first.camera, second.camera), "boards")
+    found = {name: lens.camera for name, lens in lenses_of_boards(boards, None, AtOnce()).items()}
+    recording = recording_of(boards, found).recording
     data = with_baseline_found(recording.pair("primary", "secondary"))
-    fresh = draw_pairs(pair, rig, pattern, 200, 0.2, rng).common
+    fresh = draw_pairs(pair, rig, pattern, 200, 0.2, rng).of_pair("primary", "secondary")
     corners = [0, len(pattern.points) - 1, pattern.columns - 1, -pattern.columns]
     points = [np.concatenate([v.views[k].corners[corners] for v in fresh]) for k in (0, 1)]
     return judged(data, points[0], points[1], float(np.linalg.norm(pattern.points[-1])))

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.boards import boards_in, camera_of, uncertainties
+from benchmarks.boards import boards_in, cameras_of, uncertainties
 from benchmarks.quarters import FIGURES, METHODS
 from benchmarks.studies import run_studies
 from stereocal.intrinsics.stereo_boards import recording_of
@@ -101,8 +101,8 @@ def _parts(data: Dataset, parts: int) -> Iterator[tuple[Dataset, Dataset]]:
 def real(_: int) -> None:
     """OpenCV's sample."""
     boards = boards_in(Path(os.environ["STEREOCAL_REAL_DATA"]) / "opencv_boards")
-    one, two = map(camera_of, boards.searches, uncertainties(boards, SUBSET))
-    data = recording_of(boards, (one, two), "boards").pair("primary", "secondary")
+    found = recording_of(boards, cameras_of(boards, uncertainties(boards, SUBSET)))
+    data = found.recording.pair("primary", "secondary")
     for name, parts in (("halves", 2), ("quarters", 4)):
         _print(name, [each for pair in _parts(data, parts) for each in held(*pair)])
 

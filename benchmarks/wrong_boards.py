@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.boards import boards_in, camera_of, uncertainties
+from benchmarks.boards import boards_in, cameras_of, uncertainties
 from benchmarks.said import MOST, Said, error_of_files, in_words, judged
 from benchmarks.said import said_of as said_of_dataset
 from benchmarks.studies import parser_of
@@ -117,8 +117,9 @@ def late(asked: argparse.Namespace) -> None:
 def real(asked: argparse.Namespace) -> None:
     """OpenCV's sample, with each kind put into it."""
     boards = boards_in(Path(os.environ["STEREOCAL_REAL_DATA"]) / "opencv_boards")
-    one, two = map(camera_of, boards.searches, uncertainties(boards, SUBSET))
-    recording = recording_of(boards, (one, two), "boards")
+    cameras = cameras_of(boards, uncertainties(boards, SUBSET))
+    one, two = cameras.values()
+    recording = recording_of(boards, cameras).recording
     images = recording.images()[1]
     assert recording.object.board is not None
     pair = BoardPair((one, two), recording.object.board, images)

@@ -7,12 +7,13 @@ from itertools import islice
 
 import numpy as np
 
+from stereocal.detection.target import BAR
 from stereocal.formats.camera_file import write_camera
 from stereocal.frames.frame import Frame
 from stereocal.frames.search import detect_frames
 from stereocal.projects.inputs import Slot
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import field_rig
 from tests.files import encoded
@@ -53,9 +54,9 @@ class BarSet:
 
     def frames_of(self, store: ProjectPhotographs) -> list[Frame]:
         """What is found in the photographs of a project that has them."""
-        about = store.pairing, store.photographs, (self.rig.primary, self.rig.secondary)
-        frames, _ = detect_frames(*about, AtOnce(), lambda _: None, lambda *_: None)
-        return frames
+        lenses = {"primary": self.rig.primary, "secondary": self.rig.secondary}
+        about = store.pairing.moments, store.photographs, lenses, BAR
+        return detect_frames(*about, AtOnce(), lambda _: None, lambda *_: None).frames[CAMERAS]
 
 
 def small(camera: Camera) -> Camera:

@@ -5,33 +5,24 @@ has the same targets in all its pairs, so that these give one order to all photo
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass, replace
-from itertools import combinations
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import PurePosixPath
 from types import MappingProxyType
 
 import numpy as np
 
-from stereocal.detection.target import Sighting, Target
 from stereocal.errors import StereocalError
-from stereocal.frames.by_motion import found_by_motion, pairs_of
 from stereocal.frames.by_time import aligned_clocks, times_of
-from stereocal.frames.frame import Frame
-from stereocal.frames.labelling import label_frames, points_by_photograph
-from stereocal.frames.pairing import ByHand, Moments, Motion, numbered, short_names
+from stereocal.frames.pairing import Moments, Motion, numbered, short_names
 from stereocal.frames.proposal import CONTRADICTED
-from stereocal.frames.search import search_photographs, ways_of
 from stereocal.frames.sides import in_order_taken
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.system.photograph_files import Photographs
 from stereocal.system.taken import Taken
-from stereocal.system.tasks import Earlier, Progress
 
 PairPoints = Mapping[tuple[str, str], Mapping[int, tuple[FloatArray, FloatArray]]]
 """By pair of cameras and frame, u, v and their standard error of every target (n, 3) in both; NaN
@@ -47,7 +38,7 @@ class FoundRecording:
     recording: Recording
     unused: tuple[str, ...]
     """Photographs that are not used, and why; a line each."""
-    told: str = ""
+    told: str
     """Of cameras started by hand, how it was found which photographs belong together."""
 
 
@@ -127,48 +118,6 @@ def _by_time(folders: Mapping[str, Sequence[str]], taken: Mapping[str, Taken]) -
     }
 
 
-def find_in_all_cameras(
-    moments: Moments | ByHand,
-    photographs: Photographs,
-    cameras: Mapping[str, Camera],
-    target: Target,
-    executor: Executor,
-    begin: Callable[[str], None],
-    progress: Progress,
-    earlier: Earlier[Sighting] | None = None,
-) -> FoundRecording:
-    """Find the bar in the photographs of all cameras, as `detect_frames`, and name its ends alike
-    in all: the recording of a bar of 1 m."""
-    names = names_by_camera(moments, cameras)
-    ways, bar = ways_of(target), RigidObject.bar(1.0)
-    seen = search_photographs(
-        names, photographs, cameras, executor, begin, progress, earlier, target
-    )
-    found: dict[tuple[str, str], dict[int, tuple[FloatArray, FloatArray]]] = {}
-    told, motion = "", Motion(dict.fromkeys(cameras, 0), dict.fromkeys(cameras, 0.0), frozenset())
-    if isinstance(moments, ByHand):
-        points = points_by_photograph(names, seen, target)
-        motion, told = found_by_motion(moments, points, cameras, bar, ways)
-        moments = moments.moments(motion.later)
-    for one, other in combinations(cameras, 2):
-        pairs, lenses = pairs_of(moments, one, other), (cameras[one], cameras[other])
-        late = motion.late[other] - motion.late[one]
-        both = label_frames(pairs, seen, lenses, target, motion.exchanged, late)
-        found[one, other] = {frame.frame: _points(frame) for frame in both if frame.use}
-    why = {name: one.missing or " ".join(one.doubts) for name, one in seen.items()}
-    return replace(put_together(moments, found, ways, cameras, bar, why), told=told)
-
-
-def names_by_camera(moments: Moments | ByHand, cameras: Iterable[str]) -> dict[str, list[str]]:
-    """The photographs of each camera, by frame."""
-    if isinstance(moments, ByHand):
-        return moments.names
-    return {
-        camera: [files[camera] for files in moments.values() if camera in files]
-        for camera in cameras
-    }
-
-
 def put_together(
     moments: Moments,
     points_of_pairs: PairPoints,
@@ -176,6 +125,7 @@ def put_together(
     cameras: Mapping[str, Camera],
     rigid_object: RigidObject,
     why: Mapping[str, str],
+    motion: Motion | None,
 ) -> FoundRecording:
     """The recording of what was found pair by pair.
 
@@ -183,6 +133,7 @@ def put_together(
         ways: orders of the targets, each (n,), in which the object looks the same.
         rigid_object: the object, whose targets these are.
         why: by photograph, what was wrong with it; empty if nothing.
+        motion: of cameras that were started by hand.
 
     Raises:
         StereocalError: no two cameras see the object in one frame.
@@ -214,7 +165,7 @@ def put_together(
     recording = recording.within_view()
     if beyond := beyond_in_words(recording.beyond_view):
         unused.append(beyond)
-    return FoundRecording(recording, tuple(unused))
+    return FoundRecording(recording, tuple(unused), motion.told if motion else "")
 
 
 def in_one_order(
@@ -236,12 +187,3 @@ def in_one_order(
             return {}, False
         points |= {camera: seen[way] for camera, seen in both.items()}
     return points, True
-
-
-def _points(frame: Frame) -> tuple[FloatArray, FloatArray]:
-    """(2, 3) in both cameras: u, v and the standard error of A and B; NaN if not seen."""
-    first, second = (
-        np.array([(c.u, c.v, c.sigma_px) if c else 3 * (None,) for c in pair], dtype=np.float64)
-        for pair in frame.centres
-    )
-    return first, second

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.frames.pairing import ByHand, Moments, Motion, Pair, Pairing
+from stereocal.frames.pairing import ByHand, Motion
 from stereocal.network.started_by_hand import (
     STANDS_OUT,
     BroughtIntoStep,
@@ -21,40 +21,15 @@ from stereocal.network.started_by_hand import (
     bring_into_step,
     offset_of_pair,
 )
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.system.numbers import count, rounded
+from stereocal.system.numbers import rounded
 
 ALIKE = 3.0
 """Photographs within which the sound and the images agree: sound is a few hundredths of a second
 late or early in most cameras."""
-
-
-def pairs_of(moments: Moments, first: str, second: str) -> tuple[Pair, ...]:
-    """The photographs of two cameras."""
-    return tuple(
-        Pair(frame, files[first], files[second])
-        for frame, files in moments.items()
-        if first in files and second in files
-    )
-
-
-def paired_by_motion(
-    pairing: Pairing,
-    points: Mapping[str, FloatArray],
-    cameras: tuple[Camera, Camera],
-    held: RigidObject,
-    orders: Sequence[IntArray],
-) -> Pairing:
-    """The pairing of two cameras, which has their counts, as `found_by_motion`."""
-    assert pairing.by_hand is not None
-    named = {str(name): camera for name, camera in zip(CAMERAS, cameras, strict=True)}
-    motion, told = found_by_motion(pairing.by_hand, points, named, held, orders)
-    pairs = pairs_of(pairing.by_hand.moments(motion.later), *CAMERAS)
-    sentence = f"{count(len(pairs), 'pair')} by the motion. {told}"
-    return Pairing(pairs, (), pairing.unknown, sentence, False, pairing.by_hand, motion)
 
 
 def found_by_motion(
@@ -63,8 +38,8 @@ def found_by_motion(
     cameras: Mapping[str, Camera],
     held: RigidObject,
     orders: Sequence[IntArray],
-) -> tuple[Motion, str]:
-    """How photographs belong together by the motion of what is held, and how that was found.
+) -> Motion:
+    """How photographs belong together by the motion of what is held.
 
     Args:
         points: (k, 2) pixels of the targets in each photograph, NaN where not seen.
@@ -98,7 +73,7 @@ def found_by_motion(
         for name, order in zip(side.names, side.orders, strict=True)
         if order[0]
     )
-    return Motion(later, late, exchanged), " ".join([*found.answer, *told])
+    return Motion(later, late, exchanged, " ".join([*found.answer, *told]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,6 +29,20 @@ class Pair:
     secondary: str
 
 
+def pairs_of(moments: Moments, first: str, second: str) -> tuple[Pair, ...]:
+    """The photographs of two cameras."""
+    return tuple(
+        Pair(frame, files[first], files[second])
+        for frame, files in moments.items()
+        if first in files and second in files
+    )
+
+
+def moments_of(pairs: Iterable[Pair]) -> Moments:
+    """The photographs of two cameras as of a rig."""
+    return {p.frame: {CAMERAS[0]: p.primary, CAMERAS[1]: p.secondary} for p in pairs}
+
+
 @dataclass(frozen=True)
 class Alone:
     """A photograph whose camera is known and whose partner is missing."""
@@ -58,11 +72,6 @@ class ByHand:
     heard: Mapping[str, float] = field(default_factory=dict)
     """Of cameras, which of the first's photographs their 0 is by the sound of both videos."""
 
-    @property
-    def names(self) -> dict[str, list[str]]:
-        """The photographs of each camera, all of which are searched."""
-        return {camera: [*own] for camera, own in self.counts.items()}
-
     def moments(self, later: Mapping[str, int]) -> Moments:
         """The photographs that belong together, numbered as the first camera's; where no other
         camera ran, there are none.
@@ -76,6 +85,20 @@ class ByHand:
                 found.setdefault(number + later[camera], {})[camera] = name
         return {frame: own for frame, own in sorted(found.items()) if len(own) > 1}
 
+    def pairs(self, later: Mapping[str, int]) -> tuple[Pair, ...]:
+        """As `moments`, of two cameras."""
+        return pairs_of(self.moments(later), *CAMERAS)
+
+
+def names_by_camera(moments: Moments | ByHand, cameras: Iterable[str]) -> dict[str, list[str]]:
+    """The photographs of each camera that are searched, by frame."""
+    if isinstance(moments, ByHand):
+        return {camera: [*own] for camera, own in moments.counts.items()}
+    return {
+        camera: [files[camera] for files in moments.values() if camera in files]
+        for camera in cameras
+    }
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -87,6 +110,8 @@ class Motion:
     """By what part of a step its photographs are then later than the first's."""
     exchanged: frozenset[str]
     """Photographs in which the two targets have each other's names."""
+    told: str
+    """How it was found."""
 
 
 @dataclass(frozen=True)
@@ -103,14 +128,19 @@ class Pairing:
     """Whether they can as well be paired differently in the same way."""
     by_hand: ByHand | None = None
     """Of cameras that were started by hand: a search finds which pairs are the true ones."""
-    motion: Motion | None = None
 
     @property
-    def names(self) -> dict[str, list[str]]:
-        """The photographs of each camera that are searched: of pairs, or all if these are found."""
-        if self.by_hand:
-            return self.by_hand.names
-        return {camera: [getattr(pair, camera) for pair in self.pairs] for camera in CAMERAS}
+    def moments(self) -> Moments | ByHand:
+        """The pairs as photographs of a rig of two cameras, or what a search finds them by."""
+        return self.by_hand or moments_of(self.pairs)
+
+    def told_by(self, motion: Motion | None) -> "Pairing":
+        """The pairs that a search found by the motion; the same if there was nothing to find."""
+        if self.by_hand is None or motion is None:
+            return self
+        pairs = self.by_hand.pairs(motion.later)
+        sentence = f"{count(len(pairs), 'pair')} by the motion. {motion.told}"
+        return Pairing(pairs, (), self.unknown, sentence, False, self.by_hand)
 
     @property
     def complete(self) -> bool:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from stereocal.calibration.offset_scan import FEWEST
-from stereocal.frames.by_motion import pairs_of
 from stereocal.frames.by_time import Alignment, Times, aligned_clocks, times_of
 from stereocal.frames.conventions import (
     FOLDERS,
@@ -195,8 +194,7 @@ def _in_order(sides: Sides) -> Pairing:
 def _by_motion(sides: Sides, choice: Choice) -> Pairing:
     own = by_hand_of(dict(zip(CAMERAS, sides.cameras, strict=True)), choice.heard)
     if choice.later is not None:
-        pairs = pairs_of(own.moments(choice.later), *CAMERAS)
-        return Pairing(pairs, (), sides.unknown, choice.told, False, own)
+        return Pairing(own.pairs(choice.later), (), sides.unknown, choice.told, False, own)
     sentence = (
         "Cameras that were started by hand: which photographs belong together is found with the "
         "targets. Until then, the first with the first."

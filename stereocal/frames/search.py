@@ -4,6 +4,8 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
+from dataclasses import dataclass
+from itertools import combinations
 
 import cv2
 import numpy as np
@@ -11,14 +13,15 @@ import numpy as np
 from stereocal.detection.balls import find_balls
 from stereocal.detection.detect import detect_targets
 from stereocal.detection.tags import find_tags
-from stereocal.detection.target import BAR, Balls, Sighting, Tags, Target
+from stereocal.detection.target import Balls, Sighting, Tags, Target
 from stereocal.errors import StereocalError
-from stereocal.frames.by_motion import paired_by_motion
+from stereocal.frames.all_cameras import FoundRecording, put_together
+from stereocal.frames.by_motion import found_by_motion
 from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames, points_by_photograph
-from stereocal.frames.pairing import Pairing
-from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import IntArray
+from stereocal.frames.pairing import ByHand, Moments, Motion, names_by_camera, pairs_of
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph import (
     PhotographFile,
@@ -33,40 +36,75 @@ from stereocal.system.tasks import Earlier, Progress, Task, run_tasks
 STAGES = ("photographs checked", "photographs searched for targets")
 
 
+@dataclass(frozen=True, eq=False)
+class FoundFrames:
+    """The targets in the photographs of all cameras."""
+
+    cameras: Mapping[str, Camera]
+    moments: Moments
+    frames: Mapping[tuple[str, str], list[Frame]]
+    """Of each pair of cameras, those of the moments that both photographed, in order."""
+    seen: Mapping[str, Sighting]
+    """By photograph."""
+    target: Target
+    motion: Motion | None
+    """Of cameras that were started by hand."""
+
+    def recording(self) -> FoundRecording:
+        """The frames that are used, with A and B named alike in all cameras, of a bar of 1 m."""
+        points = {
+            pair: {frame.frame: _points(frame) for frame in own if frame.use}
+            for pair, own in self.frames.items()
+        }
+        why = {name: one.missing or " ".join(one.doubts) for name, one in self.seen.items()}
+        about = self.moments, points, ways_of(self.target), self.cameras, RigidObject.bar(1.0)
+        return put_together(*about, why, self.motion)
+
+
 def detect_frames(
-    pairing: Pairing,
+    moments: Moments | ByHand,
     photographs: Photographs,
-    cameras: tuple[Camera, Camera],
+    cameras: Mapping[str, Camera],
+    target: Target,
     executor: Executor,
     begin: Callable[[str], None],
     progress: Progress,
     earlier: Earlier[Sighting] | None = None,
-    target: Target = BAR,
-) -> tuple[list[Frame], Pairing]:
-    """Check the photographs, find the targets, pair them by these if the cameras were started by
-    hand, and label A and B.
+) -> FoundFrames:
+    """Check the photographs, find the targets, find by these which photographs belong together if
+    the cameras were started by hand, and label A and B in every pair of cameras.
 
     Args:
         photographs: files on disk by name, read one at a time.
-        cameras: primary and secondary; the photographs must have their image size.
+        cameras: the photographs must have their image size.
+        target: what is on the bar.
         begin: called with each stage of `STAGES` when it begins.
         earlier: checkpoint of earlier results by file name, which must identify the content.
-        target: what is on the bar.
 
     Returns:
-        A frame for each pair, in order, and the pairs. An unusable photograph affects its own frame
-        only. Doubtful frames are not used until the user decides.
+        An unusable photograph affects its own frame only. Doubtful frames are not used until the
+        user decides.
     """
-    lenses: dict[str, Camera] = dict(zip(CAMERAS, cameras, strict=True))
-    seen = search_photographs(
-        pairing.names, photographs, lenses, executor, begin, progress, earlier, target
-    )
-    if pairing.by_hand:
-        points = points_by_photograph(pairing.names, seen, target)
-        pairing = paired_by_motion(pairing, points, cameras, RigidObject.bar(1.0), ways_of(target))
-    motion = pairing.motion
-    told = (motion.exchanged, motion.late[CAMERAS[1]]) if motion else ()
-    return label_frames(pairing.pairs, seen, cameras, target, *told), pairing
+    names, ways = names_by_camera(moments, cameras), ways_of(target)
+    control = executor, begin, progress, earlier
+    seen = search_photographs(names, photographs, cameras, target, *control)
+    motion, exchanged, late = None, frozenset[str](), dict.fromkeys(cameras, 0.0)
+    if isinstance(moments, ByHand):
+        points = points_by_photograph(names, seen, target)
+        motion = found_by_motion(moments, points, cameras, RigidObject.bar(1.0), ways)
+        moments, exchanged, late = moments.moments(motion.later), motion.exchanged, {**motion.late}
+    frames = {
+        (one, other): label_frames(
+            pairs_of(moments, one, other),
+            seen,
+            (cameras[one], cameras[other]),
+            target,
+            exchanged,
+            late[other] - late[one],
+        )
+        for one, other in combinations(cameras, 2)
+    }
+    return FoundFrames(cameras, moments, frames, seen, target, motion)
 
 
 def ways_of(target: Target) -> list[IntArray]:
@@ -78,11 +116,11 @@ def search_photographs(
     names: Mapping[str, Sequence[str]],
     photographs: Photographs,
     cameras: Mapping[str, Camera],
+    target: Target,
     executor: Executor,
     begin: Callable[[str], None],
     progress: Progress,
     earlier: Earlier[Sighting] | None,
-    target: Target,
 ) -> dict[str, Sighting]:
     """As `detect_frames`, in the photographs (`names`) of each camera, without the labels."""
     begin(STAGES[0])
@@ -137,6 +175,15 @@ def _search(target: Target, camera: Camera, photograph: PhotographFile, name: st
 
 def _unreadable(why: str) -> Sighting:
     return Sighting((None, None), why, unreadable=True)
+
+
+def _points(frame: Frame) -> tuple[FloatArray, FloatArray]:
+    """(2, 3) in both cameras: u, v and the standard error of A and B; NaN if not seen."""
+    first, second = (
+        np.array([(c.u, c.v, c.sigma_px) if c else 3 * (None,) for c in pair], dtype=np.float64)
+        for pair in frame.centres
+    )
+    return first, second
 
 
 def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:

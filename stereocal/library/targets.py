@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -17,14 +17,9 @@ from stereocal.detection.target import Board, Target, parse_board, parse_target
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_cameras, read_texts
 from stereocal.formats.recording_files import DESCRIPTION
-from stereocal.frames.all_cameras import (
-    by_folder,
-    find_in_all_cameras,
-    match_names,
-    names_by_camera,
-)
+from stereocal.frames.all_cameras import by_folder, match_names
 from stereocal.frames.frame import Frame, correspondences_of, describe_frames, report_line
-from stereocal.frames.pairing import ByHand, Moments, Pairing, natural
+from stereocal.frames.pairing import ByHand, Moments, Pairing, names_by_camera, natural
 from stereocal.frames.proposal import Choice, Way, by_hand_of, propose
 from stereocal.frames.search import detect_frames
 from stereocal.frames.slips import find_slip
@@ -32,12 +27,7 @@ from stereocal.intrinsics.held_object import held_object
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.quality import lens_answer, note_on_model
-from stereocal.intrinsics.stereo_boards import (
-    boards_in_all_cameras,
-    find_stereo_boards,
-    lenses_of_boards,
-    recording_of,
-)
+from stereocal.intrinsics.stereo_boards import find_stereo_boards, lenses_of_boards, recording_of
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.correspondences import Correspondences
@@ -134,6 +124,11 @@ class PhotographSearch:
         return [*self.known.cameras] if several else CAMERAS
 
     @cached_property
+    def lenses(self) -> dict[str, Camera]:
+        """By the names in `cameras`."""
+        return dict(zip(self.cameras, self.known.cameras.values(), strict=True))
+
+    @cached_property
     def is_described(self) -> bool:
         """Whether there is a `dataset.json`."""
         texts = read_texts(self.path)[0] if self.path.exists() else ()
@@ -146,24 +141,23 @@ class PhotographSearch:
         return self._boards(target) if isinstance(target, Board) else self._frames(target)
 
     def _in_all_cameras(self, target: Target | Board) -> Recording:
-        cameras, control = self.known.cameras, (self.workers, self.begin, self.progress)
         if self.way not in (None, "motion"):
             raise StereocalError(
                 f"--pair-by {self.way} is for two cameras. The photographs of more belong together "
                 "by their names or the time taken; or by the motion (--pair-by motion)."
             )
         with self._photographs() as photographs:
-            folders = by_folder(sorted(photographs, key=natural), cameras)
+            folders = by_folder(sorted(photographs, key=natural), self.cameras)
             moments: Moments | ByHand = by_hand_of(folders, self.heard)
             if self.way is None:
                 moments = match_names(folders, when_taken(photographs))
-            about = moments, photographs, cameras
+            about = moments, photographs, self.lenses
+            control = self.workers, self.begin, self.progress
             if isinstance(target, Board):
-                names = names_by_camera(moments, cameras).values()
-                pattern = target.pattern(target.size or self._size_found(photographs, names))
-                found = boards_in_all_cameras(*about, pattern, *control)
+                pattern = self._pattern(target, photographs, moments)
+                found = recording_of(find_stereo_boards(*about, pattern, *control), self.lenses)
             else:
-                found = find_in_all_cameras(*about, target, *control)
+                found = detect_frames(*about, target, *control).recording()
         for line in filter(None, (found.told, *found.unused)):
             self.tell(line)
         recording = _as_stated(found.recording, self.known)
@@ -172,16 +166,16 @@ class PhotographSearch:
         return replace(recording, object=self.known.object)
 
     def _frames(self, target: Target) -> list[Frame]:
-        cameras = _two(self.known)
         with self._photographs() as photographs:
             pairing = pairing_of(photographs, self.path, Choice(self.way, heard=self.heard))
             self.tell(f"{len(photographs)} photographs. {pairing.sentence}")
-            about = pairing, photographs, cameras, self.workers
-            frames, paired = detect_frames(*about, self.begin, self.progress, target=target)
-        if paired is not pairing:
-            self.tell(paired.sentence)
+            about = pairing.moments, photographs, self.lenses, target
+            found = detect_frames(*about, self.workers, self.begin, self.progress)
+        frames = found.frames[CAMERAS]
+        if found.motion:
+            self.tell(pairing.told_by(found.motion).sentence)
         self.tell(describe_frames(frames))
-        if not paired.by_hand and (slip := find_slip(frames, cameras)) is not None:
+        if not found.motion and (slip := find_slip(frames, _two(self.known))) is not None:
             self.tell(f"{slip} Take it out of the folder, and find the targets again.")
         return frames
 
@@ -192,8 +186,7 @@ class PhotographSearch:
         """
         with self._photographs() as photographs:
             pairing = pairing_of(photographs, self.path, Choice(self.way, heard=self.heard))
-            names = [[getattr(pair, which) for pair in pairing.pairs] for which in CAMERAS]
-            pattern = board.pattern(board.size or self._size_found(photographs, names))
+            pattern = self._pattern(board, photographs, pairing.moments)
             known = self.known if self.is_described else None
             return self.recording(photographs, pattern, pairing, known)
 
@@ -211,18 +204,19 @@ class PhotographSearch:
             known: cameras and lengths; without, the lenses come from the same boards.
             settings: of these lenses; None: the model that predicts better.
         """
-        about = photographs, pattern, self.workers, self.begin, self.progress
-        cameras = None if known is None else _two(known)
-        boards = find_stereo_boards(*about, pairing=pairing, lenses=cameras)
-        self.tell(f"{boards.pairing.sentence} {boards.sentence}")
-        if cameras is None:
+        cameras = self.lenses if known else {}
+        about = pairing.moments, photographs, cameras or dict.fromkeys(CAMERAS), pattern
+        control = self.workers, self.begin, self.progress
+        boards = find_stereo_boards(*about, *control, alone=pairing.alone)
+        self.tell(f"{pairing.told_by(boards.motion).sentence} {boards.sentence}")
+        if not cameras:
             self.begin("draws calibrated")
             lenses = lenses_of_boards(boards, settings, self.workers, self.progress)
-            cameras = lenses[0].camera, lenses[1].camera
-            for which, lens in zip(CAMERAS, lenses, strict=True):
+            for which, lens in lenses.items():
+                cameras[which] = lens.camera
                 note = note_on_model(lens.search, lens.settings)
                 self.tell(f"The {which}'s lens: {lens_answer(lens)} {note}".rstrip())
-        found = recording_of(boards, cameras, self.path.stem)
+        found = recording_of(boards, cameras, self.path.stem).recording
         if beyond := beyond_in_words(found.beyond_view):
             self.tell(beyond)
         return _as_stated(found, known) if known else found
@@ -234,12 +228,14 @@ class PhotographSearch:
             found = photographs_in(self.path, Path(store), self.progress)
             yield dict(of_the_bar(found))
 
-    def _size_found(self, photographs: Photographs, names: Iterable[Sequence[str]]) -> str:
-        """The size of the board that moves before the cameras, or else that most show.
-
-        Args:
-            names: of each camera, its photographs.
-        """
+    def _pattern(
+        self, stated: Board, photographs: Photographs, moments: Moments | ByHand
+    ) -> BoardPattern:
+        """With the size of the board that moves before the cameras, or else that most show, where
+        none is stated."""
+        if stated.size:
+            return stated.pattern()
+        names = names_by_camera(moments, self.cameras).values()
         held = held_object([{name: photographs[name] for name in own} for own in names])
         board = held.what if held is not None else None
         if not isinstance(board, ProposedBoard):
@@ -252,7 +248,7 @@ class PhotographSearch:
         self.tell(
             f"The board has {board} inner corners, as the first photographs show; else state them."
         )
-        return str(board)
+        return stated.pattern(str(board))
 
 
 def pairing_of(photographs: Mapping[str, Path], source: Path, choice: Choice) -> Pairing:

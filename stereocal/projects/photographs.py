@@ -9,7 +9,7 @@ from typing import Any
 from stereocal.errors import RefusedRowsError, StereocalError, damaged
 from stereocal.frames.all_cameras import by_folder, match_names
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
-from stereocal.frames.pairing import Moments, Pairing
+from stereocal.frames.pairing import Moments, Motion, Pairing, moments_of
 from stereocal.frames.proposal import Choice, Proposal, propose
 from stereocal.frames.search import keep_corrections
 from stereocal.projects.database import DamagedError, DiskFullError
@@ -110,7 +110,7 @@ class ProjectPhotographs(ProjectPart):
         pairs = [row.pair for row in self.rows if row.use]
         if not pairs:
             raise StereocalError(self.proposal.pairing.sentence)
-        return {p.frame: {"primary": p.primary, "secondary": p.secondary} for p in pairs}
+        return moments_of(pairs)
 
     @property
     def pairing(self) -> Pairing:
@@ -121,11 +121,12 @@ class ProjectPhotographs(ProjectPart):
         used = tuple(row.pair for row in self.rows if row.use)
         return Pairing(used, (), (), pairing.sentence, ambiguous=False)
 
-    def settle(self, pairing: Pairing) -> None:
+    def settle(self, pairing: Pairing, motion: Motion | None) -> None:
         """Keep what a search found about cameras that were started by hand, if it did."""
-        if pairing.motion is not None:
+        if motion is not None:
             with self.database.transaction():
-                found = replace(self.choice, later=pairing.motion.later, told=pairing.sentence)
+                told = pairing.told_by(motion).sentence
+                found = replace(self.choice, later=motion.later, told=told)
                 self._decide([*self._decisions[:-1], Decided(found)])
 
     def keep_rows(self, rows: Sequence[PairRow] | None) -> None:

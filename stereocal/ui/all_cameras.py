@@ -15,12 +15,11 @@ from stereocal.formats.archives.gather import is_table
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.recording_files import POINTS, pack_recording, write_points
 from stereocal.frames import all_cameras
-from stereocal.frames.by_motion import pairs_of
-from stereocal.frames.pairing import ByHand, Moments, natural
+from stereocal.frames.pairing import ByHand, Moments, natural, pairs_of
 from stereocal.frames.proposal import by_hand_of
-from stereocal.frames.search import STAGES
+from stereocal.frames.search import STAGES, detect_frames
 from stereocal.intrinsics.boards import FoundBoard
-from stereocal.intrinsics.stereo_boards import BOARDS_STAGE, boards_in_all_cameras
+from stereocal.intrinsics.stereo_boards import find_stereo_boards, recording_of, stages_of
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
@@ -291,16 +290,15 @@ def moment_search(
         control = job.executor, job.begin, job.progress
         photographs = store.photographs
         if isinstance(held, BoardPattern):
-            boards = job.found_before(FoundBoard)
-            found = boards_in_all_cameras(moments, photographs, cameras, held, *control, boards)
+            before = job.found_before(FoundBoard)
+            boards = find_stereo_boards(moments, photographs, cameras, held, *control, before)
+            found = recording_of(boards, cameras)
         elif held is not None:
             seen = job.found_before(Sighting)
-            found = all_cameras.find_in_all_cameras(
-                moments, photographs, cameras, held, *control, seen
-            )
+            found = detect_frames(moments, photographs, cameras, held, *control, seen).recording()
         else:
             return
         keep(found, job.work.digest)
 
-    stages = (BOARDS_STAGE,) if isinstance(held, BoardPattern) else STAGES
+    stages = stages_of(cameras) if isinstance(held, BoardPattern) else STAGES
     return jobs.PageWork(store.project, "photographs", stages, run, jobs.job_digest(about))

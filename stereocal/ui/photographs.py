@@ -97,12 +97,12 @@ def _find(
     if primary is None or secondary is None:
         raise StereocalError("A camera file was removed from the project; give it again.")
     searched, before = store.photographs, job.found_before(Sighting)
-    about = pairing, searched, (primary, secondary), job.executor, job.begin, job.progress
-    found, pairing = detect_frames(*about, earlier=before, target=target)
+    about = pairing.moments, searched, {"primary": primary, "secondary": secondary}, target
+    found = detect_frames(*about, job.executor, job.begin, job.progress, earlier=before)
     store.project.keep_settings({holding.FOUND: held})
     holding.settle(store.project)
-    store.settle(pairing)
-    store.keep_found(found, searched)
+    store.settle(pairing, found.motion)
+    store.keep_found(found.frames[CAMERAS], searched)
 
 
 OF_BOARDS = "lens from the boards"
@@ -151,10 +151,11 @@ def boards_in(store: ProjectPhotographs) -> None:
     about = {
         "pairs": listed,
         "board": asdict(pattern),
-        "cameras": [camera.to_json() for camera in given or ()],
+        "cameras": [camera.to_json() for camera in given.values()],
     }
     run = partial(_find_boards, store, pairing, pattern, given)
-    work = jobs.PageWork(project, "photographs", stereo_boards.STAGES, run, jobs.job_digest(about))
+    stages = *stereo_boards.stages_of(CAMERAS), stereo_boards.LENSES_STAGE
+    work = jobs.PageWork(project, "photographs", stages, run, jobs.job_digest(about))
     press_search(work, "boards", "find_boards", bool(found), bool(pairs) and entered)
     refused = len(store.doubtful_boards) > MOST_REFUSED * len(pairs)
     last = jobs.job_of(project, "photographs")
@@ -205,42 +206,42 @@ def _show_found(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
     on_a_sheet(store.project, sorted(pairs, key=lambda pair: pair.frame not in doubtful), show)
 
 
-def _lenses_given(store: ProjectPhotographs) -> tuple[Camera, Camera] | None:
-    """The cameras of the project if it has both from elsewhere."""
+def _lenses_given(store: ProjectPhotographs) -> dict[str, Camera]:
+    """The cameras of the project if it has both from elsewhere; else empty."""
     first, second = readable(lambda: store.project.cameras) or (None, None)
     labels = {store.project.inputs.labels.get(which) for which in CAMERAS}
     if first is None or second is None or labels == {OF_BOARDS}:
-        return None
-    return first, second
+        return {}
+    return {"primary": first, "secondary": second}
 
 
 def _find_boards(
     store: ProjectPhotographs,
     pairing: Pairing,
     pattern: BoardPattern,
-    given: tuple[Camera, Camera] | None,
+    given: dict[str, Camera],
     job: jobs.Job,
 ) -> None:
     """Find the boards and the lenses, and store them."""
-    earlier = job.found_before(FoundBoard)
-    boards = stereo_boards.find_stereo_boards(
-        store.photographs, pattern, job.executor, job.begin, job.progress, earlier, pairing, given
-    )
+    about = pairing.moments, store.photographs, given or dict.fromkeys(CAMERAS), pattern
+    control = job.executor, job.begin, job.progress, job.found_before(FoundBoard)
+    boards = stereo_boards.find_stereo_boards(*about, *control, pairing.alone)
     cameras, loose = given, dict[int, str]()
-    if cameras is None:
-        job.begin(stereo_boards.STAGES[2])
+    if not given:
+        job.begin(stereo_boards.LENSES_STAGE)
         lenses = stereo_boards.lenses_of_boards(boards, None, job.executor, job.progress)
-        cameras = lenses[0].camera, lenses[1].camera
-        outlying = {*lenses[0].outlying, *lenses[1].outlying}
+        cameras = {which: lens.camera for which, lens in lenses.items()}
+        outlying = {name for lens in lenses.values() for name in lens.outlying}
         loose = {
-            seen.frame: f"The corners in {view.name} fit the lens less than half as well as usual."
-            for seen in boards.common
-            for view in seen.views
+            frame: f"The corners in {view.name} fit the lens less than half as well as usual."
+            for frame, views in boards.seen.items()
+            for view in views.values()
             if view.name in outlying
         }
-    data = stereo_boards.recording_of(boards, cameras, store.project.inputs.name).pair(*CAMERAS)
+    found = stereo_boards.recording_of(boards, cameras, store.project.inputs.name)
+    data = found.recording.pair(*CAMERAS)
     label = None if given else OF_BOARDS
     sentence = f"{boards.sentence} {beyond_in_words(data.beyond_view)}".rstrip()
-    store.settle(boards.pairing)
+    store.settle(pairing, boards.motion)
     store.keep_boards(data, sentence, {**loose, **boards.doubtful}, label, job.work.digest)
     settle(store.project)

@@ -13,13 +13,8 @@ import pytest
 
 from stereocal.detection.target import parse_target
 from stereocal.errors import StereocalError
-from stereocal.frames.all_cameras import (
-    FoundRecording,
-    by_folder,
-    find_in_all_cameras,
-    in_one_order,
-    match_names,
-)
+from stereocal.frames.all_cameras import FoundRecording, by_folder, in_one_order, match_names
+from stereocal.frames.search import detect_frames
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph_files import photographs_in
@@ -35,15 +30,9 @@ FRAMES = {"bar2x2": 12, TAGS: 8}
 def search(files: Mapping[str, bytes], kind: str) -> FoundRecording:
     with TemporaryDirectory() as folder, ThreadPoolExecutor(2) as executor:
         write(dict(files), Path(folder))
-        return find_in_all_cameras(
-            match_names(by_folder(files, CAMERAS)),
-            photographs_in(Path(folder), Path(folder)),
-            CAMERAS,
-            parse_target(kind),
-            executor,
-            lambda _: None,
-            lambda *_: None,
-        )
+        found = photographs_in(Path(folder), Path(folder))
+        about = match_names(by_folder(files, CAMERAS)), found, CAMERAS, parse_target(kind)
+        return detect_frames(*about, executor, lambda _: None, lambda *_: None).recording()
 
 
 @lru_cache

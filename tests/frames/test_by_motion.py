@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,11 +10,11 @@ import pytest
 from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset, read_recording
-from stereocal.frames.by_motion import found_by_motion, paired_by_motion
-from stereocal.frames.pairing import ByHand, Motion, Pairing
+from stereocal.frames.by_motion import found_by_motion
+from stereocal.frames.pairing import ByHand, Motion
 from stereocal.frames.video.extract import VideoSettings, by_themselves, extract
 from stereocal.frames.video.sound import heard_later
-from stereocal.intrinsics.stereo_boards import orders_of
+from stereocal.intrinsics.board_order import orders_of
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
@@ -53,9 +54,10 @@ def _seen(
     return found
 
 
-def _open(of: int, heard: float | None = None) -> Pairing:
-    heard_of = {} if heard is None else {"secondary": heard}
-    return Pairing((), (), (), "", True, ByHand(_counts(of), heard_of))
+def _found(of: int, seen: dict[str, FloatArray], *about: Any, **heard: float) -> Motion:
+    """What two cameras' photographs of what is held tell, with its orders."""
+    lenses = {"primary": CAMERA, "secondary": CAMERA}
+    return found_by_motion(ByHand(_counts(of), heard), seen, lenses, *about)
 
 
 def _offset(motion: Motion, camera: str = "secondary") -> float:
@@ -69,15 +71,15 @@ def test_ends_that_look_alike_are_followed_and_told_apart() -> None:
     turned = {name for name in seen if rng.random() < 0.5}
     mixed = {name: own[::-1] if name in turned else own for name, own in seen.items()}
     orders = [np.arange(2), np.array([1, 0])]
-    about = (CAMERA, CAMERA), RigidObject.bar(1.0), orders
-    found = paired_by_motion(_open(150), mixed, *about)
-    assert found.motion is not None
-    assert _offset(found.motion) == pytest.approx(40.4, abs=0.02)
-    assert found.motion.exchanged in (turned, {*seen} - turned)
-    assert {pair.frame: pair.secondary for pair in found.pairs}[60] == "right/20"
+    about = RigidObject.bar(1.0), orders
+    found = _found(150, mixed, *about)
+    assert _offset(found) == pytest.approx(40.4, abs=0.02)
+    assert found.exchanged in (turned, {*seen} - turned)
+    pairs = ByHand(_counts(150)).pairs(found.later)
+    assert {pair.frame: pair.secondary for pair in pairs}[60] == "right/20"
     of_one = {name: own for name, own in seen.items() if name.startswith("left")}
     with pytest.raises(StereocalError, match="saw no points"):
-        paired_by_motion(_open(150), of_one, *about)
+        _found(150, of_one, *about)
 
 
 def test_cameras_that_share_a_view_with_one_only_are_joined_through_it() -> None:
@@ -95,10 +97,10 @@ def test_cameras_that_share_a_view_with_one_only_are_joined_through_it() -> None
     for k in range(95, 150):
         seen[f"left/{k}"] = np.full((2, 2), np.nan)
     about = dict.fromkeys(starts, CAMERA), RigidObject.bar(1.0), orders
-    motion, told = found_by_motion(ByHand(counts, {"third": 20.0}), seen, *about)
+    motion = found_by_motion(ByHand(counts, {"third": 20.0}), seen, *about)
     for camera, (_, start, _) in starts.items():
         assert _offset(motion, camera) == pytest.approx(start, abs=0.03)
-    assert "The sound of third says the same" in told
+    assert "The sound of third says the same" in motion.told
     moments = ByHand(counts).moments(motion.later)
     assert moments[100] == {"left": "left/100", "mid": "mid/60", "third": "third/80"}
 
@@ -117,25 +119,22 @@ def test_boards_that_look_alike_when_turned() -> None:
 
     seen, half = _seen(points_m, 120, 25.25 / 15), orders_of(pattern)[1]
     mixed = {name: own[half] if name.startswith("right") else own for name, own in seen.items()}
-    found = paired_by_motion(_open(120), mixed, (CAMERA, CAMERA), board, orders_of(pattern))
-    assert found.motion is not None
-    assert _offset(found.motion) == pytest.approx(25.25, abs=0.02)
+    found = _found(120, mixed, board, orders_of(pattern))
+    assert _offset(found) == pytest.approx(25.25, abs=0.02)
 
 
 def test_sound_decides_between_offsets_that_fit_and_none_other() -> None:
     """The motion repeats itself every 2.4 s."""
     bar = Bar(7, 15.0)
     seen = _seen(lambda at_s: bar.ends_m(at_s % 2.4), 120, 30 / 15)
-    about = (CAMERA, CAMERA), RigidObject.bar(1.0), [np.arange(2)]
+    about = RigidObject.bar(1.0), [np.arange(2)]
     with pytest.raises(StereocalError, match="two offsets fit nearly as well"):
-        paired_by_motion(_open(120), seen, *about)
-    found = paired_by_motion(_open(120, heard=30.3), seen, *about)
-    assert found.motion is not None and found.motion.later["secondary"] == 30
-    assert "sound" in found.sentence
+        _found(120, seen, *about)
+    found = _found(120, seen, *about, secondary=30.3)
+    assert found.later["secondary"] == 30 and "sound" in found.told
     once = _seen(bar.ends_m, 120, 30 / 15)
-    contradicted = paired_by_motion(_open(120, heard=-20.0), once, *about)
-    assert contradicted.motion is not None and contradicted.motion.later["secondary"] == 30
-    assert "contradict" in contradicted.sentence
+    contradicted = _found(120, once, *about, secondary=-20.0)
+    assert contradicted.later["secondary"] == 30 and "contradict" in contradicted.told
 
 
 def test_claps_are_heard() -> None:

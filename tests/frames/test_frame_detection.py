@@ -21,6 +21,7 @@ from tests.bar_photographs import bar_set
 from tests.files import description, encoded, write
 
 BARS = bar_set(7)
+BOTH = "primary", "secondary"
 CAMERAS = (BARS.rig.primary, BARS.rig.secondary)
 FILES = BARS.files()
 
@@ -37,10 +38,9 @@ def detect(
     write(files, folder)
     photographs = {name: folder / name for name in files}
     with ThreadPoolExecutor(2) as pool:
-        frames, _ = detect_frames(
-            pair_names(names), photographs, cameras, pool, lambda _: None, progress, target=target
-        )
-    return frames
+        lenses = dict(zip(BOTH, cameras, strict=True))
+        about = pair_names(names).moments, photographs, lenses, target
+        return detect_frames(*about, pool, lambda _: None, progress).frames[BOTH]
 
 
 def away(frame: Frame, camera: int, truth: np.ndarray, swap: bool) -> float:

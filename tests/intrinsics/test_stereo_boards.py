@@ -17,20 +17,17 @@ from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.formats.recording_files import pack_recording
 from stereocal.frames.pairing import pair_names
+from stereocal.intrinsics.board_order import SeenBoard, boards_in_one_order, orders_of
 from stereocal.intrinsics.boards import BoardSearch, BoardView, find_board
 from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.stereo_boards import (
-    SeenBoard,
     StereoBoards,
-    boards_in_one_order,
     find_stereo_boards,
     lenses_of_boards,
-    orders_of,
     recording_of,
     stereo_boards,
 )
 from stereocal.refined.refine import refine
-from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.simulate import place_bars
@@ -45,6 +42,7 @@ from tools.photographs.bars import BarSettings, photograph_bars
 from tools.photographs.objects import charuco
 from tools.photographs.rendering import PhotographSettings
 
+BOTH = "primary", "secondary"
 SQUARE, EVEN = BoardPattern(6, 6, 0.03), BoardPattern(7, 5, 0.03)
 
 
@@ -111,22 +109,19 @@ def test_a_board_at_the_same_place_counts_once() -> None:
     found = found_boards([*boards, SeenBoard(17, (first, second))])
     assert found.repeated == {17: 2}
     assert "17 (as 2)" in found.sentence
-    assert [len(search.views) for search in found.searches] == [6, 6]
+    assert [len(search.views) for search in found.searches.values()] == [6, 6]
 
 
 def found_boards(boards: list[SeenBoard]) -> StereoBoards:
     """As found in photographs of these boards."""
-    named = {
-        f"{side}{board.frame:02}.png": replace(view, name=f"{side}{board.frame:02}.png")
-        for board in boards
-        for side, view in zip(("left", "right"), board.views, strict=True)
+    moments = {at: {camera: f"{camera}{at}.png" for camera in BOTH} for at, _ in boards}
+    searches = {
+        camera: BoardSearch(
+            PATTERN, tuple(replace(views[k], name=moments[at][camera]) for at, views in boards)
+        )
+        for k, camera in enumerate(BOTH)
     }
-
-    searches = (
-        BoardSearch(PATTERN, tuple(v for v in named.values() if v.name.startswith(side)))
-        for side in ("left", "right")
-    )
-    return stereo_boards(pair_names(named), tuple(searches))
+    return stereo_boards(moments, searches)
 
 
 def assert_near(found: Pose, rig: Pose) -> None:
@@ -254,10 +249,11 @@ class TestOpencvsSample:
     def test_all_boards_serve(self, files: dict[str, Path]) -> None:
         """Narrow squares on one side."""
         pattern = BoardPattern(9, 6, 0.03)
-        boards = find_stereo_boards(files, pattern, AtOnce())
-        assert len(boards.common) == 13
+        about = pair_names(files).moments, files, dict.fromkeys(BOTH), pattern
+        boards = find_stereo_boards(*about, AtOnce(), lambda _: None)
+        assert len(boards.seen) == 13
         assert not boards.refused and not boards.repeated
-        for search in boards.searches:
+        for search in boards.searches.values():
             corners = [view.corners.astype(np.float32) for view in search.views]
             points = [pattern.points.astype(np.float32)] * 13
             rms, *_ = cv2.calibrateCamera(points, corners, (640, 480), np.eye(3), np.zeros(5))
@@ -277,7 +273,7 @@ class TestOpencvsSample:
 def test_sizes_of_lens_files_and_photographs() -> None:
     found = found_boards(seen(stereo(0.0), 3))
     with pytest.raises(StereocalError, match=r"primary's photographs have 640x480 px"):
-        recording_of(found, (replace(SMALL, image_size=(800, 600)), SMALL), "x")
+        recording_of(found, {"primary": replace(SMALL, image_size=(800, 600)), "secondary": SMALL})
 
 
 def test_large_2x2_targets_are_no_board(tmp_path: Path) -> None:
@@ -327,9 +323,9 @@ def test_fisheyes_are_taken_for_what_they_are_and_used_to_75_degrees(tmp_path: P
     rig = Pose(Rotation.from_rotvec([0.02, 0.2, 0.03]).as_matrix(), np.array([-0.3, 0.01, 0.02]))
     lenses = draw_fisheye(rng), draw_fisheye(rng)
     boards = draw_pairs(lenses, rig, BoardPattern(5, 4, 0.03), 10, 0.1, rng)
-    first, second = lenses_of_boards(boards, None, AtOnce())
-    assert first.camera.is_fisheye and second.camera.is_fisheye
-    recording = recording_of(boards, (first.camera, second.camera), "fisheyes")
+    found = {name: lens.camera for name, lens in lenses_of_boards(boards, None, AtOnce()).items()}
+    assert all(camera.is_fisheye for camera in found.values())
+    recording = recording_of(boards, found).recording
     beyond = recording.beyond_view
     assert min(beyond.values()) > 5
     write(pack_recording(recording), tmp_path)
@@ -337,10 +333,10 @@ def test_fisheyes_are_taken_for_what_they_are_and_used_to_75_degrees(tmp_path: P
     assert_near(result.pose, rig)
     # Written with the points far out, as other programs do: they are left out, and counted.
     whole = ["frame,camera,target,u,v"]
-    for seen in boards.common:
-        for which, view in zip(CAMERAS, seen.views, strict=True):
+    for frame, views in boards.seen.items():
+        for which, view in views.items():
             rows = zip(view.ids, view.corners.tolist(), strict=True)
-            whole += [f"{seen.frame},{which},{target},{u},{v}" for target, (u, v) in rows]
+            whole += [f"{frame},{which},{target},{u},{v}" for target, (u, v) in rows]
     (tmp_path / "points.csv").write_text("\n".join(whole))
     again = read_dataset(tmp_path)
     assert again.beyond_view == beyond

@@ -67,10 +67,10 @@ def give_cameras_and_lengths(app: AppTest) -> None:
     app.number_input(key="target_distance_m_value").set_value(0.9).run()
 
 
-def wait_for_the_cancel(*given: object, earlier: object, target: object) -> None:
+def wait_for_the_cancel(*given: object, earlier: object) -> None:
     """In place of the search."""
+    target, progress = given[3], given[-1]
     assert earlier is not None and target is not None
-    progress = given[-1]
     assert callable(progress)
     wait_until(partial(progress, 0, 1))
 

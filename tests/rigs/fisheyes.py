@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.frames.pairing import pair_names
+from stereocal.frames.pairing import moments_of, pair_names
 from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.intrinsics.stereo_boards import StereoBoards, stereo_boards
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
@@ -133,8 +134,10 @@ def draw_pairs(
             views.append((first, second))
         if len(views) >= count:
             break
-    searches = tuple(BoardSearch(pattern, own) for own in zip(*views, strict=True))
-    return stereo_boards(pair_names({view.name: "" for each in views for view in each}), searches)
+    by_camera = zip(CAMERAS, zip(*views, strict=True), strict=True)
+    searches = {str(camera): BoardSearch(pattern, own) for camera, own in by_camera}
+    pairs = pair_names(view.name for each in views for view in each).pairs
+    return stereo_boards(moments_of(pairs), searches)
 
 
 def _placed(half: float, pattern: BoardPattern, rng: np.random.Generator) -> Iterator[FloatArray]:
