@@ -36,8 +36,8 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, Number, choose, one_of, setting
 from stereocal.ui.footage import Pictures
 from stereocal.ui.holding import held_target
-from stereocal.ui.messages import callback, fragment
-from stereocal.ui.picker import KEYS, Line, Mark, Pick, Press, pick, show_presses, shown
+from stereocal.ui.messages import button, callback, fragment
+from stereocal.ui.picker import KEYS, Line, Mark, Pick, pick, shown
 from stereocal.ui.texts import escape_markdown
 
 COLOURS = ("#56B4E9", "#E69F00", "#2CC197", "#F0E442", "#FF7F50", "#CC79A7")
@@ -148,14 +148,17 @@ class _Panel:
         accept = f"Accept {len(self.proposed)} and go on" if self.proposed else "Accept and go on"
         last = {camera for act in self.store.acts[-1:] for camera in act.cameras}
         can_undo = not last.isdisjoint(self.measure.matching.placed)
-        presses = (
-            Press("Back", "b", partial(self.at.set, before), before != self.frame),
-            Press("Forward", "f", partial(self.at.set, onward), bool(after)),
-            Press(accept, "a", partial(self._accept, onward), bool(self.proposed)),
-            Press("Remove it", "x", partial(self._place, [], here), bool(here)),
-            Press("Undo", "u", self.store.undo, can_undo),
+        presses: tuple[tuple[Any, ...], ...] = (
+            ("Back", "b", before != self.frame, self.at.set, before),
+            ("Forward", "f", bool(after), self.at.set, onward),
+            (accept, "a", bool(self.proposed), self._accept, onward),
+            ("Remove it", "x", bool(here), self._place, [], here),
+            ("Undo", "u", can_undo, self.store.undo),
         )
-        show_presses("clicks", presses, accept if self.proposed else "")
+        with st.container(horizontal=True):
+            for label, key, may, *act in presses:
+                shown = {"first": may and key == "a", "shortcut": key, "disabled": not may}
+                button(label, f"clicks_{key}", *act, **shown)
 
     def _accept(self, onward: int) -> None:
         self._place(self.proposed)

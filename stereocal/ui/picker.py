@@ -2,11 +2,11 @@
 
 import base64
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,7 +15,6 @@ import streamlit as st
 from stereocal.detection.intensity import eight_bits
 from stereocal.projects.files import StoredFile
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
-from stereocal.ui.messages import button
 
 NAME = "stereocal_picker"
 KEYS = "Arrow keys and drags move, plus, minus, wheel and pinch zoom, Enter clicks at the cross."
@@ -82,30 +81,6 @@ class Pick:
     v: float
     raw: bool
     """The shift key was held."""
-
-
-class Press(NamedTuple):
-    """A button beside pictures."""
-
-    label: str
-    key: str
-    """Of the keyboard."""
-    act: Callable[[], object]
-    may: bool = True
-    icon: str | None = None
-
-
-def show_presses(prefix: str, presses: Iterable[Press], first: str = "") -> None:
-    """Buttons beside each other, with their keys.
-
-    Args:
-        prefix: of the keys of their widgets.
-        first: the label of the one that stands out.
-    """
-    with st.container(horizontal=True):
-        for label, key, act, may, icon in presses:
-            own: dict[str, Any] = {"shortcut": key, "disabled": not may, "icon": icon}
-            button(label, f"{prefix}_{key}", act, first=label == first, **own)
 
 
 @st.cache_data(show_spinner=False, max_entries=16)

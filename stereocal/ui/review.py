@@ -23,7 +23,7 @@ from stereocal.ui.fields import Field, Number, choose, one_of, setting, yes_or_n
 from stereocal.ui.figure import scroll_to, scrolled_part
 from stereocal.ui.holding import CALLED, held_target, is_coloured
 from stereocal.ui.messages import button, callback, readable, refusing
-from stereocal.ui.picker import KEYS, Mark, Pick, Press, pick, read_image, show_presses, shown_image
+from stereocal.ui.picker import KEYS, Mark, Pick, pick, read_image, shown_image
 from stereocal.ui.texts import escape_markdown
 
 ALL, ONE = "All frames", "One frame"
@@ -126,14 +126,10 @@ def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
     chosen, buttons = st.columns([1, 3], vertical_alignment="bottom")
     field.menu("Frame", chosen)
     ways = (("Previous", "p", before), ("Next", "n", after), (left, "d", doubtful))
-    with buttons:
-        show_presses(
-            "review",
-            (
-                Press(label, key, partial(_go_to, store, to or number), to not in (None, number))
-                for label, key, to in ways
-            ),
-        )
+    with buttons.container(horizontal=True):
+        for label, key, to in ways:
+            there = to in (None, number)
+            button(label, f"review_{key}", _go_to, store, to, shortcut=key, disabled=there)
     return review.frame(number)
 
 
@@ -150,14 +146,14 @@ def _decide(store: ProjectPhotographs, review: Review, frame: Frame, running: bo
     undecided = is_undecided(frame)
     may_use = bool(frame.targets_in_both) and (undecided or not frame.use)
     back, undo, may_leave = partial(take_back, store), len(review.edits), frame.use or undecided
-    show_presses(
-        "review",
-        (
-            Press("Use this frame", "t", use, may_use and not running, "check"),
-            Press("Leave it out", "x", leave_out, may_leave and not running, "close"),
-            Press(f"Undo ({undo})", "u", back, undo > 0 and not running, "undo"),
-        ),
-    )
+    with st.container(horizontal=True):
+        for label, key, act, may, icon in (
+            ("Use this frame", "t", use, may_use, "check"),
+            ("Leave it out", "x", leave_out, may_leave, "close"),
+            (f"Undo ({undo})", "u", back, undo > 0, "undo"),
+        ):
+            disabled = running or not may
+            button(label, f"review_{key}", act, icon=icon, shortcut=key, disabled=disabled)
 
 
 def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, running: bool) -> None:
