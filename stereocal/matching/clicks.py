@@ -4,8 +4,7 @@ parameters, threshold and noise of `match` and `reconstruct`, as they will be in
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple
 
@@ -13,7 +12,6 @@ import numpy as np
 import pandas as pd
 from scipy.special import chdtri
 
-from stereocal.errors import StereocalError
 from stereocal.matching.in_step import points_in_step
 from stereocal.matching.pairs import PairMatching, Stated, sample_frames
 from stereocal.matching.point_table import POINT
@@ -22,14 +20,15 @@ from stereocal.matching.tracks import noise_of_tracks
 from stereocal.matching.trajectories import TRACK
 from stereocal.matching.view_groups import LOST, Measured, ViewFitter
 from stereocal.network.rig_file import Parameters, RigFile
-from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.epipolar_curve import epipolar_curve
 from stereocal.rig.geometry import Pose
 from stereocal.system.numbers import rounded, with_error
 
 CLICK_PX = 1.0
-"""Noise of a click, one standard deviation of a coordinate, until the points show their own."""
+"""Noise of a click, one standard deviation of a coordinate, until the points show their own: that
+of the targets, which is taken of others, is not that of a hand."""
+BY_HAND = Stated(usual_px=CLICK_PX, names=TRACK)
 FEWEST = 2
 """Cameras that place a point; further ones improve it."""
 Source = Literal["clicked", "snapped", "followed"]
@@ -105,18 +104,12 @@ class Clicks:
         Args:
             to_match: only tracks that two cameras have, so that no other two are taken for one.
         """
-        seen_by = Counter(track for track, _ in {(t, c) for _, c, t in self.every})
         columns = ["frame", *POINT, TRACK, "source"]
-        found = {}
-        for camera in cameras:
-            rows = [
-                [getattr(each, name) for name in columns]
-                for each in self.every.values()
-                if each.camera == camera and (not to_match or seen_by[each.track] >= FEWEST)
-            ]
-            if rows:
-                found[camera] = pd.DataFrame(rows, columns=columns).sort_values(["frame", TRACK])
-        return found
+        rows = pd.DataFrame(map(vars, self.every.values()), columns=["camera", *columns])
+        if to_match:
+            rows = rows[rows.groupby(TRACK)["camera"].transform("nunique") >= FEWEST]
+        own = dict(iter(rows.sort_values(["frame", TRACK]).groupby("camera")))
+        return {camera: own[camera][columns] for camera in cameras if camera in own}
 
 
 class Length(NamedTuple):
@@ -147,37 +140,24 @@ class ClickMeasure:
     matching: Parameters
     measuring: Parameters
     """The same rig, where it is one of three cameras and more."""
-    stated: Stated = field(default_factory=lambda: Stated(names=TRACK))
+    stated: Stated = BY_HAND
     world: Pose | None = None
 
     def settled(self, clicks: Clicks) -> Settled:
-        """The noise and the threshold, as of the tables; `CLICK_PX` where the points do not show
-        their own noise: that of the targets, which is taken of others, is not that of a hand.
-        """
-        stated, rig = self.stated, self.matching
+        """The noise and the threshold, as of the tables."""
+        rig, stated_px = self.matching, self.stated.sigma_px
+        usual = Settled(stated_px or CLICK_PX)
         if isinstance(rig, RigFile):
-            usual = Settled(stated.sigma_px or CLICK_PX)
             found = self.measured(clicks, usual)
-            noise = noise_of_tracks(rig, found.views, found.fits.chi_square, stated.sigma_px)
+            noise = noise_of_tracks(rig, found.views, found.fits.chi_square, stated_px)
             return Settled(noise.sigma_px) if noise.source == "estimated" else usual
         first, second = self._in_step(clicks)[0].values()
         sample, distinct = sample_frames(first, second), [first[[TRACK]], second[[TRACK]]]
-        if stated.sigma_px is None:
-            with suppress(StereocalError):  # without a threshold
-                chosen = PairMatching.settled(rig, sample, distinct, stated).threshold
-                if chosen.noise and chosen.noise.source != "calibration":
-                    return Settled(chosen.noise.sigma_px, chosen.threshold_px)
-            stated = replace(stated, sigma_px=CLICK_PX)
-        chosen = PairMatching.settled(rig, sample, distinct, stated).threshold
-        return Settled(stated.sigma_px or CLICK_PX, chosen.threshold_px)
+        chosen = PairMatching.settled(rig, sample, distinct, self.stated).threshold
+        return Settled((chosen.noise or usual).sigma_px, chosen.threshold_px)
 
     def measured(self, clicks: Clicks, settled: Settled) -> "MeasuredClicks":
-        """What the clicks measure."""
-        return MeasuredClicks(self, settled, *self._views(clicks))
-
-    def _views(self, clicks: Clicks) -> tuple[list[Place], FloatArray, str]:
-        """The points that two cameras or more have, by frame; their pixels (n, c, 2), NaN where a
-        camera does not; and how those of cameras after the first were brought into step."""
+        """What the points measure that two cameras or more have."""
         tables, timing = self._in_step(clicks)
         rows = pd.concat([table.assign(camera=camera) for camera, table in tables.items()])
         wide = rows.pivot_table(index=["frame", TRACK], columns="camera", values=[*POINT])
@@ -185,7 +165,7 @@ class ClickMeasure:
         pixels = wide.reindex(columns=columns).to_numpy(np.float64).reshape(len(wide), -1, 2)
         seen = np.isfinite(pixels[..., 0]).sum(axis=1) >= FEWEST
         places = [Place(track, int(frame)) for frame, track in wide.index[seen]]
-        return places, pixels[seen], timing
+        return MeasuredClicks(self, settled, places, pixels[seen], timing)
 
     def _in_step(self, clicks: Clicks) -> tuple[dict[str, pd.DataFrame], str]:
         """The points of each camera at the instants of the first's frames, and how."""
@@ -206,13 +186,12 @@ class ClickMeasure:
             velocity: (2,) of the point in its own image, px per frame: the other camera sees it
                 later or earlier, by the time offset of the parameters.
         """
-        rig, which = self.matching.pair(click.camera, camera), click.camera
-        which = which if rig is self.matching else CAMERAS[0]
-        pixel, offset = np.array([click.u, click.v]), rig.time_offset
+        both = [name for name in self.matching.placed if name in (click.camera, camera)]
+        pixel, offset = np.array([click.u, click.v]), self.matching.pair(*both).time_offset
         if offset is not None and velocity is not None:
             later = float(offset.at([click.frame])[0])
-            pixel += velocity * (later if which == CAMERAS[0] else -later)
-        return epipolar_curve(rig, CAMERAS[which != CAMERAS[0]], pixel)
+            pixel += velocity * (later if click.camera == both[0] else -later)
+        return epipolar_curve(self.matching, click.camera, camera, pixel)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +204,7 @@ class MeasuredClicks:
     pixels: FloatArray
     """(n, c, 2): NaN where a camera does not see a point."""
     timing: str = ""
-    """How the secondary points were brought into step."""
+    """How the points of cameras after the first were brought into step."""
 
     @property
     def views(self) -> IntArray:

@@ -52,6 +52,9 @@ class Stated:
     names: str = AUTO
     """`AUTO`: where all tables name their points (`names.name_columns`), only points of one name
     belong together; `OFF`: names are not used; else the columns that name points."""
+    usual_px: float | None = None
+    """The noise taken where none is stated and points of two cameras do not show their own; None:
+    that of the targets."""
 
 
 def further_of(columns: Iterable[Any]) -> list[str]:
@@ -110,7 +113,14 @@ class PairMatching:
         """
         columns, is_forced = tuple(map(str, distinct[0])), stated.names != AUTO
         names, note = choose_names([TwoCameras(rig, sample)], distinct, columns, is_forced)
-        return cls(rig, stated.depths_m, _threshold(rig, sample, names, stated), names, note)
+        chosen: ThresholdChoice | None = None
+        if stated.sigma_px is None and stated.usual_px is not None:
+            with suppress(StereocalError):  # they are too few
+                found = _threshold(rig, sample, names, stated)
+                chosen = found if found.noise and found.noise.source == "estimated" else None
+            stated = replace(stated, sigma_px=stated.usual_px)
+        chosen = chosen or _threshold(rig, sample, names, stated)
+        return cls(rig, stated.depths_m, chosen, names, note)
 
     @classmethod
     def of_tables(cls, rig: RigParameters, given: TablesByCamera, stated: Stated) -> "PairMatching":

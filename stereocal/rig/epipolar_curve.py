@@ -1,41 +1,40 @@
-"""Where a point of one camera may be in the recorded, distorted image of the other."""
+"""Where a point of one camera may be in the recorded, distorted image of another."""
 
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.rig import Rig
+from stereocal.rig.rig import PlacedCameras
 
 SAMPLES = 160
 NEAREST, FARTHEST = 1e-2, 1e6
 """Depths looked at, in baselines."""
 
 
-def epipolar_curve(rig: Rig, camera: CameraName, pixel: npt.ArrayLike) -> FloatArray:
-    """The epipolar line in the other camera's recorded image: a curve where lenses distort.
+def epipolar_curve(rig: PlacedCameras, camera: str, other: str, pixel: npt.ArrayLike) -> FloatArray:
+    """The epipolar line in another camera's recorded image: a curve where lenses distort.
 
     It ends at the edges of the image, and where the point would be infinitely far away.
 
     Args:
-        camera: which camera sees the point; pixel: (2,) raw pixels, where.
+        camera: which one sees the point; other: in whose image; pixel: (2,) raw pixels, where.
 
     Returns:
         (n, 2) raw pixels of the other camera, from near to far; n is 0 if it cannot see the point.
     """
-    own, other = (rig.placed[name] for name in (camera, *(c for c in CAMERAS if c != camera)))
-    other_from_own = other.pose @ own.pose.inverse()
-    ray = np.append(own.camera.undistort(np.reshape(pixel, (1, 2)))[0], 1.0)
+    (own, own_pose), (theirs, their_pose) = rig.placed[camera], rig.placed[other]
+    other_from_own = their_pose @ own_pose.inverse()
+    ray = np.append(own.undistort(np.reshape(pixel, (1, 2)))[0], 1.0)
     if not np.isfinite(ray).all():
         return np.empty((0, 2))
 
     def seen(inverse_depths: FloatArray) -> tuple[IntArray, FloatArray]:
         """The inverse depths at which the other camera sees the point, and its pixels there."""
         points = (ray / inverse_depths[:, None]) @ other_from_own.R.T + other_from_own.T
-        there = other.camera.sees(points)
-        return np.flatnonzero(there), other.camera.project(points[there])
+        there = theirs.sees(points)
+        return np.flatnonzero(there), theirs.project(points[there])
 
-    baseline = rig.pose.baseline
+    baseline = other_from_own.baseline
     coarse = np.geomspace(1 / (NEAREST * baseline), 1 / (FARTHEST * baseline), 4 * SAMPLES)
     rows, _ = seen(coarse)
     if not len(rows):

@@ -11,7 +11,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import METHOD_NAMES
 from stereocal.matching.application import STAGES, Application
-from stereocal.matching.clicks import CLICK_PX, ClickMeasure
+from stereocal.matching.clicks import BY_HAND, ClickMeasure
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
 from stereocal.matching.pairs import Stated
 from stereocal.network.rig_file import Parameters
@@ -26,15 +26,14 @@ from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
 from stereocal.ui.apply_points import (
     FEWEST,
-    OPTIONAL,
     PointsForm,
     ThresholdForm,
     ask_noise,
     chosen_depths,
     noise_field,
+    threshold_field,
 )
 from stereocal.ui.clicks import show_clicks
-from stereocal.ui.fields import setting
 from stereocal.ui.messages import ErrorsShown, button, readable, show_refusal, show_stale
 from stereocal.ui.parameter_files import APPLY_SETS, PURPOSES, Source, upload_set
 from stereocal.ui.press import set_in_use
@@ -84,14 +83,18 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
     with points_at:
         points, names = form.choose()
     sets = _choose_sets(source, store, (matching_at, measuring_at))
-    known_px = noise_field(project, "apply_sigma_px").value()
+    stated = replace(
+        BY_HAND if form.is_clicked else Stated(),
+        threshold_px=threshold_field(project).value(),
+        sigma_px=noise_field(project, "apply_sigma_px").value(),
+        names=names,
+    )
     thresholds = threshold = depths = sigma_px = None
     if len(points) == len(CAMERAS) and sets is not None:
         with ErrorsShown():
             depths = chosen_depths(project)
-        usual_px = CLICK_PX if form.is_clicked else None
-        about = points, sets[0], depths or ANY_DEPTH, names, usual_px
-        thresholds = ThresholdForm(store, *about)
+        stated = replace(stated, depths_m=depths or ANY_DEPTH)
+        thresholds = ThresholdForm(store, points, sets[0], stated)
         threshold, sigma_px = thresholds.choose(noise_at, threshold_at)
         for warning in filter(None, map(purpose_warning, sets, ("matching", "reconstruction"))):
             st.warning(escape_markdown(warning))
@@ -101,15 +104,13 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
             for use, column in zip(USES, st.columns(2), strict=True):
                 with column:
                     upload_set(project, store, use)
-    forced_px = setting(project, "apply_threshold", None, OPTIONAL).value()
-    world = _click(form, sets, Stated(forced_px, depths or ANY_DEPTH, known_px, names))
+    world = _click(form, sets, stated)
     form.tell_missing(points)
     if sets is None:
         source.tell_missing("a parameter file to match with, and one to measure with")
     work = None
     if sets is not None and threshold is not None and depths is not None:
-        forced = threshold.threshold_px if threshold.is_forced else None
-        work = Application(points, *sets, Stated(forced, depths, sigma_px, names), world)
+        work = Application(points, *sets, replace(stated, sigma_px=sigma_px), world)
     show = None if thresholds is None else partial(thresholds.show, threshold)
     return ApplyInputs(work, show, form.is_clicked)
 

@@ -2,7 +2,7 @@
 threshold, and depths."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import cycle
 
@@ -165,6 +165,11 @@ OPTIONAL = Number(0.0, or_none=True)
 SOURCES = {"stated": "as stated", "columns": "by their columns", "calibration": "as the targets"}
 
 
+def threshold_field(project: Project) -> Field:
+    """The threshold as stated (px); None where the points decide."""
+    return setting(project, "apply_threshold", None, OPTIONAL)
+
+
 def noise_field(project: Project, key: str) -> Field:
     """The noise as stated (px); None where the points decide."""
     return setting(project, key, None, Number(0.001, or_none=True))
@@ -193,10 +198,7 @@ class ThresholdForm:
     points: Mapping[str, Points]
     rig: RigParameters
     """To match with."""
-    depths: Depths
-    names: str = AUTO
-    usual_px: float | None = None
-    """The noise taken where the points do not show their own; None: that of the targets."""
+    stated: Stated
 
     @property
     def key(self) -> str:
@@ -207,32 +209,32 @@ class ThresholdForm:
         self, noise_at: DeltaGenerator, threshold_at: DeltaGenerator
     ) -> tuple[ThresholdChoice | None, float | None]:
         """The threshold, and the noise of the points as stated: fields that may be empty."""
-        stated = setting(self.store.project, "apply_threshold", None, OPTIONAL)
-        sigma = noise_field(self.store.project, "apply_sigma_px")
-        known_px = sigma.value()
-        usual, _ = _chosen(self, None, known_px)
-        if known_px is None and not (usual and usual.noise and usual.noise.source == "estimated"):
-            known_px = self.usual_px
-            usual, _ = _chosen(self, None, known_px)
-        found, why_none = _chosen(self, stated.value(), known_px)
+        (usual, _), (found, why_none) = (
+            _chosen(self, replace(self.stated, threshold_px=px))
+            for px in (None, self.stated.threshold_px)
+        )
         noise = None if usual is None else usual.noise
         by = "for targets" if noise is None or noise.source == "calibration" else "by the points"
         shown = f"{rounded(usual.threshold_px, 3)}, {by}" if usual else "none"
-        stated.number_input("below (px)", threshold_at, step=0.1, placeholder=shown, help=THRESHOLD)
+        threshold_field(self.store.project).number_input(
+            "below (px)", threshold_at, step=0.1, placeholder=shown, help=THRESHOLD
+        )
         with noise_at:
             otherwise = "by their column sigma_px, or estimated from their epipolar errors"
-            sigma_px = ask_noise(sigma, noise or "", otherwise)
-        if found is not None:
-            st.caption(escape_markdown(found.sentence()))
-            if known_px is not None and sigma_px is None:
-                st.caption(
-                    f"Points clicked by hand are taken to be known to {rounded(known_px)} px until "
-                    f"{FEWEST_PAIRS} pairs show their own noise."
-                )
-        else:
+            field = noise_field(self.store.project, "apply_sigma_px")
+            sigma_px = ask_noise(field, noise or "", otherwise)
+        if found is None:
             st.warning(escape_markdown(why_none))
             st.info("Give a threshold in pixels.")
-        return found, known_px if sigma_px is None else sigma_px
+            return None, sigma_px
+        st.caption(escape_markdown(found.sentence()))
+        if sigma_px is None and found.noise and found.noise.source == "stated":
+            sigma_px = found.noise.sigma_px
+            st.caption(
+                f"Points clicked by hand are taken to be known to {rounded(sigma_px)} px until "
+                f"{FEWEST_PAIRS} pairs show their own noise."
+            )
+        return found, sigma_px
 
     def show(self, found: ThresholdChoice | None) -> None:
         """The errors of the best and second-best pairs, and the depth range."""
@@ -248,7 +250,7 @@ class ThresholdForm:
         with figure:
             threshold = 0.0 if found is None else found.threshold_px
             sample = [NO_NAMES.samples(*both)[0] for both in _sampled(self)]
-            nearest = jobs.compute(nearest_errors, self.rig, sample, self.depths)
+            nearest = jobs.compute(nearest_errors, self.rig, sample, self.stated.depths_m)
             words = describe_pair_errors(nearest, len(sample), threshold, found)
             show_figure(plot_pair_errors(nearest, threshold), words, "pair_errors", caption=True)
 
@@ -256,17 +258,14 @@ class ThresholdForm:
 @st.cache_resource(
     show_spinner=False,
     max_entries=16,
-    hash_funcs={ThresholdForm: lambda form: (form.rig.digest, form.key, form.depths, form.names)},
+    hash_funcs={ThresholdForm: lambda form: (form.rig.digest, form.key)},
 )
-def _chosen(
-    form: ThresholdForm, threshold: float | None, sigma_px: float | None
-) -> tuple[ThresholdChoice | None, str]:
+def _chosen(form: ThresholdForm, stated: Stated) -> tuple[ThresholdChoice | None, str]:
     """The threshold, or None, and the reason."""
     try:
         tables = [*_tables(form).values()]
-        columns = list(stated_columns(form.names, *map(further_of, tables)))
+        columns = list(stated_columns(stated.names, *map(further_of, tables)))
         distinct = [table[columns] for table in tables]
-        stated = Stated(threshold, form.depths, sigma_px, form.names)
         given = form.rig, _sampled(form), distinct, stated
         return jobs.compute(PairMatching.settled, *given).threshold, ""
     except StereocalError as error:

@@ -37,7 +37,7 @@ from stereocal.ui.fields import Field, Number, choose, one_of, setting
 from stereocal.ui.footage import Pictures
 from stereocal.ui.holding import held_target
 from stereocal.ui.messages import button, callback, fragment
-from stereocal.ui.picker import KEYS, Line, Mark, Pick, pick, shown
+from stereocal.ui.picker import KEYS, Mark, Pick, pick, shown
 from stereocal.ui.texts import escape_markdown
 
 COLOURS = ("#56B4E9", "#E69F00", "#2CC197", "#F0E442", "#FF7F50", "#CC79A7")
@@ -80,9 +80,10 @@ class _Panel:
         self.clicks = self.store.clicks.of_cameras(self.measure.matching.placed)
         tracks = dict.fromkeys([*self.clicks.tracks, self.track])
         self.colours = dict(zip(tracks, cycle(COLOURS), strict=False))
+        self._choose()
         self._check_sizes()
         measured, (self.proposed, trial) = self._measured(self.clicks), self._propose()
-        self._choose()
+        self._step()
         for camera, place in zip(self.cameras, cycle(st.columns(2)), strict=False):
             with place:
                 self._show_picture(camera)
@@ -132,15 +133,18 @@ class _Panel:
         return found, trial
 
     def _choose(self) -> None:
-        """The frame, the track, and the buttons."""
+        """The frame and the track: also of pictures that cannot be used."""
         at, named, to = st.columns([2, 1, 1])
-        numbers = self.footage.numbers
-        if len(numbers) > 1:
+        if len(self.footage.numbers) > 1:
             self.at.slider("Frame", at)
         tracks, own = [*self.colours], {"accept_new_options": True, **self.named.widget("index")}
         own["index"] = tracks.index(self.track)
         named.selectbox("Track (type a new name)", tracks, **own)
         self.to.menu("A click goes to", to)
+
+    def _step(self) -> None:
+        """The buttons."""
+        numbers = self.footage.numbers
         before, after = numbers[max(self.row - 1, 0)], numbers[self.row + 1 : self.row + 2]
         here = [(self.frame, camera, self.track) for camera in self.cameras]
         here = [key for key in here if key in self.clicks.every]
@@ -182,7 +186,7 @@ class _Panel:
             if other != camera and click is not None:
                 speed = velocity(nearest_clicks(self.clicks.along(track, other), frame))
                 curve = self.measure.curve(click, camera, speed)
-                lines.append(Line(curve.tolist(), self.colours[track]))
+                lines.append((curve, self.colours[track]))
         jpeg = self.footage.picture(camera, frame)
         image = shown(f"{label} {frame}", self.footage.grey(camera, frame), jpeg)
         about = f"Frame {frame} of {camera_in_words(camera)}."

@@ -14,6 +14,7 @@ import streamlit as st
 
 from stereocal.detection.intensity import eight_bits
 from stereocal.projects.files import StoredFile
+from stereocal.rig.compiled import FloatArray
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 
 NAME = "stereocal_picker"
@@ -50,15 +51,6 @@ class Mark:
     colour: str
     shape: str
     """circle or diamond, about a target; cross, or dashed where it is only proposed."""
-
-
-@dataclass(frozen=True)
-class Line:
-    """A curve over the photograph."""
-
-    points: list[list[float]]
-    """u and v of each, in pixels."""
-    colour: str
 
 
 @dataclass(frozen=True)
@@ -121,7 +113,7 @@ def pick(
     key: str,
     locked: bool,
     on_pick: Callable[[Pick], None],
-    lines: Sequence[Line] | None = None,
+    lines: Sequence[tuple[FloatArray, str]] | None = None,
     about: str = "",
 ) -> None:
     """Show a photograph; a click calls `on_pick` before the page is drawn again.
@@ -129,7 +121,8 @@ def pick(
     Args:
         label: what it is, for screen readers; `KEYS` is added.
         locked: clicks do nothing.
-        lines: curves over it; then it has a magnifier, and no targets to go to.
+        lines: curves over it, (n, 2) pixels, and their colours; then it has a magnifier, and no
+            targets to go to.
         about: what a click places. A text field in which it was just named passes on its keys.
     """
 
@@ -138,7 +131,8 @@ def pick(
         if found is not None:
             on_pick(found)
 
-    drawn = {"marks": [*map(asdict, marks)], "lines": [*map(asdict, lines or ())]}
+    curves = [{"points": points.tolist(), "colour": colour} for points, colour in lines or ()]
+    drawn = {"marks": [*map(asdict, marks)], "lines": curves}
     kind = {"label": f"{label} {KEYS}", "locked": locked, "targets": lines is None, "about": about}
     sent = {**asdict(shown), **drawn, **kind}
     # Declared in every run: tests have several runtimes.

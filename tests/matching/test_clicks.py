@@ -69,7 +69,7 @@ def test_the_epipolar_line_passes_the_partner_in_the_recorded_image(rig: Rig) ->
     pixels = rig.primary.project(points), rig.secondary.project(RIG.apply(points))
     seen = dict(zip(CAMERAS, pixels, strict=True))
     for camera, other in (CAMERAS, CAMERAS[::-1]):
-        curves = [epipolar_curve(rig, camera, pixel) for pixel in seen[camera]]
+        curves = [epipolar_curve(rig, camera, other, pixel) for pixel in seen[camera]]
         worst = max(map(off, curves, seen[other]))
         assert worst < 0.01  # measured: 0.0005
         width, height = getattr(rig, other).image_size
@@ -83,7 +83,7 @@ def test_the_epipolar_line_passes_the_partner_in_the_recorded_image(rig: Rig) ->
 
 def test_no_line_where_the_other_camera_sees_nothing() -> None:
     away = Rig(PRIMARY, SECONDARY, Pose(np.diag([-1.0, 1.0, -1.0]), np.array([2.0, 0, 0])))
-    assert epipolar_curve(away, "primary", [800.0, 600.0]).shape == (0, 2)
+    assert epipolar_curve(away, "primary", "secondary", [800.0, 600.0]).shape == (0, 2)
 
 
 def test_clicks_measure_what_match_and_reconstruct_do() -> None:

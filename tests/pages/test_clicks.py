@@ -90,6 +90,7 @@ def test_clicks_off_the_line_and_pictures_of_another_size(app: AppTest, home: Pa
     assert pictures(app) == "Pictures: none yet"
     give_pictures(app, {name: image[::2, ::2] for name, image in PHOTOGRAPHS.items()})
     assert "have 800x600 px, its parameters are for 1600x1200 px" in told(app, "error")
+    assert len(app.slider) == 1  # other frames can be looked at
 
 
 def test_videos_one_after_the_other_of_cameras_started_by_hand(
