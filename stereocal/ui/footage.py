@@ -106,7 +106,8 @@ class Pictures:
         used = "none yet"
         if footage is not None:
             used = f"{', '.join(footage.labels.values())}, {len(footage.numbers)} frames"
-        with st.expander(f"Pictures: {escape_markdown(used)}", expanded=footage is None):
+        asks = footage is None or bool(self.given.open_series)
+        with st.expander(f"Pictures: {escape_markdown(used)}", expanded=asks):
             drop_zone(TITLE, "upload_footage", self.given.photographs.keep, self._take)
             ask_whose(self.given)
             ask_whose_video(self._use, self.cameras, 1)

@@ -148,6 +148,7 @@ def test_a_pair_after_a_rig_has_its_own_clicks_pictures_and_names(app: AppTest, 
     }
     give_pictures(app, unnamed)
     assert "Which photographs are the primary camera's?" in told(app)
+    assert next(e for e in app.expander if e.label.startswith("Pictures: ")).proto.expanded
     app.button(key="whose_0").click().run()
     assert not app.exception and "Click point 1 in one of the pictures." in told(app)
     assert app.button(key="clicks_u").disabled and len(store.clicks.every) == len(RIGS)
