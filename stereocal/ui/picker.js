@@ -361,8 +361,10 @@ class Picker {
     context.lineWidth = 4
     context.lineJoin = "round"
     context.strokeStyle = HALO
-    // On the side away from the other mark.
-    const left = this.data.marks.some((other) => other.u > mark.u) && x - reach > 24
+    // On the side away from the other mark, and inside the picture.
+    const room = context.measureText(mark.letter).width + reach + 5
+    const other = this.data.marks.some((other) => other.u > mark.u)
+    const left = x > room && (other || x + room > this.width)
     context.textAlign = left ? "right" : "left"
     const beside = left ? x - reach - 5 : x + reach + 5
     context.strokeText(mark.letter, beside, y - reach)
