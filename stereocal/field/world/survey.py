@@ -70,51 +70,8 @@ def world_of_survey(
         raise StereocalError(f"The survey's standard error is {sigma_m} m; it must be 0 or more.")
     noise, names = error_model_of(rig, stated.sigma_px), np.array(survey.names)
     distinct = list(dict.fromkeys(survey.names))
-    if len(distinct) < FEWEST_POINTS:
-        raise StereocalError(
-            f"A survey needs at least 3 points that do not lie on one line; there are "
-            f"{len(distinct)}."
-        )
-    xyz = survey.measured_m.copy()
-    seen = np.isnan(xyz).any(axis=1)
-    if seen.any():
-        xyz[seen] = reconstructed(rig, survey.pixels[seen], tuple(names[seen].tolist()))
-    measured = measured_points(rig, xyz, noise.spread)
-    if not np.isfinite(measured.own).all():
-        raise StereocalError("A measured point of the survey lies behind a camera.")
-    _check_spread(world_m, xyz)
-    scaled, mirrored = (
-        fit_rigid(measured, seen_as, noise, sigma_m, scale=True)
-        for seen_as in (world_m, world_m * (1, 1, -1))
-    )
-    hand = _hand(scaled, mirrored)
-    if hand < 0 and mirrored.is_close:
-        raise StereocalError(
-            "The surveyed points fit only as a mirror image: their axes are left-handed. "
-            "Exchange two of the columns x, y, z, or change the sign of one, whichever is wrong: "
-            "for example x to the right, y ahead, z up."
-        )
-    if not 1 / LARGEST_SCALE < scaled.scale < LARGEST_SCALE and scaled.is_close:
-        raise StereocalError(
-            f"The survey's distances are {rounded(scaled.scale, 3)} times those measured with "
-            "these parameters: write the survey in metres, or make sure that the parameters are "
-            "of these cameras."
-        )
-    if not scaled.is_close:
-
-        def agree_without(name: str) -> bool:
-            rest = names != name
-            part = MeasuredPoints(*(own[rest] for own in vars(measured).values()))
-            again = fit_rigid(part, world_m[rest], noise, sigma_m, scale=True)
-            return again.rms_m < 0.2 * scaled.limit_m
-
-        tried = distinct if len(distinct) > FEWEST_POINTS + 1 else []
-        raise StereocalError(
-            "The surveyed and the measured points contradict each other by "
-            f"{rounded(scaled.rms_m, 3)} m (root mean square): "
-            f"{culprit(tried, agree_without, MOST_TRIED)}. Check the names, the coordinates and "
-            "the image points."
-        )
+    measured = _measured(rig, survey, noise)
+    scaled, hand = _scaled_fit(measured, survey, noise, sigma_m)
     fit = fit_rigid(measured, world_m, noise, sigma_m)
     if not hand and frame.uprightness(rig, fit.pose.R[2]) < UPRIGHT:
         raise StereocalError(
@@ -153,6 +110,66 @@ def world_of_survey(
             "scale": {name: float(np.exp(each)) for name, each in vars(scale).items()},
         },
     )
+
+
+def _measured(rig: RigParameters, survey: frame.Survey, noise: ErrorModel) -> MeasuredPoints:
+    """The surveyed points as measured; an error if they are too few or badly placed."""
+    if (count := len({*survey.names})) < FEWEST_POINTS:
+        raise StereocalError(
+            f"A survey needs at least 3 points that do not lie on one line; there are {count}."
+        )
+    xyz = survey.measured_m.copy()
+    seen = np.isnan(xyz).any(axis=1)
+    if seen.any():
+        names = tuple(np.array(survey.names)[seen].tolist())
+        xyz[seen] = reconstructed(rig, survey.pixels[seen], names)
+    measured = measured_points(rig, xyz, noise.spread)
+    if not np.isfinite(measured.own).all():
+        raise StereocalError("A measured point of the survey lies behind a camera.")
+    _check_spread(survey.world_m, xyz)
+    return measured
+
+
+def _scaled_fit(
+    measured: MeasuredPoints, survey: frame.Survey, noise: ErrorModel, sigma_m: float
+) -> tuple[RigidFit, int]:
+    """The fit with a free scale, and its `_hand`; an error if the points fit only as a mirror
+    image, in another unit, or not at all."""
+    world_m, names = survey.world_m, np.array(survey.names)
+    scaled, mirrored = (
+        fit_rigid(measured, seen_as, noise, sigma_m, scale=True)
+        for seen_as in (world_m, world_m * (1, 1, -1))
+    )
+    hand = _hand(scaled, mirrored)
+    if hand < 0 and mirrored.is_close:
+        raise StereocalError(
+            "The surveyed points fit only as a mirror image: their axes are left-handed. "
+            "Exchange two of the columns x, y, z, or change the sign of one, whichever is wrong: "
+            "for example x to the right, y ahead, z up."
+        )
+    if not 1 / LARGEST_SCALE < scaled.scale < LARGEST_SCALE and scaled.is_close:
+        raise StereocalError(
+            f"The survey's distances are {rounded(scaled.scale, 3)} times those measured with "
+            "these parameters: write the survey in metres, or make sure that the parameters are "
+            "of these cameras."
+        )
+    if not scaled.is_close:
+
+        def agree_without(name: str) -> bool:
+            rest = names != name
+            part = MeasuredPoints(*(own[rest] for own in vars(measured).values()))
+            again = fit_rigid(part, world_m[rest], noise, sigma_m, scale=True)
+            return again.rms_m < 0.2 * scaled.limit_m
+
+        distinct = list(dict.fromkeys(survey.names))
+        tried = distinct if len(distinct) > FEWEST_POINTS + 1 else []
+        raise StereocalError(
+            "The surveyed and the measured points contradict each other by "
+            f"{rounded(scaled.rms_m, 3)} m (root mean square): "
+            f"{culprit(tried, agree_without, MOST_TRIED)}. Check the names, the coordinates and "
+            "the image points."
+        )
+    return scaled, hand
 
 
 def _check_spread(surveyed: FloatArray, measured: FloatArray) -> None:
