@@ -13,6 +13,7 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
+from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.sampling import evenly_spread
 
@@ -26,14 +27,14 @@ FITTING = 0.003
 wrong readings of frames in no order leave 0.005 and more."""
 
 
-def cameras_of(data: Dataset | Recording) -> Mapping[str, Camera]:
+def cameras_of(data: Dataset | Recording | Rig) -> Mapping[str, Camera]:
     """The cameras by name."""
     if isinstance(data, Recording):
         return data.cameras
     return dict(zip(CAMERAS, (data.primary, data.secondary), strict=True))
 
 
-def fitting_px(data: Dataset | Recording) -> float:
+def fitting_px(data: Dataset | Recording | Rig) -> float:
     """The largest noise with which points may be said to fit, in pixels."""
     return FITTING * min(float(np.hypot(*own.image_size)) for own in cameras_of(data).values())
 

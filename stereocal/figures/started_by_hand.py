@@ -6,7 +6,6 @@ import plotly.graph_objects as go
 from stereocal.figures.style import CORRECT_COLOUR, NEUTRAL, WRONG_COLOUR, add_trace, blank, line_of
 from stereocal.network.started_by_hand import OffsetOfPair
 from stereocal.rig.compiled import FloatArray
-from stereocal.system.numbers import rounded
 
 MOST_DRAWN = 1500
 """Offsets drawn; of more, the best of each of as many runs."""
@@ -32,19 +31,11 @@ def plot_offsets(found: OffsetOfPair) -> go.Figure:
 
 def describe_offsets(found: OffsetOfPair) -> str:
     """The figure in words."""
-    first, second = found.pair
-    return (
-        f"Distance from the epipolar lines against the offset of {second} to {first}, on a "
-        f"logarithmic axis: {rounded(found.px)} px at {found.measured.frames:.2f} frames, "
-        f"{rounded(found.other_px)} px at the best of all others, {found.other:.0f} frames."
-    )
+    return f"Distance from the epipolar lines, logarithmic, by the offset. {found.sentence()}"
 
 
 def _thinned(offsets: FloatArray, errors_px: FloatArray) -> FloatArray:
     """(n, 2): of each run of offsets the one with the smallest error."""
-    known = np.isfinite(errors_px)
-    rows = np.column_stack([offsets, errors_px])[known]
-    if len(rows) <= MOST_DRAWN:
-        return np.asarray(rows)
-    runs = np.array_split(rows, MOST_DRAWN)
+    rows = np.column_stack([offsets, errors_px])[np.isfinite(errors_px)]
+    runs = np.array_split(rows, min(len(rows), MOST_DRAWN))
     return np.array([run[run[:, 1].argmin()] for run in runs])

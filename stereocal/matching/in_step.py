@@ -8,27 +8,30 @@ frames where they have tracks: points of the same name, or the only point of eac
 
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 
 import numpy as np
 import pandas as pd
 
-from stereocal.calibration.corrections import FITTING
+from stereocal.calibration.corrections import fitting_px
 from stereocal.errors import StereocalError
-from stereocal.matching.own_count import RATE, SHIFT, Seen
 from stereocal.matching.point_table import POINT, PointTable
+from stereocal.matching.trajectories import naming_columns
 from stereocal.network.rig_file import Parameters, RigFile
-from stereocal.network.started_by_hand import STANDS_OUT
+from stereocal.network.started_by_hand import APART, STANDS_OUT
+from stereocal.rig.clusters import follow_each_other
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
-from stereocal.rig.correspondences import PIXELS
-from stereocal.rig.geometry import sampson
+from stereocal.rig.correspondences import PIXELS, TIME
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import MeasuredOffset, interpolate
 from stereocal.system.sampling import evenly_spread
 
-FRAMES, FEWEST, APART = 40, 8, 2
-"""Frames that an offset is judged by, at least so many; and frames between offsets that compete."""
+SHIFT = "time_shift_frames"
+"""Column of points that were shifted: by how many frames, 0 where they have no neighbours."""
+RATE = 5e-4
+"""The least change of an offset from frame to frame that is one of rates."""
+FRAMES, FEWEST = 40, 8
+"""Frames that an offset is judged by, and at least so many."""
 MOST_OFFSETS = 20_000
 NTSC = 1.001
 """60 frames a second over 59.94."""
@@ -36,14 +39,14 @@ RATES = (1.0,), (2.0, 0.5), tuple(np.outer((1.0, 2.0, 0.5), (NTSC, 1 / NTSC)).ra
 """Of the primary over the secondary: those that are tried together, where none before fits."""
 FITTED, TELLING, LONG = 1000, 40, 300
 """Frames that an offset is fitted to, fewest points, and frames from which on a drift is."""
-ROUNDS, STEP, FAR, BLOCKS = 6, 0.02, 2.5, 10
-"""Of the fit; frames of its derivative; medians from which an error loses its weight; and parts of
-the time, within which errors are alike: the standard error is the larger of theirs and of that of
-independent errors (of 160 simulated recordings, rms of the errors over the stated ones 1.08)."""
+ROUNDS, STEP, FAR, RUNS = 6, 0.02, 4.5, 10
+"""Of the fit; frames of its derivative; medians from which on an error is left out; and parts of
+the time, within which errors are alike: the standard error is the larger of that without each
+(jackknife) and of that of independent errors."""
 CLAIMED, LEAST = 3.2, 0.02
 """Standard errors and frames from which on it differs from the calibrated recording's."""
-NEIGHBOURS = np.arange(-3, 4)
-"""Frames about one that its points are interpolated from."""
+FOLLOWING = 10
+"""Fewest points of tracks whose frames follow each other."""
 
 
 def tables_in_step(
@@ -81,12 +84,10 @@ def points_in_step(
         pair = replace(pair, start_frame=0) if numbered_alike else pair
         if not _is_late(pair, points):
             continue
-        both = _Both(pair, Seen.of(tables[first], POINT), Seen.of(points, POINT))
+        both = _Both.of(pair, tables[first], points, POINT * 2)
         offset, notes[name] = both.counted(called[first], called[name])
-        frame, moment, kept = both.second.numbered(offset)
-        pairs = both.nearest(*both.placed(offset), 0, FITTED)[:2]
-        points = points.assign(frame=frame)
-        found[name], told = both.moved(points, POINT, offset, pairs, moment, kept)
+        i, j, _ = both.nearest(both.placed(offset), 0, FITTED)
+        found[name], told = both.moved(offset, i, j, *both.moments(offset))
         notes[name] += told
     return found, notes
 
@@ -97,17 +98,14 @@ def pairs_in_step(table: PointTable, rig: RigParameters) -> tuple[PointTable, st
     if not _is_late(rig, table.further):
         return table, ""
     pairs = pd.concat(list(table.blocks()))
-    both = _Both(rig, Seen.of(pairs, PIXELS[:2]), Seen.of(pairs, PIXELS[2:]))
-    times = both.second.times
+    both, some = _Both.of(rig, pairs, pairs, PIXELS), evenly_spread(len(pairs), FITTED)
 
     def misfit(tried: MeasuredOffset) -> float:
-        points = both.second.at(tried, times, rig.secondary.image_size)[0]
-        return float(np.median(np.abs(rig.epipolar_errors(both.first.pixels, points))))
+        points, _ = both.at(tried, both.times)
+        return float(np.median(np.abs(rig.epipolar_errors(both.first, points))))
 
-    offset = how_counted(rig, rig.start_frame, misfit)[0]
-    some = evenly_spread(len(pairs), FITTED)
-    all_of_them = np.ones(len(pairs), np.bool_)
-    moved, told = both.moved(pairs, PIXELS[2:], offset, (some, some), times, all_of_them)
+    offset, _ = how_counted(rig, rig.start_frame, misfit)
+    moved, told = both.moved(offset, some, some, both.times, np.ones(len(pairs), np.bool_))
     if not told:
         return table, ""
     return PointTable(moved, table.numbers, table.label), " ".join([f"{table.label}:", *told])
@@ -137,114 +135,158 @@ def _is_late(rig: RigParameters, columns: Container[str]) -> bool:
     return (rig.time_offset is not None or rig.start_frame != 0) and SHIFT not in columns
 
 
-Rows = Mapping[int, IntArray]
-"""Which points are of a frame."""
+Placed = tuple[IntArray, IntArray, FloatArray]
+"""Of points: their frames, ascending, which they are, and their pixels."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Both:
-    """What two cameras saw, whose pose is known."""
+    """What two cameras saw, whose pose is known: m points of the first and n of the second."""
 
     rig: RigParameters
-    first: Seen
-    second: Seen
+    frames: IntArray
+    first: FloatArray
+    """(m,) and (m, 2): of the first camera, with its pixels."""
+    points: pd.DataFrame
+    """Of the second, with its pixels in some columns."""
+    columns: tuple[str, ...]
+    times: IntArray
+    second: FloatArray
+    """(n,) and (n, 2): frames of the second as recorded, and its pixels."""
+    track: IntArray
+    """(n,): which points of the second belong together; each one alone where no column names tracks
+    whose frames follow."""
 
-    @cached_property
-    def _of_first(self) -> tuple[Rows, FloatArray]:
-        """Its points by frame, and their rays."""
-        every = np.arange(len(self.first.frame))
-        return _by_frame(self.first.frame, every), self.rig.primary.undistort(self.first.pixels)
+    @classmethod
+    def of(
+        cls, rig: RigParameters, first: pd.DataFrame, second: pd.DataFrame, columns: Sequence[str]
+    ) -> "_Both":
+        """The points of two tables with the column `frame`, and of the second perhaps `TIME` and
+        names of tracks.
 
-    def placed(self, offset: MeasuredOffset) -> tuple[Rows, FloatArray]:
-        """The points of the second by frames of the first, and their rays at these."""
-        frame, moment, kept = self.second.numbered(offset)
-        pixels, _ = self.second.at(offset, moment, self.rig.secondary.image_size)
-        return _by_frame(frame, np.flatnonzero(kept)), self.rig.secondary.undistort(pixels)
+        Args:
+            columns: the pixels of the first and of the second.
+        """
+        seen, own = first[list(columns[:2])].to_numpy(dtype=np.float64), (*columns[2:],)
+        pixels, frame = second[list(own)].to_numpy(dtype=np.float64), second["frame"]
+        recorded = pd.to_numeric(second.get(TIME, frame), errors="coerce").fillna(frame)
+        times, frames = recorded.to_numpy(dtype=np.int64), first["frame"].to_numpy(dtype=np.int64)
+        named = second.assign(frame=times).dropna(axis="columns")
+        further = named.columns.difference(["frame", TIME, *own], sort=False)
+        codes = [pd.factorize(named[name])[0] for name in naming_columns(named, further)]
+        if not named["frame"].duplicated().any():
+            codes = [0 * times]
+        for track in codes:
+            if follow_each_other(pixels[np.lexsort([times, track])], FOLLOWING):
+                break
+        else:
+            track = np.arange(len(times))
+        return cls(rig, frames, seen, second, own, times, pixels, track)
+
+    def moments(self, offset: MeasuredOffset) -> tuple[IntArray, BoolArray]:
+        """The first's frame for each point of the second, as recorded; and whether the point is the
+        nearest to it, of a camera with another rate, (n,) each."""
+        if abs(offset.drift) < RATE:
+            return self.times + offset.split()[0], np.ones(len(self.times), np.bool_)
+        moment = np.floor(self.times + offset.at(self.times) + 0.5).astype(np.int64)
+        late = self.late(offset, moment)
+        return moment, (late >= -0.5) & (late < 0.5)
+
+    def late(self, offset: MeasuredOffset, moment: IntArray) -> FloatArray:
+        """(n,): by how many of its own frames a point of the second is later than a frame of the
+        first."""
+        return (self.times - moment + offset.at(self.times)) / (1.0 + offset.drift)
+
+    def at(self, offset: MeasuredOffset, moment: IntArray) -> tuple[FloatArray, BoolArray]:
+        """The second's points at frames of the first, (n, 2), and whether that is known, (n,);
+        those that have no neighbours or would leave the image are where they are."""
+        found = interpolate(self.track, self.times, self.second, self.late(offset, moment))
+        known = found.inside(self.rig.secondary.image_size)
+        return np.where(known[:, None], found.positions, self.second), known
+
+    def renumbered(self, moment: IntArray) -> IntArray:
+        """(n,): the second's frames, moved as far as those recorded."""
+        return self.points["frame"].to_numpy(dtype=np.int64) + moment - self.times
+
+    def placed(self, offset: MeasuredOffset) -> Placed:
+        """The second's points in the order of the first's frames: the frame, which point, and its
+        pixel there."""
+        moment, kept = self.moments(offset)
+        rows, frame = np.flatnonzero(kept), self.renumbered(moment)
+        rows = rows[np.argsort(frame[rows], kind="stable")]
+        return frame[rows], rows, self.at(offset, moment)[0][rows]
 
     def nearest(
-        self, rows: Rows, rays: FloatArray, later: int, most: int
+        self, placed: Placed, later: int, most: int
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """For the points of the first in some frames the second's that is nearest to the epipolar
         line: indices of both, (k,), and the distance in px; none of too few frames.
 
         Args:
-            rows, rays: as `placed`, `later` frames before their time.
+            placed: `later` frames before their time.
         """
-        of_first, own_rays = self._of_first
-        common = np.array([k for k in of_first if k - later in rows], dtype=np.int64)
+        frame, rows, pixels = placed
+        common = np.intersect1d(self.frames, frame + later)
         if len(common) < FEWEST:
             return np.empty(0, np.int64), np.empty(0, np.int64), np.array([np.inf])
-        some = np.sort(common)[evenly_spread(len(common), most)].tolist()
-        each = [(of_first[frame], rows[frame - later]) for frame in some]
-        i = np.concatenate([np.repeat(one, len(two)) for one, two in each])
-        j = np.concatenate([np.tile(two, len(one)) for one, two in each])
-        widths = np.concatenate([np.full(len(one), len(two)) for one, two in each])
-        px = np.abs(self._errors(own_rays[i], rays[j]))
-        order = np.lexsort((px, np.repeat(np.arange(len(widths)), widths)))
-        best = order[np.cumsum(widths) - widths]
-        return i[best], j[best], px[best]
+        i = np.flatnonzero(np.isin(self.frames, common[evenly_spread(len(common), most)]))
+        begin, end = (np.searchsorted(frame + later, self.frames[i], s) for s in ("left", "right"))
+        width = end - begin
+        start = np.cumsum(width) - width
+        one = np.repeat(np.arange(len(i)), width)
+        other = np.arange(len(one)) + (begin - start)[one]
+        px = np.abs(self.rig.epipolar_errors(self.first[i[one]], pixels[other]))
+        best = np.lexsort((px, one))[start]
+        return i, rows[other[best]], px[best]
 
-    def _errors(self, first: FloatArray, second: FloatArray) -> FloatArray:
-        """Signed distances of rays from their epipolar lines, in px."""
-        focal = np.sqrt(self.rig.primary.K[0, 0] * self.rig.secondary.K[0, 0])
-        both = np.column_stack([first, second])
-        return np.asarray(focal * sampson(self.rig.pose.essential, both))
-
-    def _misfit(self, rows: Rows, rays: FloatArray, later: int = 0) -> float:
-        return float(np.median(self.nearest(rows, rays, later, FRAMES)[2]))
+    def misfit(self, placed: Placed, later: int = 0) -> float:
+        """The median distance of the nearest points from the epipolar lines, in px."""
+        return float(np.median(self.nearest(placed, later, FRAMES)[2]))
 
     def counted(self, first: str, second: str) -> tuple[MeasuredOffset, list[str]]:
         """How the second's points were counted, and a sentence with the cameras' names."""
         whole = self.rig.start_frame
-        best, px = how_counted(self.rig, whole, lambda tried: self._misfit(*self.placed(tried)))
+        found, px = how_counted(self.rig, whole, lambda tried: self.misfit(self.placed(tried)))
         if not whole:
-            return best, []
-        if px > self._limit:
-            if min(len(np.unique(each.frame)) for each in (self.first, self.second)) < FEWEST:
-                return best, [
+            return found, []
+        if px > fitting_px(self.rig):
+            if min(len(np.unique(each)) for each in (self.frames, self.times)) < FEWEST:
+                return found, [
                     f"the calibrated recording was counted {abs(whole)} frames apart; these frames "
                     "are too few to tell whether they are, and were used as numbered."
                 ]
-            found = next(filter(None, map(self._scanned, RATES)), None)
-            if found is None:
+            anew = next(filter(None, map(self.scanned, RATES)), None)
+            if anew is None:
                 raise StereocalError(
                     f"The calibrated recording was counted {abs(whole)} frames apart. By how much "
                     "these points are, they do not tell: at no offset do they fit the parameters "
                     "far better than at all others. Number the frames of both cameras alike, or "
                     "give more frames with few points that move."
                 )
-            best = found
-        start, rate = best.split()[0], 1.0 + best.drift
-        if abs(best.drift) >= RATE:
-            where = f"frame k of {second} is frame {rate:.6g} k {start:+d} of {first}"
+            found = anew
+        start = found.split()[0]
+        if abs(found.drift) >= RATE:
+            where = f"frame k of {second} is frame {1.0 + found.drift:.6g} k {start:+d} of {first}"
         elif start:
             where = f"frame 0 of {second} is frame {start} of {first}"
         else:
-            return best, ["by these points, both cameras counted their frames alike."]
-        return best, [f"by these points, {where}: they are paired like this, with its numbers."]
+            return found, ["by these points, both cameras counted their frames alike."]
+        return found, [f"by these points, {where}: they are paired like this, with its numbers."]
 
-    @property
-    def _limit(self) -> float:
-        """The largest misfit of points that fit, in px."""
-        sizes = (self.rig.primary.image_size, self.rig.secondary.image_size)
-        return FITTING * min(float(np.hypot(*size)) for size in sizes)
-
-    def _scanned(self, rates: Sequence[float]) -> MeasuredOffset | None:
+    def scanned(self, rates: Sequence[float]) -> MeasuredOffset | None:
         """The offset at which the points fit far better than at all others; None if none does."""
         tries = list[tuple[float, float, float]]()
         for rate, phase in product(rates, (0.0, 0.5)):
-            if phase and rate >= 1.0 and self.second.track is None:
-                continue
-            rows, rays = self.placed(MeasuredOffset(phase, rate - 1.0))
-            low, high = min(self._of_first[0]) - max(rows), max(self._of_first[0]) - min(rows)
+            placed = self.placed(MeasuredOffset(phase, rate - 1.0))
+            low, high = self.frames.min() - placed[0][-1], self.frames.max() - placed[0][0]
             if high - low > MOST_OFFSETS:
                 return None
             whole = range(low, high + 1)
-            tries += [(self._misfit(rows, rays, each), each + phase, rate - 1.0) for each in whole]
+            tries += [(self.misfit(placed, each), each + phase, rate - 1.0) for each in whole]
         errors, frames, drifts = np.array(tries).T
-        best, at = int(errors.argmin()), frames + drifts * np.median(self.second.times)
+        best, at = int(errors.argmin()), frames + drifts * np.median(self.times)
         other = errors[np.abs(at - at[best]) > APART].min(initial=np.inf)
-        if errors[best] <= self._limit and STANDS_OUT * errors[best] < other < np.inf:
+        if errors[best] <= fitting_px(self.rig) and STANDS_OUT * errors[best] < other < np.inf:
             return MeasuredOffset(float(frames[best]), float(drifts[best]))
         return None
 
@@ -256,74 +298,59 @@ class _Both:
 
         Args:
             i, j: (k,): of the first and of the second.
-            moment: the frame of the primary of all points of the second.
+            moment: (n,): the first's frames.
         """
-        around = np.unique(self.second.times[j])[:, None] + NEIGHBOURS
-        used = np.isin(self.second.times, around)
-        some, moment, j = self.second.where(used), moment[used], np.cumsum(used)[j] - 1
-        times, rays, size = some.times[j], self._of_first[1][i], self.rig.secondary.image_size
-        if some.track is None or len(j) < TELLING:
+        if len(j) < TELLING:
             return None
-        middle = float(np.round(times.mean()))
-        since = np.column_stack([np.ones(len(j)), times - middle])[:, : 1 + (np.ptp(times) > LONG)]
+        times, middle = self.times[j], float(np.round(self.times[j].mean()))
+        drifts = bool(np.ptp(times) > LONG)
         found = MeasuredOffset(float(tried.at(middle)), tried.drift, middle)
 
         for _ in range(ROUNDS):
-            at = interpolate(some.track, some.times, some.pixels, some.late(found, moment))
+            at = interpolate(self.track, self.times, self.second, self.late(found, moment))
             # Not of positions at the next instants: their noise is not independent of these'.
-            pixels = at.positions[j], at.positions[j] - STEP * at.velocities[j]
-            here, ahead = (self._errors(rays, self.rig.secondary.undistort(p)) for p in pixels)
-            use = at.inside(size)[j] & np.isfinite(here + ahead)
-            if use.sum() < TELLING:
+            both = at.positions[j], at.positions[j] - STEP * at.velocities[j]
+            errors, ahead = (self.rig.epipolar_errors(self.first[i], pixels) for pixels in both)
+            slope = (ahead - errors) / STEP
+            use = np.flatnonzero(at.inside(self.rig.secondary.image_size)[j] & (slope != 0.0))
+            if len(use) < TELLING:
                 return None
-            e, J = here[use], (since * ((ahead - here) / STEP)[:, None])[use]
-            far = np.square(e / (FAR * np.median(np.abs(e)) + 1e-9))
-            scores = J * (e / (1.0 + far))[:, None]
-            step = np.linalg.pinv(J.T @ (J / (1.0 + far)[:, None])) @ scores.sum(axis=0)
-            found = replace(
-                found, frames=found.frames - step[0], drift=found.drift - step[1:].sum()
-            )
-        inverse = np.linalg.pinv(J.T @ (J * ((1.0 - far) / (1.0 + far) ** 2)[:, None]))
-        order = np.argsort(times[use], kind="stable")
-        blocks = np.array([scores[own].sum(axis=0) for own in np.array_split(order, BLOCKS)])
-        variances = [
-            np.square(own @ inverse).sum(axis=0) * len(own) / (len(own) - J.shape[1])
-            for own in (scores, blocks)
-        ]
-        spread = np.sqrt(np.max(variances, axis=0))
-        found = replace(found, sigma=float(spread[0]), drift_sigma=float(spread[1:].sum()))
+            use = use[np.argsort(times[use], kind="stable")]
+            size = np.abs(errors[use])
+            use = use[size <= FAR * np.median(size)]
+            told = np.column_stack([times - middle, errors / slope, np.abs(slope)])[use]
+            (frames, drift), sigma = _line(told, drifts)
+            found = replace(found, frames=found.frames - frames, drift=found.drift - drift)
+        runs = np.array_split(np.arange(len(told)), RUNS)
+        without = [_line(np.delete(told, run, axis=0), drifts)[0] for run in runs]
+        sigma = np.maximum(sigma, (RUNS - 1) ** 0.5 * np.std(without, axis=0))
+        found = replace(found, sigma=float(sigma[0]), drift_sigma=float(sigma[1]))
         ends = np.array([times.min(), times.max()])
-        sigma = np.hypot(found.sigma, found.drift_sigma * np.abs(ends - middle))
+        off = np.hypot(found.sigma, found.drift_sigma * np.abs(ends - middle))
         apart = np.abs(found.at(ends) - tried.at(ends))
-        told = apart > np.maximum(LEAST, CLAIMED * np.hypot(sigma, tried.sigma))
-        return found if told.any() and abs(found.frames - tried.at(middle)) < APART / 2 else None
+        differs = apart > np.maximum(LEAST, CLAIMED * np.hypot(off, tried.sigma))
+        is_near = abs(found.frames - tried.at(middle)) < APART / 2
+        return found if differs.any() and is_near else None
 
     def moved(
-        self,
-        points: pd.DataFrame,
-        columns: tuple[str, ...],
-        tried: MeasuredOffset,
-        pairs: tuple[IntArray, IntArray],
-        moment: IntArray,
-        kept: BoolArray,
+        self, tried: MeasuredOffset, i: IntArray, j: IntArray, moment: IntArray, kept: BoolArray
     ) -> tuple[pd.DataFrame, list[str]]:
         """The points of the second at frames of the first, with the column `SHIFT`, and how.
 
         Args:
-            pairs, moment: as of `own`.
-            kept: which points.
+            i, j, moment: as of `own`.
+            kept: (n,): which points.
         """
-        own = self.own(tried, *pairs, moment)
-        offset = own or tried
-        pixels, known = self.second.at(offset, moment, self.rig.secondary.image_size)
-        late = self.second.late(offset, moment)
-        moved = points.assign(**dict(zip(columns, pixels.T, strict=True)))
+        own = self.own(tried, i, j, moment)
+        pixels, known = self.at(own or tried, moment)
+        late, known = self.late(own or tried, moment)[kept], known[kept]
+        moved = self.points.assign(frame=self.renumbered(moment))[kept]
+        moved[list(self.columns)] = pixels[kept]
         moved[SHIFT] = np.where(known, late, 0.0)
-        moved, late, known = moved[kept], late[kept], known[kept]
         if not late.any():
             return moved, []
         shift = f"{np.median(late):.3f} frames"
-        if self.second.track is None:
+        if not known.any():
             return moved, [
                 f"the time offset of {shift} could not be applied, because no column names the "
                 "tracks of points from frame to frame: the secondary points are used as recorded."
@@ -337,6 +364,13 @@ class _Both:
         return moved, [f"{told}."]
 
 
-def _by_frame(frame: IntArray, rows: IntArray) -> Rows:
-    found = pd.Series(rows).groupby(frame[rows])
-    return {int(str(k)): own.to_numpy() for k, own in found}
+def _line(told: FloatArray, drifts: bool) -> FloatArray:
+    """(2, 2): by how many frames points are late, and its change from frame to frame; and their
+    standard errors, if those of the points are independent.
+
+    Args:
+        told: (n, 3): the time of each, by how much it is late, and the weight of that.
+    """
+    line, covariance = np.polyfit(told[:, 0], told[:, 1], int(drifts), w=told[:, 2], cov=True)
+    found = np.array([line, np.sqrt(np.diag(covariance))])[:, ::-1]
+    return np.pad(found, ((0, 0), (0, 2 - found.shape[1])))

@@ -8,7 +8,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.rig.recording import Recording
-from stereocal.rig.tracks import NO_SHIFT, interpolate
+from stereocal.rig.tracks import NO_SHIFT
 from stereocal.system.records import of_plain
 
 RATES = "frame_rates"
@@ -55,19 +55,15 @@ def at_slowest(recording: Recording, rates: Mapping[str, float]) -> Recording:
     Args:
         rates: frames per second of each camera.
     """
-    cameras, own = recording.cameras, recording.frame
-    ratio = np.array([rates[name] / min(rates.values()) for name in cameras])[recording.camera]
+    slowest, own = min(rates.values()), recording.frame
+    ratio = np.array([rates[name] / slowest for name in recording.cameras])[recording.camera]
     frame = np.ceil((own - 0.5) / ratio).astype(np.int64)
     late = own - frame * ratio
     between = np.abs(late) > NO_SHIFT
-    tracks = recording.camera * len(recording.object.names) + recording.target
-    found = interpolate(tracks, own, recording.points, late)
-    inside = np.choose(
-        recording.camera, [found.inside(each.image_size) for each in cameras.values()]
-    )
+    found, known = recording.moved(late)
     return replace(
         recording,
         frame=frame,
         points=np.where(between[:, None], found.positions, recording.points),
         sigma_px=recording.sigma_px * np.where(between, np.sqrt(found.variance), 1.0),
-    ).where((late > -0.5) & (inside | ~between))
+    ).where((late > -0.5) & (known | ~between))

@@ -73,11 +73,11 @@ def _in_time(rig: RigFile, sets: Sequence[RigParameters]) -> tuple[RigFile, list
         offsets[found.camera_names] = replace(late, frames=late.frames + found.start_frame)
     if not any(offset.is_shift for offset in offsets.values()):
         return rig, []
+    offsets = _at_one_frame(offsets)
     try:
-        offsets = _at_one_frame(offsets)
-        starts, errors = closed(rig.names, offsets)
+        starts, errors = closed(rig.names, offsets, COUNTED_ANEW)
     except StereocalError as error:
-        return rig, [f"{error} {COUNTED_ANEW}"]
+        return rig, [str(error)]
     covariance, times = rig.covariance.copy(), np.arange(len(starts)) * EACH + TIME
     covariance[np.ix_(times, times)] = errors
     both = dict(zip(rig.names, starts.round(9).tolist(), strict=True))

@@ -11,7 +11,7 @@ from stereocal.network.fit import RigFit, RigSettings
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
-from stereocal.rig.tracks import TimeOffset, interpolate
+from stereocal.rig.tracks import TimeOffset
 
 MOST_ROUNDS = 8
 IN_STEP = 0.05
@@ -81,13 +81,8 @@ def _shifted(recording: Recording, offsets: Sequence[TimeOffset]) -> tuple[Recor
     no neighbours there; and their motion (n, 3), as of `Observations.of_recording`."""
     at = np.array([own.at(recording.frame) for own in offsets])
     offset = at[recording.camera, np.arange(len(recording.frame))]
-    track = recording.camera * len(recording.object.names) + recording.target
-    tracks = interpolate(track, recording.frame, recording.points, offset)
+    tracks, known = recording.moved(offset)
     moved = np.array([own.is_shift for own in offsets])[recording.camera]
-    known = tracks.known.copy()
-    for number, camera in enumerate(recording.cameras.values()):
-        of_camera = recording.camera == number
-        known[of_camera] &= tracks.inside(camera.image_size)[of_camera]
     points = np.where((moved & known)[:, None], tracks.positions, recording.points)
     usable = ~moved | known
     shifted = replace(recording, points=points).where(usable)

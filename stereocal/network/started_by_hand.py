@@ -8,13 +8,15 @@ fraction of the one that stands out.
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from stereocal.calibration.corrections import FITTING
+from stereocal.calibration.corrections import fitting_px
 from stereocal.calibration.offset_scan import FEWEST, Track, common_points, scan
 from stereocal.errors import StereocalError, naming
 from stereocal.network.frame_rates import at_slowest
@@ -23,9 +25,8 @@ from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.refine import robust_pose
 from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import fit_time_offset, spread_over_runs
-from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
-from stereocal.rig.geometry import sampson, triangulate_rays
+from stereocal.rig.geometry import Pose, sampson, triangulate_rays
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.answers import TableAnswer
@@ -116,15 +117,14 @@ class BroughtIntoStep(TableAnswer):
     def answer(self) -> list[str]:
         """What was found, of each pair and of the cameras together."""
         told = [found.sentence() for found in self.pairs.values()]
-        if len(self.offsets) > 2:
-            first, *others = self.offsets
-            each = [
-                f"{name} {_pm(abs(value), sigma)} frames {'later' if value >= 0 else 'earlier'}"
-                for name in others
-                for value, sigma in [self.offsets[name]]
-            ]
-            told.append(f"All pairs together: {', '.join(each)} than {first} was started.")
-        return told
+        first, *others = self.offsets
+        each = [
+            f"{name} {_pm(abs(value), sigma)} frames {'later' if value >= 0 else 'earlier'}"
+            for name, (value, sigma) in self.offsets.items()
+            if name != first
+        ]
+        together = f"All pairs together: {', '.join(each)} than {first} was started."
+        return [*told, together] if len(others) > 1 else told
 
     def to_dataframe(self) -> pd.DataFrame:
         """The offset of each pair in frames, and the distances from the epipolar lines in px."""
@@ -169,12 +169,9 @@ def bring_into_step(
     if lost or not found:
         told = failed[pair := next(pair for pair in failed if not lost or {*pair} & {*lost})]
         raise StereocalError(told + _rates_that_fit(recording, pair))
-    try:
-        starts, covariance = closed(names, {pair: own.measured for pair, own in found.items()})
-    except StereocalError as error:
-        raise StereocalError(
-            f"{error} One of them is wrong: record an irregular motion that all cameras see."
-        ) from error
+    advice = "One of them is wrong: record an irregular motion that all cameras see."
+    measured = {pair: own.measured for pair, own in found.items()}
+    starts, covariance = closed(names, measured, advice)
     errors = np.sqrt(np.diag(covariance)).tolist()
     offsets = dict(zip(names, zip(starts.tolist(), errors, strict=True), strict=True))
     whole = {name: round(value) for name, (value, _) in offsets.items()}
@@ -185,23 +182,22 @@ def bring_into_step(
 
 
 def closed(
-    names: Sequence[str], pairs: Mapping[CameraPair, MeasuredOffset]
+    names: Sequence[str], pairs: Mapping[CameraPair, MeasuredOffset], advice: str
 ) -> tuple[FloatArray, FloatArray]:
     """By how many frames of the first each of n cameras was started later, (n,), and their
     covariance (n, n), from the offsets of pairs that reach all.
 
     Raises:
-        StereocalError: the pairs contradict each other.
+        StereocalError: the pairs contradict each other; with this advice.
     """
-    values = np.array([each.frames for each in pairs.values()])
-    sigmas = np.array([max(each.sigma, LEAST_SIGMA) for each in pairs.values()])
+    values, sigmas = np.array([[own.frames, own.sigma] for own in pairs.values()]).T
+    sigmas = np.maximum(sigmas, LEAST_SIGMA)
     starts, covariance, off = fused_values(names, [*pairs], values, sigmas)
     if (off > CLOSED + 5 * sigmas).any():
-        each = ", ".join(
-            f"{a}-{b} {value:.2f}" for (a, b), value in zip(pairs, values, strict=True)
-        )
+        each = ", ".join(f"{a}-{b} {own.frames:.2f}" for (a, b), own in pairs.items())
         raise StereocalError(
-            f"The offsets of the pairs contradict each other by {off.max():.2f} frames: {each}."
+            f"The offsets of the pairs contradict each other by {off.max():.2f} frames: {each}. "
+            f"{advice}"
         )
     return starts, covariance
 
@@ -234,111 +230,6 @@ def _rates_that_fit(recording: Recording, pair: CameraPair) -> str:
     return ""
 
 
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """How well the points fit an essential matrix at an offset."""
-
-    offset: float
-    px: float = np.inf
-    """Median distance from the epipolar lines."""
-    lengths: float = np.nan
-    """Median deviation of the lengths of what is held, as a fraction; NaN without enough."""
-    frames: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    """The moments that tell it: numbers of frames of the first camera."""
-    places: int = 0
-    """At so many places of the image that differ, in each camera."""
-
-    @property
-    def score(self) -> float:
-        """The distance, larger where the lengths contradict each other."""
-        known = self.lengths if self.lengths >= 0.0 else 0.0
-        return self.px * (1.0 + min(known, 1e9) / LENGTHS_AGREE)
-
-    def evidence(self, usual_px: float) -> float:
-        """The logarithm of how unlikely chance fits so many places so well.
-
-        Args:
-            usual_px: distance from the epipolar lines at wrong offsets.
-        """
-        return (self.places - FREEDOM) * float(np.log(usual_px / max(self.score, LEAST_PX)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """What two cameras saw, by their own counts of frames."""
-
-    cameras: tuple[Camera, Camera]
-    primary: Track
-    secondary: Track
-
-    @classmethod
-    def of(cls, recording: Recording) -> "_Seen":
-        """The rays of both cameras of a recording."""
-        shown, tracks = np.unique(recording.target), []
-        for number, (name, camera) in enumerate(recording.cameras.items()):
-            own = recording.where(recording.camera == number)
-            if not len(own.frame):
-                raise StereocalError(f"The camera {name} saw no points.")
-            first, many = int(own.frame.min()), int(np.ptp(own.frame))
-            if many >= LONGEST:
-                raise StereocalError(f"The {many:,} frames of {name} are too many to search.")
-            rays = np.full((many + 1, len(shown), 2), np.nan)
-            at = own.frame - first, np.searchsorted(shown, own.target)
-            rays[at] = camera.undistort(own.points)
-            tracks.append(Track(first, rays))
-        first_camera, second_camera = recording.cameras.values()
-        return cls((first_camera, second_camera), *tracks)
-
-    @property
-    def focal_px(self) -> float:
-        """Pixels per unit on the plane z = 1."""
-        first, second = self.cameras
-        return float(np.sqrt(first.K[0, 0] * second.K[0, 0]))
-
-    def scan(self, near: float | None) -> tuple[FloatArray, FloatArray]:
-        """All offsets by half frames, and the distance in px at each; NaN where not judged."""
-        one, other = self.primary, self.secondary
-        whole = np.arange(FEWEST - len(other.rays), len(one.rays) - FEWEST + 1)
-        whole = whole + one.first - other.first
-        if near is not None:
-            whole = whole[np.abs(whole - near) <= AROUND]
-        both = [scan(one, each, whole) for each in (other, other.earlier(0.5))]
-        return (whole[:, None] + [0.0, 0.5]).ravel(), self.focal_px * np.column_stack(both).ravel()
-
-    def at(self, offset: float) -> _Candidate:
-        """How well the points fit at an offset."""
-        whole = int(np.floor(offset))
-        one, other = self.primary, self.secondary
-        if offset > whole:
-            other = other.earlier(offset - whole)
-        places, rays = common_points(one, other, whole, JUDGED)
-        frames = np.unique(places[:, 0])
-        pose = robust_pose(self.cameras, rays, SAMPLES) if len(frames) >= FEWEST else None
-        if pose is None:
-            return _Candidate(offset)
-        px = self.focal_px * float(np.median(np.abs(sampson(pose.essential, rays.T))))
-        differing = min(len(np.unique(places[:, camera])) for camera in (2, 3))
-        found = _Candidate(offset, px, np.nan, frames + one.first, differing)
-        shift = whole + other.first - one.first
-        ends = np.concatenate([one.rays[frames], other.rays[frames - shift]], axis=2)[:, [0, -1]]
-        ends = ends[np.isfinite(ends).all(axis=(1, 2))]
-        if one.rays.shape[1] < 2 or len(ends) < FEWEST_LENGTHS:
-            return found
-        rays_of_ends = (np.ascontiguousarray(ends[:, k].T) for k in (0, 1))
-        first, last = (triangulate_rays(pose.R, pose.T, each) for each in rays_of_ends)
-        lengths = np.nan_to_num(np.linalg.norm(first - last, axis=1), nan=np.inf)
-        middle = np.median(lengths)
-        off = float(np.median(np.abs(lengths / middle - 1.0))) if middle < np.inf else np.inf
-        return replace(found, lengths=off)
-
-    def nearby(self, candidate: _Candidate) -> _Candidate:
-        """The best at parts of a frame next to it."""
-        for step in (0.5, 0.25, 0.125, 0.0625):
-            beside = [self.at(candidate.offset + way * step) for way in (-1, 1)]
-            candidate = min(candidate, *beside, key=lambda each: each.score)
-        return candidate
-
-
 def offset_of_pair(
     recording: Recording, pair: CameraPair, near: Mapping[str, float] = MappingProxyType({})
 ) -> OffsetOfPair:
@@ -355,110 +246,205 @@ def offset_of_pair(
     shown = np.unique(recording.target)
     few = shown[evenly_spread(len(shown), TARGETS)]
     two = recording.where(np.isin(recording.target, few)).of_cameras(pair)
-    about = near[pair[1]] - near[pair[0]] if {*pair} <= near.keys() else None
-    digest = hashlib.sha256(repr([about, *two.cameras.items()]).encode())
-    for column in (two.frame, two.camera, two.target, two.points):
-        digest.update(column.tobytes())
-
-    return once_or_refused(KEPT, digest.hexdigest(), lambda: _offset_of_pair(two, about))
+    search = _Search(two, near[pair[1]] - near[pair[0]] if {*pair} <= near.keys() else None)
+    columns = two.frame, two.camera, two.target, two.points
+    content = repr([search.near, *two.cameras.items()]).encode(), *map(bytes, columns)
+    return once_or_refused(KEPT, hashlib.sha256(b"".join(content)).hexdigest(), search.offset)
 
 
-def _offset_of_pair(recording: Recording, near: float | None) -> OffsetOfPair:
-    seen, (pair,) = _Seen.of(recording), recording.pairs
-    offsets, errors = seen.scan(near)
-    with naming(f"The offset of the cameras {pair[0]} and {pair[1]} cannot be told"):
-        best, other = _two_best(seen, offsets, errors)
-        beside = min(seen.at(best.offset + way).px for way in (-1, 1))
-        measured = _measured(recording, best.offset, best.frames)
-        if abs(measured.frames - best.offset) > NEAR + 5 * measured.sigma:
-            raise StereocalError(
-                f"the best offset, {best.offset:g} frames, and the one that fits the motion there, "
-                f"{measured.frames:.2f}, contradict each other."
+class _Candidate(NamedTuple):
+    """How well the points fit an essential matrix at an offset."""
+
+    offset: float
+    px: float = np.inf
+    """Median distance from the epipolar lines."""
+    score: float = np.inf
+    """The same, larger where the lengths of what is held contradict each other."""
+    evidence: float = -np.inf
+    """The logarithm of how unlikely chance fits as many places of the images so well."""
+    lengths_agree: bool = False
+    frames: IntArray = np.empty(0, dtype=np.int64)
+    """The moments that tell it: numbers of frames of the first camera."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """The search for the offset of the two cameras of a recording, by their own counts."""
+
+    recording: Recording
+    near: float | None
+    """About which offset, if something else tells that."""
+
+    @cached_property
+    def tracks(self) -> tuple[Track, Track]:
+        """The rays of both."""
+        shown, tracks = np.unique(self.recording.target), []
+        for number, (name, camera) in enumerate(self.recording.cameras.items()):
+            own = self.recording.where(self.recording.camera == number)
+            if not len(own.frame):
+                raise StereocalError(f"The camera {name} saw no points.")
+            first, many = int(own.frame.min()), int(np.ptp(own.frame))
+            if many >= LONGEST:
+                raise StereocalError(f"The {many:,} frames of {name} are too many to search.")
+            rays = np.full((many + 1, len(shown), 2), np.nan)
+            rays[own.frame - first, np.searchsorted(shown, own.target)] = camera.undistort(
+                own.points
             )
-    found = best.px, beside, other.px, other.offset
-    return OffsetOfPair(pair, measured, *found, offsets, errors)
+            tracks.append(Track(first, rays))
+        return tracks[0], tracks[1]
+
+    @cached_property
+    def focal_px(self) -> float:
+        """Pixels per unit on the plane z = 1."""
+        return float(np.sqrt(np.prod([each.K[0, 0] for each in self.recording.cameras.values()])))
+
+    @cached_property
+    def scanned(self) -> tuple[FloatArray, FloatArray]:
+        """All offsets by half frames, and the distance in px at each; NaN where not judged."""
+        one, other = self.tracks
+        whole = np.arange(FEWEST - len(other.rays), len(one.rays) - FEWEST + 1)
+        whole = whole + one.first - other.first
+        if self.near is not None:
+            whole = whole[np.abs(whole - self.near) <= AROUND]
+        both = [scan(one, each, whole) for each in (other, other.earlier(0.5))]
+        return (whole[:, None] + [0.0, 0.5]).ravel(), self.focal_px * np.column_stack(both).ravel()
+
+    @cached_property
+    def usual_px(self) -> float:
+        """The distance at wrong offsets."""
+        return float(np.nanmedian(self.scanned[1]))
+
+    def at(self, offset: float) -> _Candidate:
+        """How well the points fit at an offset."""
+        whole, (one, other) = int(np.floor(offset)), self.tracks
+        if offset > whole:
+            other = other.earlier(offset - whole)
+        places, rays = common_points(one, other, whole, JUDGED)
+        frames = np.unique(places[:, 0])
+        pose = None
+        if len(frames) >= FEWEST:
+            pose = robust_pose([*self.recording.cameras.values()], rays, SAMPLES)
+        if pose is None:
+            return _Candidate(offset)
+        px = self.focal_px * float(np.median(np.abs(sampson(pose.essential, rays.T))))
+        seen = one.rays[frames], other.rays[frames - whole - other.first + one.first]
+        off = _of_lengths(pose, np.concatenate(seen, axis=2)[:, [0, -1]])
+        score = px * (1.0 + float(np.nan_to_num(off, posinf=1e9)) / LENGTHS_AGREE)
+        differing = min(len(np.unique(places[:, camera])) for camera in (2, 3))
+        evidence = (differing - FREEDOM) * float(np.log(self.usual_px / max(score, LEAST_PX)))
+        return _Candidate(offset, px, score, evidence, off < ALIKE, frames + one.first)
+
+    def nearby(self, candidate: _Candidate) -> _Candidate:
+        """The best at parts of a frame next to it."""
+        for step in (0.5, 0.25, 0.125, 0.0625):
+            beside = [self.at(candidate.offset + way * step) for way in (-1, 1)]
+            candidate = _best([candidate, *beside])
+        return candidate
+
+    def offset(self) -> OffsetOfPair:
+        """The offset that stands out, with its fraction.
+
+        Raises:
+            StereocalError: none does.
+        """
+        (pair,), _ = self.recording.pairs, self.tracks
+        with naming(f"The offset of the cameras {pair[0]} and {pair[1]} cannot be told"):
+            best, other = self.two_best()
+            beside = min(self.at(best.offset + way).px for way in (-1, 1))
+            measured = self.measured(best)
+            if abs(measured.frames - best.offset) > NEAR + 5 * measured.sigma:
+                raise StereocalError(
+                    f"the best offset, {best.offset:g} frames, and the one that fits the motion "
+                    f"there, {measured.frames:.2f}, contradict each other."
+                )
+        return OffsetOfPair(pair, measured, best.px, beside, other.px, other.offset, *self.scanned)
+
+    def two_best(self) -> tuple[_Candidate, _Candidate]:
+        """The offset that stands out, and the best of the others."""
+        judged = [each for each in map(self.at, self.valleys()) if each.px < np.inf]
+        if len(judged) < FEWEST_OTHERS:
+            raise StereocalError(
+                f"at no more than {len(judged)} offsets do both cameras see {FEWEST} moments of a "
+                "motion, so none stands out. Record both cameras for longer while the object moves "
+                "through what both see; one at rest tells nothing."
+            )
+        # Short arcs of a motion fit well at wrong offsets too, near the ends of the recordings.
+        likely = sorted(judged, key=lambda each: -each.evidence)[:FINALISTS]
+        near = sorted(judged, key=lambda each: each.score)[:FINALISTS]
+        finalists = {each.offset: each for each in (*likely, *near)}
+        judged += map(self.nearby, finalists.values())
+        best = max(judged, key=lambda each: each.evidence)
+        low, high = self.valley(best.offset)
+        others = [each for each in judged if not low <= each.offset <= high]
+        least = RIVAL * best.evidence if best.evidence > ENOUGH else -np.inf
+        rival = _best(each for each in others if each.evidence > least)
+        if best.px > fitting_px(self.recording):
+            raise StereocalError(
+                f"at no offset do their points fit together; at the best, {best.offset:g} frames, "
+                f"they lie {rounded(best.px)} px from their epipolar lines. Check that both saw "
+                "the same motion at the same time, with as many frames a second, and their camera "
+                "files."
+            )
+        further = FURTHER_WITH_LENGTHS if best.lengths_agree else FURTHER
+        need = STANDS_OUT * (1.0 + further / (len(best.frames) - TOO_FEW))
+        if not rival.score >= need * best.score:
+            raise StereocalError(
+                f"two offsets fit nearly as well, {best.offset:g} frames ({rounded(best.px)} px "
+                f"from the epipolar lines) and {rival.offset:g} ({rounded(rival.px)} px): the "
+                "motion repeats itself, or is too short. A longer recording of an irregular motion "
+                "decides, or an offset that you know to a few frames."
+            )
+        return best, _best(others)
+
+    def valleys(self) -> list[float]:
+        """The offsets with the smallest errors, each some frames from the others."""
+        (offsets, errors), found = self.scanned, list[float]()
+        order = np.argsort(errors, kind="stable")[: np.isfinite(errors).sum()]
+        for offset in offsets[order].tolist():
+            if len(found) < CANDIDATES and all(abs(offset - each) > APART for each in found):
+                found.append(offset)
+        return found
+
+    def valley(self, best: float) -> tuple[float, float]:
+        """The offsets about the best one at which the errors are far below those at others."""
+        offsets, errors = self.scanned
+        high = offsets[~(errors < HILL * self.usual_px)]
+        low_end = high[high < best].max(initial=-np.inf)
+        high_end = high[high > best].min(initial=np.inf)
+        return min(low_end, best - APART), max(high_end, best + APART)
+
+    def measured(self, best: _Candidate) -> MeasuredOffset:
+        """The offset with its standard error, by the fit of what remains of it."""
+        whole, (pair,), moving = round(best.offset), self.recording.pairs, best.frames
+        dataset = self.recording.counted_from({pair[1]: whole}).pair(*pair)
+        if len(dataset.correspondences.frames) > RUNS * RUN:
+            moving = moving[evenly_spread(len(moving), RUNS)]
+        near = np.unique(moving[:, None] + np.arange(-(RUN // 2), RUN // 2))
+        dataset = with_rough_baseline(dataset.of_frames(near))
+        settings = replace(wide_settings(dataset), time_drift=bool(np.ptp(near) > LONG))
+        fit, note = fit_time_offset(dataset, settings, best.offset - whole)
+        if fit is None:
+            raise StereocalError(note)
+        sigma = max(fit.time_offset.sigma, spread_over_runs(fit))
+        return replace(fit.time_offset, frames=whole + fit.time_offset.frames, sigma=sigma)
 
 
-def _two_best(
-    seen: _Seen, offsets: FloatArray, errors: FloatArray
-) -> tuple[_Candidate, _Candidate]:
-    """The offset that stands out, and the best of the others."""
-    judged = [seen.at(offset) for offset in _valleys(offsets, errors)]
-    judged = [each for each in judged if each.px < np.inf]
-    if len(judged) < FEWEST_OTHERS:
-        raise StereocalError(
-            f"at no more than {len(judged)} offsets do both cameras see {FEWEST} moments of a "
-            "motion, so none stands out. Record both cameras for longer while the object moves "
-            "through what both see; one at rest tells nothing."
-        )
-    usual = float(np.nanmedian(errors))
-
-    def unlikely(each: _Candidate) -> float:
-        return each.evidence(usual)
-
-    def best_of(some: Iterable[_Candidate]) -> _Candidate:
-        return min(some, key=lambda each: each.score, default=_Candidate(np.nan))
-
-    # Short arcs of a motion fit well at wrong offsets too, near the ends of the recordings.
-    likely = sorted(judged, key=unlikely, reverse=True)[:FINALISTS]
-    near = sorted(judged, key=lambda each: each.score)[:FINALISTS]
-    judged += [seen.nearby(each) for each in {*likely, *near}]
-    best = max(judged, key=unlikely)
-    low, high = _valley(offsets, errors, best.offset)
-    others = [each for each in judged if not low <= each.offset <= high]
-    least = RIVAL * unlikely(best) if unlikely(best) > ENOUGH else -np.inf
-    rival = best_of(each for each in others if unlikely(each) > least)
-    limit = FITTING * min(float(np.hypot(*camera.image_size)) for camera in seen.cameras)
-    if best.px > limit:
-        raise StereocalError(
-            f"at no offset do their points fit together; at the best, {best.offset:g} frames, they "
-            f"lie {rounded(best.px)} px from their epipolar lines. Check that both saw the same "
-            "motion at the same time, with as many frames a second, and their camera files."
-        )
-    further = FURTHER_WITH_LENGTHS if best.lengths < ALIKE else FURTHER
-    need = STANDS_OUT * (1.0 + further / (len(best.frames) - TOO_FEW))
-    if not rival.score >= need * best.score:
-        raise StereocalError(
-            f"two offsets fit nearly as well, {best.offset:g} frames ({rounded(best.px)} px from "
-            f"the epipolar lines) and {rival.offset:g} ({rounded(rival.px)} px): the motion "
-            "repeats itself, or is too short. A longer recording of an irregular motion decides, "
-            "or an offset that you know to a few frames."
-        )
-    return best, best_of(others)
+def _best(some: Iterable[_Candidate]) -> _Candidate:
+    return min(some, key=lambda each: each.score, default=_Candidate(np.nan))
 
 
-def _valleys(offsets: FloatArray, errors: FloatArray) -> list[float]:
-    """The offsets with the smallest errors, each some frames from the others."""
-    found = list[float]()
-    for offset in offsets[np.argsort(errors, kind="stable")][: np.isfinite(errors).sum()].tolist():
-        if len(found) < CANDIDATES and all(abs(offset - each) > APART for each in found):
-            found.append(offset)
-    return found
-
-
-def _valley(offsets: FloatArray, errors: FloatArray, best: float) -> tuple[float, float]:
-    """The offsets about the best one at which the errors are far below those at others."""
-    high = offsets[~(errors < HILL * np.nanmedian(errors))]
-    low_end = high[high < best].max(initial=-np.inf)
-    high_end = high[high > best].min(initial=np.inf)
-    return min(low_end, best - APART), max(high_end, best + APART)
-
-
-def _measured(recording: Recording, offset: float, moving: IntArray) -> MeasuredOffset:
-    """The offset with its standard error, by the fit of what remains of it.
+def _of_lengths(pose: Pose, ends: FloatArray) -> float:
+    """Median deviation of the reconstructed lengths of what is held, as a fraction; NaN without
+    enough.
 
     Args:
-        moving: numbers of frames of the first camera in which the object was not at rest.
+        ends: (n, 2, 4): rays of two targets.
     """
-    whole, (pair,) = round(offset), recording.pairs
-    dataset = recording.counted_from({pair[1]: whole}).pair(*pair)
-    if len(dataset.correspondences.frames) > RUNS * RUN:
-        moving = moving[evenly_spread(len(moving), RUNS)]
-    near = np.unique(moving[:, None] + np.arange(-(RUN // 2), RUN // 2))
-    dataset = with_rough_baseline(dataset.of_frames(near))
-    settings = replace(wide_settings(dataset), time_drift=bool(np.ptp(near) > LONG))
-    fit, note = fit_time_offset(dataset, settings, offset - whole)
-    if fit is None:
-        raise StereocalError(note)
-    sigma = max(fit.time_offset.sigma, spread_over_runs(fit))
-    return replace(fit.time_offset, frames=whole + fit.time_offset.frames, sigma=sigma)
+    ends = ends[np.isfinite(ends).all(axis=(1, 2))]
+    if len(ends) < FEWEST_LENGTHS or (ends[:, 0] == ends[:, 1]).all():
+        return np.nan
+    rays = (np.ascontiguousarray(ends[:, k].T) for k in (0, 1))
+    first, last = (triangulate_rays(pose.R, pose.T, each) for each in rays)
+    lengths = np.nan_to_num(np.linalg.norm(first - last, axis=1), nan=np.inf)
+    middle = np.median(lengths)
+    return float(np.median(np.abs(lengths / middle - 1.0))) if middle < np.inf else np.inf

@@ -101,11 +101,11 @@ def in_equal_runs(clusters: Clusters, places: FloatArray) -> Clusters:
     return evenly_divided(n, RUNS) if follow else clusters
 
 
-def follow_each_other(places: FloatArray) -> bool:
+def follow_each_other(places: FloatArray, fewest: int = FEWEST_PLACES) -> bool:
     """Whether each place (n, 2) in an image is near the one before it, as of a waved object;
-    places that are not seen are NaN."""
+    places that are not seen are NaN, and fewer than some tell nothing."""
     seen = places[np.isfinite(places[:, 0])]
-    if len(seen) < FEWEST_PLACES:
+    if len(seen) < fewest:
         return False
     steps = np.linalg.norm(np.diff(seen, axis=0), axis=1)
     apart = np.linalg.norm(seen - np.median(seen, axis=0), axis=1)

@@ -18,6 +18,7 @@ from stereocal.rig.correspondences import TARGETS, Correspondences
 from stereocal.rig.dataset import Dataset, check_length, check_uncertainty
 from stereocal.rig.field_of_view import beyond_view
 from stereocal.rig.rigid_object import Held, RigidObject
+from stereocal.rig.tracks import Interpolated, interpolate
 from stereocal.system.answers import TableAnswer
 from stereocal.system.numbers import count
 from stereocal.system.tables import refuse_missing
@@ -219,6 +220,8 @@ class Recording(TableAnswer):
             baselines_m={} if free else {CAMERAS: dataset.baseline_m},
             baseline_sigma_m=None if free else dataset.baseline_sigma_m,
             notes=dataset.notes,
+            start_frames={CAMERAS[0]: 0, CAMERAS[1]: late} if (late := dataset.start_frame) else {},
+            step_notes=dataset.step_notes,
         )
 
     def refuse_points_outside(self) -> None:
@@ -275,6 +278,14 @@ class Recording(TableAnswer):
                 pair: length for pair, length in self.baselines_m.items() if {*pair} <= {*names}
             },
         )
+
+    def moved(self, late: FloatArray) -> tuple[Interpolated, BoolArray]:
+        """The points at the instants of their frames less (n,) frames, and whether they are known
+        and in their image, (n,)."""
+        track = self.camera * len(self.object.names) + self.target
+        found = interpolate(track, self.frame, self.points, late)
+        inside = [found.inside(camera.image_size) for camera in self.cameras.values()]
+        return found, np.array(inside)[self.camera, np.arange(len(late))]
 
     def images(self, values: FloatArray | None = None) -> tuple[IntArray, FloatArray]:
         """The frame numbers (f,), and the pixels of all targets (f, k, c, 2); NaN where not seen.

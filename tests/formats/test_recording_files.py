@@ -206,6 +206,12 @@ def test_read_from_a_folder(tmp_path: Path) -> None:
         read_recording(Path(__file__).parents[2] / "sample_data" / "field")
 
 
+def test_a_board_before_cameras_started_by_hand_keeps_their_counts() -> None:
+    data = replace(recorded(BOARD, 6), start_frame=-3)
+    back = parse_dataset(pack_dataset(data), "x")
+    assert (back.sha256, back.start_frame) == (data.sha256, -3)
+
+
 def test_a_table_of_two_cameras_says_where_targets_are_on_an_object() -> None:
     """What a project stores of an object: the same data set, to its digest."""
     seen = np.random.default_rng(1).random((6, 35)) < 0.8

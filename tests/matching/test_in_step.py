@@ -17,10 +17,9 @@ from stereocal.formats.point_answers import layout_of
 from stereocal.formats.point_layouts import OURS
 from stereocal.library.tables import match
 from stereocal.matching.application import points_by_camera
-from stereocal.matching.in_step import pairs_in_step, points_in_step
+from stereocal.matching.in_step import SHIFT, pairs_in_step, points_in_step
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
-from stereocal.matching.own_count import SHIFT
 from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
 from stereocal.refined.free_baseline import with_baseline_found
