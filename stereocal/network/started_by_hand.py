@@ -66,7 +66,6 @@ LEAST_SIGMA, CLOSED = 0.005, 0.25
 LONGEST = 400_000
 """The largest count of frames, from the first frame seen."""
 
-
 KEPT: Latest["OffsetOfPair | StereocalError"] = Latest(16)
 
 
@@ -287,9 +286,8 @@ class _Search:
             if many >= LONGEST:
                 raise StereocalError(f"The {many:,} frames of {name} are too many to search.")
             rays = np.full((many + 1, len(shown), 2), np.nan)
-            rays[own.frame - first, np.searchsorted(shown, own.target)] = camera.undistort(
-                own.points
-            )
+            at = own.frame - first, np.searchsorted(shown, own.target)
+            rays[at] = camera.undistort(own.points)
             tracks.append(Track(first, rays))
         return tracks[0], tracks[1]
 
@@ -347,7 +345,7 @@ class _Search:
         Raises:
             StereocalError: none does.
         """
-        (pair,), _ = self.recording.pairs, self.tracks
+        (pair,), (offsets, errors) = self.recording.pairs, self.scanned
         with naming(f"The offset of the cameras {pair[0]} and {pair[1]} cannot be told"):
             best, other = self.two_best()
             beside = min(self.at(best.offset + way).px for way in (-1, 1))
@@ -357,7 +355,8 @@ class _Search:
                     f"the best offset, {best.offset:g} frames, and the one that fits the motion "
                     f"there, {measured.frames:.2f}, contradict each other."
                 )
-        return OffsetOfPair(pair, measured, best.px, beside, other.px, other.offset, *self.scanned)
+        found = best.px, beside, other.px, other.offset
+        return OffsetOfPair(pair, measured, *found, offsets, errors)
 
     def two_best(self) -> tuple[_Candidate, _Candidate]:
         """The offset that stands out, and the best of the others."""
