@@ -11,7 +11,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from scipy.optimize import brentq, least_squares
-from scipy.stats import chi2, f, norm, t
+from scipy.special import chdtri, fdtrc, fdtri, ndtri, stdtrit
 
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
@@ -96,7 +96,7 @@ class Solution:
     def quantile(self) -> float:
         """Half of a 95 % interval over the standard error."""
         upper = 0.5 + 0.5 * LEVEL
-        return float(t.ppf(upper, self.degrees) if self._has_t else norm.ppf(upper))
+        return float(stdtrit(self.degrees, upper) if self._has_t else ndtri(upper))
 
     def interval(self, value: float, variance: float) -> Estimate:
         """The 95 % interval of an estimate."""
@@ -110,9 +110,9 @@ class Solution:
             return self.quantile * float(np.sqrt(values[0]))
         top = float(np.sqrt(values[-1]))
         if len(values) > 2 or not top > 0 or not np.isfinite(top):
-            square = chi2.ppf(LEVEL, len(values))
+            square = chdtri(len(values), 1.0 - LEVEL)
             if self._has_t:
-                square = len(values) * f.ppf(LEVEL, len(values), self.degrees)
+                square = len(values) * fdtri(len(values), self.degrees, LEVEL)
             return float(np.sqrt(square)) * top
         # The error has a direction that is uniform before it is stretched by both roots.
         angle = (np.arange(32) + 0.5) * np.pi / 64
@@ -120,7 +120,7 @@ class Solution:
 
         def outside(length: float) -> float:
             squares = 0.5 * length**2 / stretched
-            beyond = f.sf(squares, 2, self.degrees) if self._has_t else np.exp(-squares)
+            beyond = fdtrc(2, self.degrees, squares) if self._has_t else np.exp(-squares)
             return float(np.mean(beyond)) - (1 - LEVEL)
 
         return top * float(brentq(outside, 1.0, 1e3))
