@@ -334,8 +334,8 @@ def _solves(
     rows: BoolArray | None,
     near: RefinedResult | None,
 ) -> Iterator[tuple[RobustFit, bool]]:
-    """Solves from several initial values, and whether one without outlying frames is enough: the
-    others begin nearly where it did.
+    """Solves from several initial values, and whether one without outlying frames is enough by
+    then: the others begin nearly where one before did.
 
     They are `start` or the essential pose, and a robust estimate, sorted by their residuals; and
     both with depths reversed, where that fits nearly as well.
@@ -363,10 +363,13 @@ def _solves(
         twin = depth_reversed(known[at], rays)
         if twin is not None and median_residual(twin, rays) < PLAUSIBLE * residual:
             starts.append(twin)
-    along = [pose.T / pose.baseline for pose in starts]
-    is_only = all(along[0] @ each > ALIKE for each in along)
+    apart: list[Pose] = []
+    alike: list[Pose] = []
     for pose in starts:
-        yield RobustFit.of_pair(dataset, pose, settings, rows), is_only
+        is_new = all(pose.T @ it.T < ALIKE * pose.baseline * it.baseline for it in apart)
+        (apart if is_new else alike).append(pose)
+    for at, pose in enumerate(apart + alike, 1):
+        yield RobustFit.of_pair(dataset, pose, settings, rows), at >= len(apart)
 
 
 def depth_reversed(pose: Pose, rays: FloatArray) -> Pose | None:

@@ -53,6 +53,11 @@ TOLERANCE = 1e-9
 """A solve ends when a step is predicted to lower the cost by less: 3e-5 standard errors."""
 ROUGH_TOLERANCE = 1e-2
 """The same while the limit is still being lowered: a tenth of a standard error."""
+ROUGH_STEPS = 15
+"""At most so many then; those that end well need 2 to 5."""
+LARGEST_SCATTER = 0.5
+"""Of the lengths, in units of the longest, after a solve that did not converge: the fit has given
+them up, and its scale drifts without end (four fifths of the time where depths are reversed)."""
 SAME_NOISE = 0.01
 """Relative change of the noise in a round, below which it has converged."""
 
@@ -211,14 +216,17 @@ class RobustFit:
         pixels, rays, distances = seen.pixels[which], seen.rays[which], seen.distances[which]
         return Units(pixels, rays, motion, distances, 1 / self.sigma_px, length_weight)
 
-    def _solve(self, limits: FloatArray, tolerance: float = TOLERANCE) -> None:
+    def _solve(self, limits: FloatArray, rough: bool = False) -> None:
         """Minimise the cost with these limits (f,) of the loss, by Levenberg and Marquardt; updates
         all results."""
+        tolerance, most = TOLERANCE, self.settings.maximum_steps
+        if rough:
+            tolerance, most = ROUGH_TOLERANCE, min(most, ROUGH_STEPS)
         precision, units = self.unknowns.precision, self._units(1 / self.scatter)
         limits, into = limits[self.frame_of] * self.share_of_limit, equations_for(self.free)
         points, of_units, p = self.points.copy(), self.of_units.copy(), self.p
         gain, damping, self.cost, self.converged = np.inf, 1e-5, np.inf, False
-        for step in range(self.settings.maximum_steps + 1):
+        for step in range(most + 1):
             p, cameras, B = self._placed(p)
             total = sum_normal_equations(cameras, units, limits, points, of_units, into)
             H, g = into.H.copy(), into.g
@@ -364,7 +372,7 @@ class RobustFit:
                 return False
             while True:
                 scale = max(1.0, scale)
-                self._solve(BIWEIGHT_LIMIT * scale * self.limit, ROUGH_TOLERANCE)
+                self._solve(BIWEIGHT_LIMIT * scale * self.limit, rough=True)
                 if not np.isfinite(self.cost):
                     return False
                 if scale == 1.0:
@@ -386,7 +394,7 @@ class RobustFit:
     def _estimate_noise(self, robust: bool = False) -> bool:
         """Estimate sigma_px from the pixel residuals alone, and then the scatter of the lengths.
 
-        Returns False if no frame can be fitted.
+        Returns False if no frame can be fitted, or none with its length.
         """
         if ESTIMATED not in (self.source_px, self.source_scatter):
             return True
@@ -412,6 +420,8 @@ class RobustFit:
             self.scatter = max(
                 scatter_of(lengths[:, 0], lengths[:, 1], spent_m, robust), self.smallest_scatter
             )
+            lost = self.scatter > LARGEST_SCATTER * self.seen.length_m
+            return not (lost and self.steps and not self.converged)
         return True
 
     def _spent(self, of_pixels: FloatArray) -> tuple[float, float]:
