@@ -11,8 +11,6 @@ from functools import cached_property
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from stereocal.detection.target import Board, Target, parse_board, parse_target
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_cameras, read_texts
@@ -30,7 +28,6 @@ from stereocal.intrinsics.quality import lens_answer, note_on_model
 from stereocal.intrinsics.stereo_boards import find_stereo_boards, lenses_of_boards, recording_of
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
-from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.recording import Recording
@@ -89,7 +86,8 @@ def detect(
         frames = search.found(parse_board(target) or parse_target(target))
         if isinstance(frames, Recording):
             return FoundTargets(frames, told)
-        found = _of_two(search.known, correspondences_of(frames))
+        rows, (first, second) = correspondences_of(frames), search.known.cameras
+        found = search.known.pair_with(first, second, rows.of_frames([])).with_points(rows)
         return FoundTargets(with_baseline_found(found), told, frames)
 
 
@@ -171,11 +169,11 @@ class PhotographSearch:
             self.tell(f"{len(photographs)} photographs. {pairing.sentence}")
             about = pairing.moments, photographs, self.lenses, target
             found = detect_frames(*about, self.workers, self.begin, self.progress)
-        frames = found.frames[CAMERAS]
+        frames, (first, second) = found.frames[CAMERAS], self.lenses.values()
         if found.motion:
             self.tell(pairing.told_by(found.motion).sentence)
         self.tell(describe_frames(frames))
-        if not found.motion and (slip := find_slip(frames, _two(self.known))) is not None:
+        if not found.motion and (slip := find_slip(frames, (first, second))) is not None:
             self.tell(f"{slip} Take it out of the folder, and find the targets again.")
         return frames
 
@@ -273,26 +271,3 @@ def _as_stated(found: Recording, known: Recording) -> Recording:
     """The recording with the cameras and lengths of the data set."""
     names = ("name", "cameras", "baselines_m", "baseline_sigma_m", "notes")
     return replace(found, **{name: getattr(known, name) for name in names})
-
-
-def _two(known: Recording) -> tuple[Camera, Camera]:
-    first, second = known.cameras.values()
-    return first, second
-
-
-def _of_two(known: Recording, rows: Correspondences) -> Dataset:
-    """The data set of two cameras with these points."""
-    measured = known.baseline_m(*known.cameras)
-    first, second = _two(known)
-    found = Dataset(
-        known.name,
-        first,
-        second,
-        rows,
-        1.0 if measured is None else measured,
-        known.object.longest_m,
-        np.inf if measured is None else known.baseline_sigma_m,
-        known.object.sigma_m,
-        notes=known.notes,
-    )
-    return found.with_points(rows)

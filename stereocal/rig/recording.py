@@ -343,20 +343,26 @@ class Recording(TableAnswer):
                 f"{self.describe_pairs()} If each counts its own frames, since it was started by "
                 "hand, bring them into step first, with `sync`."
             )
-        measured, names = self.baseline_m(first, second), self.object.names
+        names = self.object.names
+        rows = Correspondences.from_arrays(
+            self.frame[a],
+            [names[target] for target in self.target[a].tolist()],
+            self.points[a],
+            self.points[b],
+            sigma_primary_px=self.sigma_px[a],
+            sigma_secondary_px=self.sigma_px[b],
+            rigid_object=None if names == TARGETS else self.object,
+        )
+        return self.pair_with(first, second, rows)
+
+    def pair_with(self, first: str, second: str, rows: Correspondences) -> Dataset:
+        """The data set of two cameras with these points."""
+        measured = self.baseline_m(first, second)
         return Dataset(
             name=self.name if len(self.cameras) == 2 else f"{self.name}, {first}-{second}",
             primary=self.cameras[first],
             secondary=self.cameras[second],
-            correspondences=Correspondences.from_arrays(
-                self.frame[a],
-                [names[target] for target in self.target[a].tolist()],
-                self.points[a],
-                self.points[b],
-                sigma_primary_px=self.sigma_px[a],
-                sigma_secondary_px=self.sigma_px[b],
-                rigid_object=None if names == TARGETS else self.object,
-            ),
+            correspondences=rows,
             baseline_m=1.0 if measured is None else measured,
             target_distance_m=self.object.longest_m,
             baseline_sigma_m=np.inf if measured is None else self.baseline_sigma_m,
