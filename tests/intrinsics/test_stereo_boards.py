@@ -1,7 +1,7 @@
 """A board in the photographs of two cameras: order of corners, repeated and mirrored images."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -106,20 +106,35 @@ def test_a_board_at_the_same_place_counts_once() -> None:
         replace(view, corners=view.corners + 0.2 * rng.normal(size=view.corners.shape))
         for view in again.views
     )
-    found = found_boards([*boards, SeenBoard(17, (first, second))])
+    every = [*boards, SeenBoard(17, (first, second))]
+    found = found_boards(every)
     assert found.repeated == {17: 2}
     assert "17 (as 2)" in found.sentence
     assert [len(search.views) for search in found.searches.values()] == [6, 6]
+    unused = recording_of(found, dict.fromkeys(BOTH, SMALL)).unused
+    assert unused == tuple(
+        f"{name}17.png: the board stands where it does in frame 2" for name in BOTH
+    )
+    # A third camera that sees only the later of them has something new to tell.
+    of_three = [(at, (*views, views[0] if at == 17 else None)) for at, views in every]
+    assert not found_boards(of_three, (*BOTH, "third")).repeated
 
 
-def found_boards(boards: list[SeenBoard]) -> StereoBoards:
-    """As found in photographs of these boards."""
-    moments = {at: {camera: f"{camera}{at}.png" for camera in BOTH} for at, _ in boards}
+def found_boards(
+    boards: Sequence[tuple[int, tuple[BoardView | None, ...]]], cameras: tuple[str, ...] = BOTH
+) -> StereoBoards:
+    """As found in photographs of these boards, by frame and camera."""
+    moments = {at: {camera: f"{camera}{at}.png" for camera in cameras} for at, _ in boards}
     searches = {
         camera: BoardSearch(
-            PATTERN, tuple(replace(views[k], name=moments[at][camera]) for at, views in boards)
+            PATTERN,
+            tuple(
+                replace(view, name=moments[at][camera])
+                for at, views in boards
+                if (view := views[k]) is not None
+            ),
         )
-        for k, camera in enumerate(BOTH)
+        for k, camera in enumerate(cameras)
     }
     return stereo_boards(moments, searches)
 
