@@ -216,17 +216,16 @@ class RobustFit:
         pixels, rays, distances = seen.pixels[which], seen.rays[which], seen.distances[which]
         return Units(pixels, rays, motion, distances, 1 / self.sigma_px, length_weight)
 
-    def _solve(self, limits: FloatArray, rough: bool = False) -> None:
-        """Minimise the cost with these limits (f,) of the loss, by Levenberg and Marquardt; updates
-        all results."""
-        tolerance, most = TOLERANCE, self.settings.maximum_steps
-        if rough:
-            tolerance, most = ROUGH_TOLERANCE, min(most, ROUGH_STEPS)
+    def _solve(
+        self, limits: FloatArray, tolerance: float = TOLERANCE, most: float = np.inf
+    ) -> None:
+        """Minimise the cost with these limits (f,) of the loss, by Levenberg and Marquardt in at
+        most so many steps; updates all results."""
         precision, units = self.unknowns.precision, self._units(1 / self.scatter)
         limits, into = limits[self.frame_of] * self.share_of_limit, equations_for(self.free)
         points, of_units, p = self.points.copy(), self.of_units.copy(), self.p
         gain, damping, self.cost, self.converged = np.inf, 1e-5, np.inf, False
-        for step in range(most + 1):
+        for step in range(int(min(most, self.settings.maximum_steps)) + 1):
             p, cameras, B = self._placed(p)
             total = sum_normal_equations(cameras, units, limits, points, of_units, into)
             H, g = into.H.copy(), into.g
@@ -372,7 +371,7 @@ class RobustFit:
                 return False
             while True:
                 scale = max(1.0, scale)
-                self._solve(BIWEIGHT_LIMIT * scale * self.limit, rough=True)
+                self._solve(BIWEIGHT_LIMIT * scale * self.limit, ROUGH_TOLERANCE, ROUGH_STEPS)
                 if not np.isfinite(self.cost):
                     return False
                 if scale == 1.0:
