@@ -124,7 +124,8 @@ def test_a_rig_is_calibrated_matched_and_checked() -> None:
     assert len(points) == len(tracks)
     assert np.nanmedian(points["error_px"]) < 0.5  # 0.2 px
     assert stereocal.check(found, some).verdict in ("same", "cannot tell")
-    assert [len(figure.data) > 0 for figure in (found.plot(), found.plot("cameras"))] == [True] * 2
+    figures = found.plot(), found.plot("cameras"), tracks.plot(), points.plot()
+    assert all(len(figure.data) > 0 for figure in figures)
     assert repr(pickle.loads(pickle.dumps(found))) == repr(found)
 
 

@@ -66,6 +66,12 @@ class _Table(TableAnswer, pd.DataFrame):
 class Pairs(_Table):
     """Pairs of points, of a rig tracks; the columns are those of `pairs.csv` and `tracks.csv`."""
 
+    def plot(self) -> go.Figure:  # type: ignore[override]
+        """The errors of the pairs, and of their second-best partners, with the threshold."""
+        errors = self.to_dataframe().reindex(columns=["error_px", "runner_up_px"])
+        about = errors.to_numpy(dtype=np.float64), self.report.threshold_px
+        return draw("matches.plot_pair_errors", *about)
+
 
 class Points(_Table):
     """3D points in metres; the columns are those of `points.csv`."""

@@ -171,9 +171,8 @@ class ClickMeasure:
         """The points of each camera at the instants of the first's frames, and how."""
         tables = clicks.tables(self.matching.placed, to_match=True)
         first, *others = self.matching.placed
-        reference = tables.get(first, next(iter(tables.values())).iloc[:0])
         # Pictures are shown by common numbers.
-        given = {first: reference, **tables}
+        given = {first: next(iter(tables.values())).iloc[:0], **tables}
         found, told = points_in_step(self.matching, given, numbered_alike=True)
         named = {name: f"{name}: " * (len(others) > 1) for name in told}
         notes = [f"{named[name]}{note}" for name, own in told.items() for note in own]

@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import streamlit as st
 
-from stereocal.detection.target import Bar2x2
 from stereocal.errors import StereocalError, can_be_shown
 from stereocal.formats.point_text import dltdv_table, sleap_table
 from stereocal.frames.review import centre_at
@@ -35,7 +34,7 @@ from stereocal.system.numbers import count
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, Number, choose, one_of, setting
 from stereocal.ui.footage import Pictures
-from stereocal.ui.holding import held_target
+from stereocal.ui.holding import held_target, is_coloured
 from stereocal.ui.messages import button, callback, fragment
 from stereocal.ui.picker import KEYS, Mark, Pick, pick, shown
 from stereocal.ui.texts import escape_markdown
@@ -43,7 +42,7 @@ from stereocal.ui.texts import escape_markdown
 COLOURS = ("#56B4E9", "#E69F00", "#2CC197", "#F0E442", "#FF7F50", "#CC79A7")
 CORNER, TARGET = "The corner there", "The target there"
 WAYS = ("Where I click", CORNER, TARGET)
-_SETTLED = "clicks_settled"
+_SETTLED, _REFUSED = "clicks_settled", "clicks_refused"
 ON_KEYS = f"In a picture: {KEYS} The keys on buttons are letters while a name or a number is typed."
 REFRESHED = 1.25
 """Growth of the number of points after which their noise is looked at again."""
@@ -78,7 +77,8 @@ class _Panel:
         self.row = min(bisect.bisect_left(numbers, self.at.value()), len(numbers) - 1)
         self.frame, self.track = numbers[self.row], str(self.named.value())
         self.clicks = self.store.clicks.of_cameras(self.measure.matching.placed)
-        tracks = dict.fromkeys([*self.clicks.tracks, self.track])
+        clicked, tracks = self.clicks.every, dict.fromkeys([*self.clicks.tracks, self.track])
+        self.seen = [c for c in self.cameras if (self.frame, c, self.track) in clicked]
         self.colours = dict(zip(tracks, cycle(COLOURS), strict=False))
         self._choose()
         self._check_sizes()
@@ -89,6 +89,8 @@ class _Panel:
                 self._show_picture(camera)
         st.caption(ON_KEYS)
         with st.container():
+            if refused := st.session_state.pop(_REFUSED, ""):
+                st.warning(escape_markdown(refused))
             self._answer(measured, trial)
         with st.container(horizontal=True):
             self._offer()
@@ -146,8 +148,7 @@ class _Panel:
         """The buttons."""
         numbers = self.footage.numbers
         before, after = numbers[max(self.row - 1, 0)], numbers[self.row + 1 : self.row + 2]
-        here = [(self.frame, camera, self.track) for camera in self.cameras]
-        here = [key for key in here if key in self.clicks.every]
+        here = [(self.frame, camera, self.track) for camera in self.seen]
         onward = after[0] if after else self.frame
         accept = f"Accept {len(self.proposed)} and go on" if self.proposed else "Accept and go on"
         last = {camera for act in self.store.acts[-1:] for camera in act.cameras}
@@ -194,31 +195,38 @@ class _Panel:
         pick(image, marks, about, f"clicks_{camera}", False, take, lines, track)
 
     def _take(self, camera: str, click: Pick) -> None:
-        """Place a point; one in a picture that is no longer shown is ignored."""
+        """Place a point, or keep why not; one in a picture that is no longer shown is ignored."""
         if click.id != f"{self.footage.labels[camera]} {self.frame}":
             return
         to, at = WAYS[0] if click.raw else self.to.value(), (click.u, click.v)
-        if to == CORNER:
-            at = corner_at(self.footage.grey(camera, self.frame), at)
-        elif to == TARGET:
-            target, lens = held_target(self.project), self.measure.matching.placed[camera].camera
-            content = np.frombuffer(self.footage.picture(camera, self.frame), np.uint8)
-            image = np.asarray(cv2.imdecode(content, not isinstance(target, Bar2x2)))
-            centre = centre_at(image, at, False, target, lens)
-            at = centre.u, centre.v
+        try:
+            at = self._snapped(camera, to, at)
+        except StereocalError as error:
+            st.session_state[_REFUSED] = str(error)
+            return
         source: Source = "clicked" if to == WAYS[0] else "snapped"
         self._place([Click(self.frame, camera, self.track, *at, source)])
+
+    def _snapped(self, camera: str, to: str, at: tuple[float, float]) -> tuple[float, float]:
+        image = self.footage.grey(camera, self.frame)
+        if to == TARGET:
+            target, lens = held_target(self.project), self.measure.matching.placed[camera].camera
+            if is_coloured(target):
+                content = np.frombuffer(self.footage.picture(camera, self.frame), np.uint8)
+                image = np.asarray(cv2.imdecode(content, cv2.IMREAD_COLOR), np.uint8)
+            centre = centre_at(image, at, False, target, lens)
+            return centre.u, centre.v
+        return corner_at(image, at) if to == CORNER else at
 
     def _answer(self, measured: MeasuredClicks | None, trial: MeasuredClicks | None) -> None:
         """What the point of the track measures in this frame, or would, or what to click next."""
         place = Place(self.track, self.frame)
-        seen = [c for c in self.cameras if (self.frame, c, self.track) in self.clicks.every]
-        found = measured if len(seen) >= FEWEST else trial
+        found = measured if len(self.seen) >= FEWEST else trial
         if found is None or place not in found.rows:
-            st.info(escape_markdown(_next_click(self.track, seen, self.cameras)))
+            st.info(escape_markdown(_next_click(self.track, self.seen, self.cameras)))
         else:
             show, proposed = st.success, ""
-            if len(seen) < FEWEST:
+            if len(self.seen) < FEWEST:
                 show, proposed = st.info, "proposed: "
             elif self.track in found.beyond(self.frame):
                 show = st.warning

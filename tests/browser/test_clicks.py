@@ -85,6 +85,9 @@ def test_from_start_to_the_length_of_something_that_flies(
     user.press("Match and measure all (20 clicks)")
     user.sees("10 pairs in 5 frames, none of them ambiguous")
     assert user.acts <= MOST_ACTS, user.acts  # measured: 22
+    user.choose("clicks_to", "The target there")
+    user.click("primary", 0, 1)
+    user.sees("There is no corner of four squares near")
     assert not violations(page)
     settle(page)
     points = pd.read_csv(download(page, "download_points", tmp_path))
