@@ -366,8 +366,8 @@ def _solves(
     apart: list[Pose] = []
     alike: list[Pose] = []
     for pose in starts:
-        is_new = all(pose.T @ it.T < ALIKE * pose.baseline * it.baseline for it in apart)
-        (apart if is_new else alike).append(pose)
+        cosines = [pose.T @ it.T / (pose.baseline * it.baseline) for it in apart]
+        (apart if max(cosines, default=0.0) < ALIKE else alike).append(pose)
     for at, pose in enumerate(apart + alike, 1):
         yield RobustFit.of_pair(dataset, pose, settings, rows), at >= len(apart)
 
