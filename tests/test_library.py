@@ -231,6 +231,7 @@ def test_targets_found_are_calibrated(tmp_path: Path) -> None:
     assert len(found.frames) == 6
     assert isinstance(found.recording, stereocal.Dataset)
     assert len(found.to_dataframe()) == 2 * sum(frame.use for frame in found.frames)
+    assert len(found.plot().data) > 0
 
 
 def test_calibrate_gives_the_refined_set_unless_told_not_to() -> None:

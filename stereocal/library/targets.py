@@ -26,11 +26,12 @@ from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.quality import lens_answer, note_on_model
 from stereocal.intrinsics.stereo_boards import find_stereo_boards, lenses_of_boards, recording_of
+from stereocal.library.drawing import draw
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.field_of_view import beyond_in_words
-from stereocal.rig.recording import Recording
+from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.answers import TableAnswer
 from stereocal.system.executors import engine
@@ -40,6 +41,7 @@ from stereocal.system.tasks import Progress
 
 if TYPE_CHECKING:
     import pandas as pd
+    import plotly.graph_objects as go
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,6 +62,13 @@ class FoundTargets(TableAnswer):
     def to_dataframe(self) -> pd.DataFrame:
         """The table of points."""
         return self.recording.to_dataframe()
+
+    def plot(self, pair: CameraPair | None = None) -> go.Figure:
+        """Where the points lie in the images of two cameras: of the first pair, or of one."""
+        found = self.recording
+        if isinstance(found, Recording):
+            found = found.pair(*(pair or found.pairs[0]))
+        return draw("coverage.plot_coverage", found)
 
 
 def detect(
