@@ -21,7 +21,8 @@ add to the first (on a real recording it was 1.4 times the second). A residual o
 deviation, and over the share of it that the fit has not absorbed, is 1 on average. The distribution
 across the lines is that of Student with unknown scale and degrees of freedom; their posterior is
 computed on a grid. Half of the prior belongs to the normal distribution, and half to equal noise
-along and across the lines.
+along and across the lines. Lengths that vary more than the noise explains do so because of
+the bar, or because of the noise along the lines: each draw takes one of both, by their likelihoods.
 """
 
 from dataclasses import dataclass
@@ -45,9 +46,9 @@ GROUP = 5
 MINIMUM_BARS = 3
 DEGREES = np.array([3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 30.0, np.inf])
 PRIOR = np.append(np.full(len(DEGREES) - 1, 0.5 / (len(DEGREES) - 1)), 0.5)
-SCALES = np.geomspace(0.3, 2.0, 160)
-LARGEST_SHIFT = 77
-"""Noise along over noise across the lines is between 0.4 and 2.5; in steps of `SCALES`."""
+SCALES = np.geomspace(0.25, 4.0, 200)
+LARGEST_SHIFT = 99
+"""Noise along over noise across the lines is between 0.25 and 4; in steps of `SCALES`."""
 MANY_BARS = 1000
 """With more recorded bars, a number for each of them and each group is too much to draw."""
 
@@ -217,43 +218,50 @@ def draw_noise(model: RefinedResult, draws: int, rng: np.random.Generator) -> No
     pairs = float(np.isfinite(model.used_points_m[:, :, 0]).sum())
     left = max(pairs * (1.0 - spent / freedom), 1.0)
     bars = bar_innovations(model, model.used_rows)
-    lengths = bars.errors_m / np.sqrt(bars.variances_m2 + model.scatter_m.value**2)
-    lengths, absorbed = lengths[np.isfinite(lengths)], length_freedom(model, bars)
-    return noise_given(residuals, len(residuals) - left, lengths, absorbed, draws, rng)
+    known, absorbed = np.isfinite(bars.errors_m), length_freedom(model, bars)
+    of_bar = np.array([[model.scatter_m.value], [0.0]])
+    sigmas = np.sqrt(bars.variances_m2[known] + of_bar**2)
+    lengths = bars.errors_m[known]
+    return noise_given(residuals, len(residuals) - left, lengths, sigmas, absorbed, draws, rng)
 
 
 def noise_given(
     residuals: FloatArray,
     absorbed: float,
     lengths: FloatArray,
+    sigmas: FloatArray,
     absorbed_lengths: float,
     draws: int,
     rng: np.random.Generator,
 ) -> NoiseDraws:
-    """Draw the noise given the standardised residuals of pairs (n,) and of lengths (m,).
+    """Draw the noise given the standardised residuals of pairs (n,) and errors of lengths (m,).
 
     Args:
         absorbed, absorbed_lengths: degrees of freedom of either that the fit has absorbed.
+        sigmas: (k, m): standard deviations of the errors by each of k causes, equally likely.
     """
-    density = _log_density(residuals, absorbed) + np.log(PRIOR)[:, None]
+    density = _log_density(residuals, np.ones(len(residuals)), absorbed) + np.log(PRIOR)[:, None]
     chance = np.exp(density - density.max()).ravel()
     drawn = rng.choice(chance.size, draws, p=chance / chance.sum())
     of_scale, of_degrees = drawn % len(SCALES), drawn // len(SCALES)
-    of_lengths = _log_density(lengths, absorbed_lengths)
     shifts = np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 1)
     prior = np.where(shifts == 0, 0.5, 0.5 / (2 * LARGEST_SHIFT))
     at = np.clip(of_scale[:, None] + shifts, 0, len(SCALES) - 1)
-    chances = of_lengths[of_degrees[:, None], at] + np.log(prior)
-    chosen = shifts[np.argmax(chances + rng.gumbel(size=chances.shape), axis=1)]
+    of_causes = [
+        _log_density(lengths, own, absorbed_lengths)[of_degrees[:, None], at] for own in sigmas
+    ]
+    chances = np.hstack([each + np.log(prior) for each in of_causes])
+    chosen = np.argmax(chances + rng.gumbel(size=chances.shape), axis=1)
+    chosen = shifts[chosen % len(shifts)]
     along = np.exp(chosen * np.log(SCALES[1] / SCALES[0]))
     return NoiseDraws(SCALES[of_scale], along, DEGREES[of_degrees])
 
 
-def _log_density(residuals: FloatArray, absorbed: float) -> FloatArray:
-    """(DEGREES, SCALES): log-likelihood of standardised residuals (n,)."""
+def _log_density(residuals: FloatArray, sigmas: FloatArray, absorbed: float) -> FloatArray:
+    """(DEGREES, SCALES): log-likelihood of residuals (n,) with standard deviations (n,)."""
     n = max(len(residuals), 1)
     left = max(len(residuals) - absorbed, 1.0) / n
-    squares = np.square(residuals) / left
+    squares = np.square(residuals / sigmas) / left
     density = np.empty((len(DEGREES), len(SCALES)))
     for i, nu in enumerate(DEGREES):
         ratio = squares[:, None] / np.square(SCALES)
@@ -262,7 +270,7 @@ def _log_density(residuals: FloatArray, absorbed: float) -> FloatArray:
         else:
             constant = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
             shape = constant - 0.5 * (nu + 1) * np.log1p(ratio / nu)
-        density[i] = left * (shape - np.log(SCALES)).sum(axis=0)
+        density[i] = left * (shape - np.log(sigmas[:, None] * SCALES)).sum(axis=0)
     return density
 
 

@@ -158,11 +158,26 @@ def test_bars_along_one_axis_stay_so() -> None:
 def test_tails_of_the_noise_are_found() -> None:
     rng = np.random.default_rng(4)
     normal, heavy, lengths = rng.normal(size=400), rng.standard_t(3, size=400), rng.normal(size=200)
-    found = noise_given(normal, 5.0, lengths, 2.0, 400, rng)
+    sigmas = np.ones((1, 200))
+    found = noise_given(normal, 5.0, lengths, sigmas, 2.0, 400, rng)
     assert np.median(found.across) == pytest.approx(1.0, abs=0.1)
     assert np.mean(found.degrees >= 15) > 0.8  # measured: 0.97
-    found = noise_given(heavy, 5.0, lengths, 2.0, 400, rng)
+    found = noise_given(heavy, 5.0, lengths, sigmas, 2.0, 400, rng)
     assert np.mean(found.degrees <= 5) > 0.9  # measured: 1.0
+
+
+def test_lengths_that_vary_more_are_the_bars_or_the_noises() -> None:
+    """By which of both makes those vary most that are least certain. Measured: 1.00 and 2.77."""
+    rng = np.random.default_rng(8)
+    pixels, unit = rng.normal(size=400), np.geomspace(1e-4, 4e-3, 200)
+    bends = 2e-3 * rng.normal(size=200)
+    sigmas = np.array([np.hypot(unit, 2e-3), unit])
+    for errors, along in (
+        (unit * rng.normal(size=200) + bends, 1.0),
+        (3 * unit * bends / 2e-3, 3.0),
+    ):
+        found = noise_given(pixels, 5.0, errors, sigmas, 2.0, 400, rng)
+        assert np.median(found.along) == pytest.approx(along, rel=0.2)
 
 
 def test_only_noise_across_the_lines_moves_a_pair_off_them() -> None:
