@@ -8,11 +8,11 @@ from stereocal.network.about_rig import PairOfRig, RigFigures
 from stereocal.network.held_out import HeldOutErrors
 from stereocal.network.rig_file import RigFile
 from stereocal.network.screening import WrongImage
+from stereocal.rig.lengths_in_words import are_on_a_line, side_in_words
 from stereocal.system.numbers import count as counted
 from stereocal.system.numbers import rounded
 
 SHOWN = 8
-FLAT_M = 1e-6
 DIGITS = 3
 """Of a time offset, in frames."""
 
@@ -43,18 +43,13 @@ def rig_sentence(rig: RigFile) -> str:
 def _sides(rig: RigFile) -> str:
     """On which side of the first camera another one stands, where the points on a line cannot tell
     a world from its mirror image; else empty."""
-    points = [np.array(place) for name, place in rig.about.object.items() if name != "factor"]
-    if not points or np.linalg.matrix_rank(np.array(points) - points[0], tol=FLAT_M) > 1:
+    points = np.array([place for name, place in rig.about.object.items() if name != "factor"])
+    if not len(points) or not are_on_a_line(points):
         return ""
     first, *others = rig.names
     places = {name: float(rig.poses[name].inverse().T[0]) for name in others}
     name, x = max(places.items(), key=lambda item: abs(item[1]))
-    side, other = ("right", "left") if x > 0.0 else ("left", "right")
-    return (
-        f" By its images {name} stands {rounded(abs(x))} m to the {side} of {first}, as {first} "
-        f"sees it: if it stands on the {other}, the images of all cameras are mirrored or upside "
-        "down, which points on a line cannot tell."
-    )
+    return f" {side_in_words(name, first, x, f'{rounded(abs(x))} m ')}"
 
 
 def _accuracy(figures: RigFigures) -> str:

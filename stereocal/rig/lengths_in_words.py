@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
 
@@ -28,14 +29,50 @@ LARGEST_RATIO = 10.0
 """Bar over baseline: above, no unit of both makes them fit."""
 TAILS = (2.0, 98.0)
 """Percentiles of the depths; single wrong pairs give any depth."""
+BESIDE = 0.3
+"""Of the baseline: cameras that are less beside each other are above or behind each other."""
+FLAT_M = 1e-6
 
 
 def rig_in_words(dataset: Dataset, pose: Pose | None) -> str:
-    """Such as `The cameras are 4.5 m apart; a bar of 0.90 m was seen from 8.2 to 25 m away.`.
+    """Such as `The cameras are 4.5 m apart; a bar of 0.90 m was seen from 8.2 to 25 m away.`, and
+    on which side the secondary stands where points on a line cannot tell a world from its mirror
+    image.
 
     Args:
-        pose: of any calibration; without one, the depths are left out.
+        pose: of any calibration; without one, the depths and the side are left out.
     """
+    lengths = _lengths_in_words(dataset, pose)
+    held = dataset.correspondences.rigid_object
+    if pose is None or not (held is None or are_on_a_line(held.points)):
+        return lengths
+    x = float(pose.inverse().T[0])
+    if abs(x) < BESIDE * pose.baseline:
+        return lengths
+    return f"{lengths} {side_in_words('the secondary', 'the primary', x)}"
+
+
+def side_in_words(name: str, first: str, x: float, metres: str = "") -> str:
+    """On which side of the first camera another one stands, and what it means if it does not.
+
+    Args:
+        x: of its centre in the first camera's frame.
+        metres: how far, with a blank after it.
+    """
+    side, other = ("right", "left") if x > 0.0 else ("left", "right")
+    return (
+        f"By its images {name} stands {metres}to the {side} of {first}, as {first} sees it: if it "
+        f"stands on the {other}, the images of all cameras are mirrored or upside down, which "
+        "points on a line cannot tell."
+    )
+
+
+def are_on_a_line(points_m: FloatArray) -> bool:
+    """Whether points (n, 3) of an object are."""
+    return bool(np.linalg.matrix_rank(points_m - points_m[0], tol=FLAT_M) < 2)
+
+
+def _lengths_in_words(dataset: Dataset, pose: Pose | None) -> str:
     held = word_of(dataset)
     found = f", found from the {held}s" if dataset.baseline_is_free else ""
     apart = f"The cameras are {_metres(dataset.baseline_m)} m apart{found}"
@@ -78,7 +115,7 @@ def question_about_units(dataset: Dataset, pose: Pose | None) -> str:
         for unit, per in units_that_fit(dataset).items()
     ]
     or_else = f" The two lengths would be {', '.join(others)}." if others else ""
-    return f"{rig_in_words(dataset, pose)} Are these lengths in metres?{or_else}"
+    return f"{_lengths_in_words(dataset, pose)} Are these lengths in metres?{or_else}"
 
 
 def units_that_fit(dataset: Dataset) -> dict[str, float]:

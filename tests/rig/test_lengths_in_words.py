@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from stereocal.rig.dataset import Dataset
@@ -12,6 +13,8 @@ from tests.known_rig import BAR_M, BASELINE_M, RIG, dataset
 from tests.rigs.objects import BOARD, recorded
 
 DATA = dataset(12)
+_FLIP = np.diag([-1.0, 1.0, 1.0])
+MIRRORED = Pose(_FLIP @ RIG.R @ _FLIP, _FLIP @ RIG.T)
 
 
 def in_unit(unit: str) -> tuple[Dataset, Pose]:
@@ -28,6 +31,16 @@ def test_a_person_can_check_it() -> None:
     assert 5.5 < near < 8 < far < 11  # the bars lie 6 to 10.5 m away
     assert rig_in_words(DATA, None) == "The cameras are 2.37 m apart; the bar is 0.87 m long."
     assert question_about_units(DATA, RIG) == ""
+
+
+def test_the_side_of_the_secondary_tells_of_mirrored_images() -> None:
+    """A mirrored world has the secondary at the other end of the same baseline."""
+    side, other = (rig_in_words(DATA, pose).split("stands to the ")[1] for pose in (RIG, MIRRORED))
+    assert {side.split(" ")[0], other.split(" ")[0]} == {"left", "right"}
+    assert side.startswith("right") == (RIG.inverse().T[0] > 0.0)
+    assert "mirrored" not in rig_in_words(recorded(BOARD, 4), RIG)
+    above = Pose(np.eye(3), np.array([0.1, 2.0, 0.3]))
+    assert "mirrored" not in rig_in_words(DATA, above)
 
 
 def test_a_board_says_what_counts_as_a_bar() -> None:
