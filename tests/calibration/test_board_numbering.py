@@ -17,7 +17,9 @@ from tests.rigs.board_pairs import BoardPair, sound
 from tests.rigs.mistakes import from_the_right
 from tests.rigs.pair_mistakes import of_points
 
-PAIR, EVEN_ROWS, OTHER_SIZE = (sound(number, frames=12) for number in (0, 2, 6))
+PAIR, EVEN_ROWS, OTHER_SIZE = (
+    sound(number, frames=8, baseline=number == 6) for number in (0, 2, 6)
+)
 
 
 @pytest.mark.parametrize(

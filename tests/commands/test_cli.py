@@ -1,9 +1,11 @@
 """The command line: what it writes, and one sentence with exit 2 for each bad input."""
 
+import io
 import json
 import re
 import shutil
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -32,12 +34,17 @@ def without_date(path: Path) -> str:
     return text
 
 
-def test_calibrate_prints_the_methods_and_writes_three_files(
-    field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "new" / "out"
-    assert main(["calibrate", str(field), "--out", str(out)]) == 0
-    printed = capsys.readouterr().out
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """What `calibrate` writes for the sample, and what it prints."""
+    out, printed = tmp_path_factory.mktemp("calibrated") / "new" / "out", io.StringIO()
+    with redirect_stdout(printed):
+        assert main(["calibrate", str(FIELD), "--out", str(out), "--runs", "5"]) == 0
+    return out, printed.getvalue()
+
+
+def test_calibrate_prints_the_methods_and_writes_three_files(calibrated: tuple[Path, str]) -> None:
+    out, printed = calibrated
     for word in ("essential", "2d", "3d", "50 pairs", "25 bars", "the step fell below"):
         assert word in printed
     assert "refined: noise 0.1" in printed
@@ -70,16 +77,20 @@ def test_calibrate_names_bad_frames_and_decides_without_splits(
     assert "Recommendation: " in printed
 
 
-def test_same_seed_same_bytes_but_for_the_date(field: Path, tmp_path: Path) -> None:
-    for out, options in (("one", "5"), ("two", "5"), ("other", "6 --no-refined")):
-        arguments = ["calibrate", str(field), "--out", str(tmp_path / out), "--runs", "0"]
-        assert main([*arguments, "--seed", *options.split()]) == 0
-    refined = [without_date(tmp_path / out / "parameters_refined.json") for out in ("one", "two")]
+def test_same_seed_same_bytes_but_for_the_date(
+    calibrated: tuple[Path, str], field: Path, tmp_path: Path
+) -> None:
+    folders = calibrated[0], tmp_path / "again", tmp_path / "other"
+    for out, options in zip(
+        folders[1:], ("--runs 5 --seed 0", "--runs 0 --seed 6 --no-refined"), strict=True
+    ):
+        assert main(["calibrate", str(field), "--out", str(out), *options.split()]) == 0
+    refined = [without_date(out / "parameters_refined.json") for out in folders[:2]]
     assert refined[0] == refined[1]
     for name in ("parameters_2d.json", "parameters_3d.json"):
-        one, two, other = (without_date(tmp_path / out / name) for out in ("one", "two", "other"))
-        assert one == two
-        assert one.replace('"seed": 5', "") != other.replace('"seed": 6', "")
+        one, again, other = (without_date(out / name) for out in folders)
+        assert one == again
+        assert one.replace('"seed": 0', "") != other.replace('"seed": 6', "")
 
 
 def test_settings_reach_the_result(field: Path, tmp_path: Path) -> None:

@@ -127,10 +127,11 @@ def test_ordinary_names_are_paired_by_the_times_of_the_files(
     packed: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The secondary's clock is 100 s ahead, and it did not take the third photograph."""
+    taken = (1, 2, 3, 4)
     given, described = tmp_path / "data", ("dataset.json", "primary.json", "secondary.json")
     names = {name: SAMPLE / name for name in described}
     moments = {}
-    for frame in (*FRAMES, 7):
+    for frame in (*taken, 5):
         for which, new, ahead in (("primary", "IMG_10", 0), ("secondary", "DSC_02", 100)):
             if (which, frame) != ("secondary", 3):
                 name = f"{which}/{new}{frame:02}.jpg"
@@ -147,15 +148,15 @@ def test_ordinary_names_are_paired_by_the_times_of_the_files(
     detect = ["detect", str(given), "--doubtful", "--out", str(out)]
     assert main(detect) == 0
     said = capsys.readouterr().err
-    assert "6 pairs by the time of the files; the clocks are 100 s apart" in said
+    assert "4 pairs by the time of the files; the clocks are 100 s apart" in said
     alone = "IMG_1003 has no partner: one photograph is missing in the secondary after DSC_0202"
     assert alone in said
     rows = read_table(out.read_bytes(), "table").correspondences
-    assert sorted({*rows.frame.tolist()}) == [1001, 1002, 1004, 1005, 1006, 1007]
+    assert sorted({*rows.frame.tolist()}) == [1001, 1002, 1004, 1005]
     # In order they would be wrong from the third on, and by name there are none.
     assert main([*detect, "--pair-by", "name"]) == 2
     assert main([*detect, "--pair-by", "order"]) == 0
-    assert "6 pairs in order" in capsys.readouterr().err
+    assert "4 pairs in order" in capsys.readouterr().err
 
 
 pytest.importorskip("av")

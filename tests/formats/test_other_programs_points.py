@@ -23,6 +23,7 @@ from stereocal.formats.point_text import point_text
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.rig.compiled import FloatArray
+from tests.further import further
 from tests.known_rig import PRIMARY, SECONDARY, bar_ends, images
 from tests.matching.test_matching import RIG_2D
 
@@ -290,7 +291,7 @@ def test_what_is_no_point_file(content: bytes, says: str) -> None:
 
 
 class TestHdf5:
-    @pytest.mark.parametrize("side", [0, 1])
+    @pytest.mark.parametrize("side", [0, *further(1)])
     def test_sleaps_analysis_file_is_its_csv(self, side: int) -> None:
         from_h5 = pixels(point_text(sleap_h5(side), "a.h5"), side)
         from_csv = pixels(sleap(side), side)

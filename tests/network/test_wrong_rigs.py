@@ -83,11 +83,11 @@ def test_a_sound_chain_is_not_accused_because_a_camera_shares_too_few_bars() -> 
 @pytest.mark.parametrize(
     ("kind", "mistake", "names"),
     [
-        ("3 cameras", "files exchanged", "camera files of c1 and c2, or their points"),
         ("3 cameras, waved wand", "a crop", "camera c3's image centre"),
         ("3 cameras", "points twice", "c1 and c2 have exactly the same points"),
         ("3 cameras", "one file for all", "cameras c1 and c2 and c3 have the same lens"),
         *further(
+            ("3 cameras", "files exchanged", "camera files of c1 and c2, or their points"),
             ("3 cameras", "one mirrored", "images of camera c1 seem to be mirrored"),
             ("3 cameras", "K of half size", "camera c1's"),
             ("3 cameras", "ends exchanged", "A and B seem to be exchanged in camera c1"),
@@ -252,7 +252,8 @@ def test_cameras_that_face_each_other() -> None:
         assert np.degrees(turn) < 0.5
 
 
-@pytest.mark.parametrize("asked", [None, *further(True)])
+@pytest.mark.soak  # below, with a drift
+@pytest.mark.parametrize("asked", [None, True])
 def test_cameras_out_of_step_have_their_offsets(asked: bool | None) -> None:
     late = np.array([0.0, 0.3, -0.2])
     _, recording = wave_wand(6, late, 120)
@@ -266,8 +267,10 @@ def test_cameras_out_of_step_have_their_offsets(asked: bool | None) -> None:
 
 
 def test_an_offset_that_drifts_is_followed() -> None:
-    _, recording = wave_wand(6, np.array([0.0, 0.3, -0.2]), 150, drift=2e-3)
+    late = np.array([0.0, 0.3, -0.2])
+    _, recording = wave_wand(6, late, 150, drift=2e-3)
     rig = calibrate_rig(recording)
+    assert rig.time_offsets == pytest.approx(late, abs=0.02)
     last = rig.offsets[-1]
     assert abs(last.drift - 2e-3) < 4 * last.drift_sigma < 1e-3
     assert rig.fit.sigma_px < 0.25
@@ -283,6 +286,7 @@ def test_an_offset_that_drifts_is_followed() -> None:
 
 
 def test_frames_that_are_counted_apart_are_said_where_they_were_brought_into_step() -> None:
-    rig = rig_file(calibrate_rig(MISTAKES["frames shifted by one"]("3 cameras", 7000)))
+    recording = MISTAKES["frames shifted by one"]("3 cameras", 7000)
+    rig = rig_file(calibrate_rig(recording.where(recording.frame < 60)))
     (note,) = rig_notes(rig)
     assert "c2 counts its frames 1 apart from c1: its frame 1 is of the same moment as" in note

@@ -21,20 +21,22 @@ from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 KNOWN = Misjudged()
 
 
-@pytest.mark.parametrize(("what", "least"), [("baseline", 13), *further(("primary focal", 13))])
-def test_the_wrong_input_is_named(what: str, least: int) -> None:
-    """Baseline 3 % too long, focal length 2 % too long, 15 rigs. Measured of 300: 300 and 293,
-
-    with 3 and 4 sound inputs accused beside.
-    """
-    named, accused = accusations(15, what, seed=2)
+@pytest.mark.parametrize(
+    ("what", "rigs", "least"),
+    [("baseline", 6, 6), *further(("baseline", 15, 13), ("primary focal", 15, 13))],
+)
+def test_the_wrong_input_is_named(what: str, rigs: int, least: int) -> None:
+    """Baseline 3 % too long, focal length 2 % too long. Measured of 300: 300 and 293, with 3 and 4
+    sound inputs accused beside."""
+    named, accused = accusations(rigs, what, seed=2)
     assert named >= least
-    assert accused <= 2
+    assert accused <= (2 if rigs > 6 else 0)
 
 
-def test_sound_rigs_are_not_accused() -> None:
+@pytest.mark.parametrize(("rigs", "most"), [(12, 0), *further((25, 2))])
+def test_sound_rigs_are_not_accused(rigs: int, most: int) -> None:
     """Measured: 3 of 300 rigs."""
-    assert accusations(25, "", seed=2)[1] <= 2
+    assert accusations(rigs, "", seed=2)[1] <= most
 
 
 def test_what_is_fixed_or_free_is_not_tested() -> None:
@@ -85,10 +87,11 @@ def test_what_nobody_stated_is_asked_for() -> None:
     assert "focal" not in undetectable_errors(compare_inputs(refine(data, settings)).inputs)
 
 
-def test_an_error_is_noticed_from_the_size_that_is_told() -> None:
-    """Half of it is not noticed, twice as much is: of 12 rigs, in all but chance (3.2 +- 1)."""
+@pytest.mark.parametrize("rigs", [5, *further(12)])
+def test_an_error_is_noticed_from_the_size_that_is_told(rigs: int) -> None:
+    """Half of it is not noticed, twice as much is, in all but chance (3.2 +- 1)."""
     seen = {0.5: 0, 2.0: 0}
-    for number in range(12):
+    for number in range(rigs):
         rng = np.random.default_rng([number, 3])
         scene = random_scene(rng)
         sound = stated(scene, rng, replace(KNOWN, baseline_m=0.0, bar_m=0.0))
@@ -98,8 +101,8 @@ def test_an_error_is_noticed_from_the_size_that_is_told() -> None:
             wrong_one = replace(sound, baseline_m=sound.baseline_m + part * noticed)
             items = compare_inputs(refine(wrong_one, KNOWN.settings())).inputs
             seen[part] += any(i.accused and "baseline" in (i.key, *i.rivals) for i in items)
-    assert seen[0.5] <= 2
-    assert seen[2.0] >= 11
+    assert seen[0.5] <= rigs // 6
+    assert seen[2.0] >= rigs - rigs // 12
 
 
 @pytest.mark.parametrize("camera", ["primary", "secondary"])

@@ -106,7 +106,7 @@ def test_bars_that_are_longer_and_shorter_are_no_other_bar() -> None:
 
 
 def test_camera_that_sees_all_corners_at_one_place_ends_in_no_traceback() -> None:
-    points = PAIR.points.copy()
+    points = PAIR.points[:8].copy()
     points[:, :, 1] = points[:, :1, 1]
     with pytest.raises(StereocalError):
         calibrate(replace(PAIR, points=points).dataset)

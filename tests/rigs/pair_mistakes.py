@@ -200,16 +200,23 @@ class Mistake:
         _, data, rng = sound(of_kind, number, self.frames)
         return self.change(data, rng)
 
-    def said(self, number: int, kind: str | None = None) -> tuple[str, ...]:
-        """What is said of a recording with the mistake."""
+    def said(self, number: int, kind: str | None = None, apart: bool = False) -> tuple[str, ...]:
+        """What is said of a recording with the mistake.
+
+        Args:
+            apart: whether its frames are said to lie apart in time, as photographs do.
+        """
         try:
-            return accusations_of(self.data(number, kind))
+            data = self.data(number, kind)
+            rows = data.correspondences
+            late = replace(rows, time_frame=10 * rows.time_frame) if apart else rows
+            return accusations_of(replace(data, correspondences=late))
         except StereocalError as error:
             return (str(error),)
 
-    def named(self, number: int) -> bool:
+    def named(self, number: int, apart: bool = False) -> bool:
         """Whether what is said of a recording with the mistake names it."""
-        said = " | ".join(self.said(number))
+        said = " | ".join(self.said(number, apart=apart))
         return any(name in said for name in self.names)
 
 
