@@ -60,7 +60,7 @@ def plot_accuracy(
         "tickvals": np.log10(ticks),
         "ticktext": [f"{t:g}" for t in ticks],
     }
-    grid = {"row_heights": heights, "vertical_spacing": GAP / inside}
+    grid = {"row_heights": tuple(heights), "vertical_spacing": GAP / inside}
     figure = blank(inside + TOP + FOOT, len(maps), **grid)
     scale = {"colorscale": "Cividis", "cmin": low, "cmax": high, "colorbar": bar}
     figure.update_layout(showlegend=False, margin_t=TOP, margin_b=FOOT, coloraxis=scale)

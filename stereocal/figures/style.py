@@ -6,6 +6,7 @@ distinguished with colour blindness (tests/figures/test_every_figure.py).
 
 import base64
 from collections.abc import Container, Mapping
+from functools import cache
 from typing import Any
 
 import cv2
@@ -92,13 +93,26 @@ AXIS: Mapping[str, Any] = {
 
 def blank(height: float, rows: int = 1, cols: int = 1, /, **grid: Any) -> go.Figure:
     """A figure in the common style, of one panel or, with spacings, of several."""
-    figure = make_subplots(rows, cols, **grid) if grid or rows * cols > 1 else go.Figure()
-    # Set one by one, because `update_layout` and `update_xaxes` take four times as long.
-    for name, value in {**LAYOUT, "height": height}.items():
-        figure.layout[name] = value
+    if not grid and rows * cols == 1:
+        return go.Figure(layout={**LAYOUT, "height": height, "xaxis": AXIS, "yaxis": AXIS})
+    figure = go.Figure(_panels(rows, cols, **grid))
+    figure.layout.height = height
+    return figure
+
+
+@cache
+def _panels(rows: int, cols: int, /, **grid: Any) -> go.Figure:
+    """Several panels, to be copied, which takes a fifth of the time that Plotly lays them out in.
+
+    Without its template, which would be looked through with each copy; each is given it anew.
+    """
+    figure = make_subplots(rows, cols, **grid)
+    figure.layout.template = None
     for axis in (*figure.select_xaxes(), *figure.select_yaxes()):
-        for name, value in AXIS.items():
-            axis[name] = value
+        figure.layout[axis.plotly_name] = {**AXIS, **axis.to_plotly_json()}
+    # One by one, because `update_layout` takes four times as long.
+    for name, value in LAYOUT.items():
+        figure.layout[name] = value
     return figure
 
 
