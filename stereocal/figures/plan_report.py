@@ -14,7 +14,6 @@ from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accurac
 from stereocal.figures.html import html_figure, html_list, html_page, html_table, paragraphs
 from stereocal.figures.style import METHOD_COLOURS, add_trace, blank, line_of, sentence_only
 from stereocal.figures.tables import plan_table
-from stereocal.refined.uncertainty import AccuracyMap
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, percent
 from stereocal.version import __version__
@@ -34,12 +33,12 @@ def plot_plan_map(found: PlanForecast, quantity: Quantity = "distance") -> go.Fi
     result, frames = found.fit.result, found.plan.frames
     few = {name: getattr(result, name)[:frames] for name in ("points_m", "outlying", "frame_of")}
     shown = replace(result, **few)
-    return plot_accuracy(_maps(found), shown, quantity)
+    return plot_accuracy(found.fit.maps, shown, quantity)
 
 
 def describe_plan_map(found: PlanForecast, quantity: Quantity = "distance") -> str:
     """As `describe_accuracy`."""
-    return describe_accuracy(_maps(found), quantity)
+    return describe_accuracy(found.fit.maps, quantity)
 
 
 def plot_plan_depths(plans: Sequence[PlanForecast]) -> go.Figure:
@@ -106,10 +105,6 @@ def describe_plan_baselines(found: PlanForecast) -> str:
         f"{percent(advice.baseline_errors[best])} %. A baseline is not tried where less than 60 % "
         "of the common view would be left."
     )
-
-
-def _maps(found: PlanForecast) -> list[AccuracyMap]:
-    return [found.fit.map("above"), found.fit.map("side")]
 
 
 def plan_report(found: PlanForecast) -> str:

@@ -114,7 +114,12 @@ class ExpectedFit:
         away = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
         return np.asarray(away), np.asarray(np.mean(lengths, axis=0))
 
-    def map(self, plane: uncertainty.Plane, size: int = MAP_SIZE) -> uncertainty.AccuracyMap:
+    @cached_property
+    def maps(self) -> list[uncertainty.AccuracyMap]:
+        """Errors by place, from above and from the side."""
+        return [self._map("above"), self._map("side")]
+
+    def _map(self, plane: uncertainty.Plane, size: int = MAP_SIZE) -> uncertainty.AccuracyMap:
         """Errors in the part of a plane of the volume that both cameras see: at the height of the
         primary camera (`above`) or straight ahead of it (`side`), or, where they see nothing of it,
         through the middle of the common view."""
