@@ -157,13 +157,16 @@ def _pairs(first: FloatArray, second: FloatArray, scatter: float) -> IntArray:
     """The cheapest pairs of times by one clock, solved between pauses longer than the reach."""
     times = np.concatenate([first, second])
     order = np.argsort(times, kind="stable")
-    cuts = np.flatnonzero(np.diff(times[order]) > REACH * scatter) + 1
+    starts = np.flatnonzero(np.diff(times[order], prepend=-np.inf) > REACH * scatter)
+    ends = np.append(starts[1:], len(order))
+    of_first = np.add.reduceat(order < len(first), starts, dtype=np.int64)
+    shared = (of_first > 0) & (of_first < ends - starts)
     found = []
-    for group in np.split(order, cuts):
+    for start, end in zip(starts[shared], ends[shared], strict=True):
+        group = order[start:end]
         rows, columns = group[group < len(first)], group[group >= len(first)] - len(first)
-        if len(rows) and len(columns):
-            apart = (second[columns][None, :] - first[rows][:, None]) / scatter
-            found.append(_solve(apart, rows, columns))
+        apart = (second[columns][None, :] - first[rows][:, None]) / scatter
+        found.append(_solve(apart, rows, columns))
     return np.concatenate(found) if found else np.empty((0, 2), np.int64)
 
 

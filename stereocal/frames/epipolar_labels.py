@@ -208,12 +208,11 @@ def _samples(rays: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
     ways = [np.array(way) for way in itertools.product((0, 1), repeat=SAMPLED_FRAMES)]
     for _ in range(SAMPLES):
         chosen = rng.permutation(frames)[:SAMPLED_FRAMES]
-        for way in ways:
-            E = linear_essential(contiguous(rays[way, chosen].reshape(-1, 4).T))
-            if np.isfinite(E).all():
-                found.append((float(np.median(distances(E, scored).min(axis=0))), E))
-    found.sort(key=lambda sample: sample[0])
-    return [E for _, E in found[:REFINED]]
+        found += [linear_essential(contiguous(rays[way, chosen].reshape(-1, 4).T)) for way in ways]
+    sampled = np.array([E for E in found if np.isfinite(E).all()]).reshape(-1, 3, 3)
+    # All at once, which takes a tenth of the time.
+    medians = np.median(distances(sampled, scored).min(axis=-2), axis=-1)
+    return list(sampled[np.argsort(medians, kind="stable")[:REFINED]])
 
 
 def _refined(E: FloatArray, rays: FloatArray) -> Pose | None:
@@ -241,5 +240,6 @@ def _refined(E: FloatArray, rays: FloatArray) -> Pose | None:
 
 
 def distances(E: FloatArray, rays: FloatArray) -> FloatArray:
-    """(2, f): Sampson distances, root mean square over the targets of a frame, normalised units."""
+    """(2, f): Sampson distances, root mean square over the targets of a frame, normalised units; of
+    matrices (k, 3, 3), (k, 2, f)."""
     return np.asarray(np.sqrt((sampson(E, rays) ** 2).mean(axis=-1)))

@@ -175,7 +175,7 @@ def pair_errors(
         np.hypot(np.einsum("ni,ni->n", across, pixels - seen), EXACT_PX),
         np.zeros(len(pixels))
         if covariance is None
-        else np.einsum("ni,ij,nj->n", by_rig, covariance, by_rig),
+        else np.einsum("ni,ni->n", by_rig @ covariance, by_rig),
         stated,
         rig.reprojection_errors(pixels[:, :2], pixels[:, 2:]).mean(axis=1),
         frame[kept],

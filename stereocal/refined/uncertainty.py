@@ -78,7 +78,7 @@ def length_sigmas(
         first_m, second_m: (n, 3) each, in the primary's frame.
     """
     of_pixels, jacobian = length_variances(q, lenses, sigma_px, first_m, second_m)
-    return np.asarray(np.sqrt(of_pixels + np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)))
+    return np.asarray(np.sqrt(of_pixels + np.einsum("ni,ni->n", jacobian @ covariance, jacobian)))
 
 
 def length_variances(
@@ -167,7 +167,9 @@ def point_errors(
     of_pixels = np.full((len(points), 3, 3), np.nan)
     jacobian = np.full((len(points), 3, SHARED), np.nan)
     J = by_point[usable]
-    shifts = np.concatenate([np.linalg.pinv(J[:, :2]), np.linalg.pinv(J[:, 2:])], axis=2)
+    each = J.reshape(-1, 2, 2, 3)  # J_c^+ = J_c^T (J_c J_c^T)^-1, in a fifth of the time of `pinv`
+    own = np.linalg.solve(each @ each.transpose(0, 1, 3, 2), each)
+    shifts = own.reshape(-1, 4, 3).transpose(0, 2, 1)
     gain = np.linalg.solve(shifts @ J, shifts)
     sigmas = np.broadcast_to(np.asarray(sigma_px, dtype=np.float64), (len(points), 2))[usable]
     weighted = gain * np.repeat(sigmas, 2, axis=1)[:, None, :]
@@ -183,7 +185,9 @@ def point_jacobians(
     (n, 4, 25); NaN behind a camera. Arguments as in `point_errors`."""
     n, (v, R, B) = len(points_m), unknowns_of_views(q)
     by_point, by_views = jacobians_of(Cameras(v, R, lenses), points_m)
-    by_shared = np.einsum("nckv,qcv->nckq", by_views, B[:, :-1].reshape(SHARED, 2, EACH))
+    of_each = np.ascontiguousarray(by_views.transpose(1, 0, 2, 3)).reshape(2, 2 * n, EACH)
+    by_shared = of_each @ B[:, :-1].reshape(SHARED, 2, EACH).transpose(1, 2, 0)
+    by_shared = by_shared.reshape(2, n, 2, SHARED).transpose(1, 0, 2, 3)
     return by_point.reshape(n, 4, 3), by_shared.reshape(n, 4, SHARED)
 
 

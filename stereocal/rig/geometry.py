@@ -347,16 +347,19 @@ def homogeneous(points: npt.ArrayLike) -> FloatArray:
 
 
 def sampson(E: FloatArray, rays: FloatArray) -> FloatArray:
-    """(...,): signed Sampson distances of pairs (..., 4), x and y of both cameras, in their units.
+    """Signed Sampson distances of pairs (..., 4), x and y of both cameras, in their units.
 
     Hartley and Zisserman (2004), Multiple View Geometry, equation 11.9.
+
+    Args:
+        E: (3, 3), or (k, 3, 3) for distances (k, ...) with each of k matrices.
     """
-    one = np.ones((*rays.shape[:-1], 1))
-    p = np.concatenate([rays[..., :2], one], axis=-1)
-    q = np.concatenate([rays[..., 2:], one], axis=-1)
-    lines, back = p @ E.T, q @ E
+    flat = rays.reshape(-1, 4)
+    p, q = homogeneous(flat[:, :2]), homogeneous(flat[:, 2:])
+    lines, back = p @ E.swapaxes(-1, -2), q @ E
     squared = (lines[..., :2] ** 2).sum(axis=-1) + (back[..., :2] ** 2).sum(axis=-1)
-    return np.asarray((q * lines).sum(axis=-1) / np.sqrt(squared))
+    found = (q * lines).sum(axis=-1) / np.sqrt(squared)
+    return np.asarray(found.reshape(*E.shape[:-2], *rays.shape[:-1]))
 
 
 def on_their_heads(poses: Sequence[Pose], upright: float = 0.0) -> list[int]:

@@ -65,7 +65,7 @@ class ExpectedFit:
     ) -> FloatArray:
         unknowns = replace(self.result.unknowns, precision=precision)
         C, J = unknowns.covariance(information), jacobian @ unknowns.M
-        return np.asarray(np.sqrt(own + np.einsum("ni,ij,nj->n", J, C, J)))
+        return np.asarray(np.sqrt(own + np.einsum("ni,ni->n", J @ C, J)))
 
     def information_of(self, among: BoolArray) -> FloatArray:
         """(25, 25): the information of one frame, on average over some of the bars (n,)."""
