@@ -181,14 +181,17 @@ def proposed_colours(cameras: Sequence[Sequence[npt.NDArray[Any]]]) -> Balls | N
     small = [[reduced(image) for image in images] for images in cameras]
     every = [image for images in small for image in images]
     proposals = {target for images in small for target in _pairs(images)}
-    right = {}
+    best, most = None, math.ceil(AGREEING * len(every)) - 1
     for target in sorted(proposals, key=lambda one: one.colours):
-        seen = [find_balls(image, target) for image in every]
-        right[target] = sum(
-            not one.missing and not any(spot.doubts for spot in one.spots if spot) for one in seen
-        )
-    best = max(right, key=right.__getitem__, default=None)
-    return best if best is not None and right[best] >= AGREEING * len(every) else None
+        right = 0
+        for left, image in zip(range(len(every), 0, -1), every, strict=True):
+            if right + left <= most:
+                break  # others are in more photographs, whatever the rest shows
+            one = find_balls(image, target)
+            right += not one.missing and not any(spot.doubts for spot in one.spots if spot)
+        if right > most:
+            best, most = target, right
+    return best
 
 
 def reduced(image: npt.NDArray[Any]) -> Colours:

@@ -15,6 +15,8 @@ ROOT = Path(__file__).parents[2]
 FULL = ROOT / "tests" / "projects" / "full.zip"
 """6 pairs of photographs, targets, 2 edits, a calibration, a validation of 10 runs, 7 boards, a
 lens, and points that were matched and measured."""
+FEW = {"validate_runs": 10}
+"""The settings of a validation by few runs, where it does not matter what comes of it."""
 SLOW = 120
 """Seconds that nothing takes unless it hangs, on a busy machine either."""
 

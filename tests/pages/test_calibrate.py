@@ -19,7 +19,7 @@ from stereocal.projects.archive import pack_project
 from stereocal.projects.project import Project
 from stereocal.ui import press
 from stereocal.verdict.in_words import digits
-from tests.pages.stored_projects import SLOW, ended, go, messages, project_of, told
+from tests.pages.stored_projects import FEW, SLOW, ended, go, messages, project_of, told
 from tests.pages.test_pages import FIELD, give_zip, open_sample
 
 BAD = 7
@@ -66,7 +66,7 @@ def test_a_projects_zip_gives_the_same_files_again(
 
 def test_a_frame_is_left_out_and_put_back(pressed: AppTest, home: Path) -> None:
     project = project_of(pressed, home)
-    project.keep_settings({"validate_runs": 10})
+    project.keep_settings(FEW)
     before = project.calibration
     pressed.selectbox(key="chosen_frame").set_value(9).run()
     pressed.button(key="frame_leave_out").click().run()
@@ -94,6 +94,7 @@ def test_two_bars_give_files_without_forecast(app: AppTest, home: Path) -> None:
     rows = dataset.correspondences
     single = rows.where((rows.target == 0) | (rows.frame < 3))
     give_zip(app, pack_dataset(replace(dataset, correspondences=single)))
+    project_of(app, home).keep_settings(FEW)
     app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     assert project_of(app, home).calibration is not None
@@ -140,9 +141,9 @@ def test_nothing_is_offered_before_its_threshold_is_final(
 
     monkeypatch.setattr(press, "INSTANT", 0)
     monkeypatch.setattr(workflow, "evaluate", waiting)
-    open_sample(app).switch_page("pages/calibrate.py").run()
-    app.button(key="run").click().run()
-    project = project_of(app, home)
+    project = project_of(open_sample(app), home)
+    project.keep_settings(FEW)
+    go(app, "calibrate").button(key="run").click().run()
     try:
         assert {metric.value for metric in app.metric} == {"…"}
         for page in ("calibrate", "apply", "check"):
@@ -169,7 +170,7 @@ def test_nothing_is_offered_before_its_threshold_is_final(
 
 def test_the_tiles_are_of_whole_runs_whatever_validate_shows(app: AppTest, home: Path) -> None:
     project = project_of(open_sample(app), home)
-    project.keep_settings({"validate_splits": "frames", "validate_runs": 10})
+    project.keep_settings({"validate_splits": "frames", **FEW})
     app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     evaluation = project.calibration_evaluation
@@ -182,7 +183,7 @@ def exchanged(app: AppTest, home: Path) -> Project:
     dataset = read_dataset(FIELD).with_targets_exchanged([BAD])
     give_zip(app, pack_dataset(dataset))
     project = project_of(app, home)
-    project.keep_settings({"validate_runs": 10})
+    project.keep_settings(FEW)
     go(app, "calibrate").button(key="run").click().run()
     return project
 

@@ -16,7 +16,7 @@ from stereocal.projects.home import bring_back, remove
 from stereocal.projects.project import KEPT
 from stereocal.ui import jobs, press, results, screening
 from stereocal.workflow import Run
-from tests.pages.stored_projects import SLOW, ended, go, messages, project_of, told, wait_until
+from tests.pages.stored_projects import FEW, SLOW, ended, go, messages, project_of, told, wait_until
 from tests.pages.test_pages import open_sample
 from tests.projects.test_found_before import bits
 from tests.projects.test_jobs import run_elsewhere
@@ -25,10 +25,11 @@ STOPPED = "The server stopped while this ran"
 
 
 @pytest.fixture
-def pressing(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> AppTest:
+def pressing(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> AppTest:
     """The Calibrate page, where the validation of a press is a job."""
     monkeypatch.setattr(press, "INSTANT", 0)
-    return open_sample(app).switch_page("pages/calibrate.py").run()
+    project_of(open_sample(app), home).keep_settings(FEW)
+    return app.switch_page("pages/calibrate.py").run()
 
 
 def keys(app: AppTest) -> set[str]:
@@ -84,7 +85,7 @@ def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
     def fail(*_: object) -> None:
         raise RuntimeError("the secret reason")
 
-    open_sample(app)
+    project_of(open_sample(app), home).keep_settings(FEW)
     with monkeypatch.context() as patch:
         patch.setattr("stereocal.evaluation.evaluate.evaluate_runs", fail)
         go(app, "validate")
@@ -111,7 +112,7 @@ def test_the_figure_follows_the_sliders_and_says_of_how_many_runs(
     with ThreadPoolExecutor(20) as threads, monkeypatch.context() as patch:
         patch.setattr(jobs, "pool", lambda: threads)
         project = project_of(open_sample(app), home)
-        project.keep_settings({"validate_runs": 40})
+        project.keep_settings({"validate_runs": 20})
         seen, before = [], None
         try:
             for acceptance in (0.2, 0.3):
@@ -119,7 +120,7 @@ def test_the_figure_follows_the_sliders_and_says_of_how_many_runs(
                 go(app, "validate")
                 job = jobs.job_of(project, "evaluation")
                 assert job is not None and job is not before
-                wait_until(lambda: "10 of 40 runs" in told(app.run(), "caption"))
+                wait_until(lambda: "10 of 20 runs" in told(app.run(), "caption"))
                 seen.append([figure.proto.spec for figure in app.get("plotly_chart")])
                 assert seen[-1] and not app.get("download_button")
                 before = before or job
@@ -131,9 +132,9 @@ def test_the_figure_follows_the_sliders_and_says_of_how_many_runs(
     assert before.state == "cancelled" and seen[0] != seen[1]
     assert found is not None and dataset is not None
     assert found.settings.calibration.search.acceptance == 0.3
-    runs = evaluate_runs(dataset, found.settings, 0, range(40))
+    runs = evaluate_runs(dataset, found.settings, 0, range(20))
     assert bits(list(found.runs[0])) == bits(runs)
-    assert "of 40 runs" not in told(app.run(), "caption") and app.get("download_button")
+    assert "of 20 runs" not in told(app.run(), "caption") and app.get("download_button")
 
 
 COMPUTING = (
@@ -184,7 +185,7 @@ def test_the_press_and_a_restart(
     long: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     project = project_of(long, home)
-    project.keep_settings({"validate_runs": 10})
+    project.keep_settings(FEW)
     long.switch_page("pages/calibrate.py").run()
     long.button(key="run").click().run()
     assert ended(project, "calibration").state == "done"

@@ -23,6 +23,7 @@ from stereocal.ui import jobs
 from stereocal.ui.start import RIG
 from tests.files import zipped
 from tests.pages.stored_projects import (
+    FEW,
     FULL,
     drop,
     ended,
@@ -128,7 +129,7 @@ def test_a_calibration_in_hand_is_not_read_back_and_a_stored_one_not_fitted_agai
     read = counted(monkeypatch, "stereocal.projects.project.unpack_evaluation")
     fitted = counted(monkeypatch, "stereocal.workflow.refine")
     forget()  # what other tests of this process have calibrated
-    project_of(open_sample(app), home).keep_settings({"validate_runs": 10})
+    project_of(open_sample(app), home).keep_settings(FEW)
     go(app, "calibrate").button(key="run").click().run()
     shown = [button.proto.id for button in app.get("download_button")]
     assert shown and not unpacked and not read and len(fitted) == 1

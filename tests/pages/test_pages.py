@@ -17,6 +17,7 @@ from stereocal.ui.menu import RIG, SECTIONS, TITLES
 from tests.files import zipped
 from tests.formats.test_exchange import FULL as FULL_RIG
 from tests.pages.stored_projects import (
+    FEW,
     FULL,
     ROOT,
     again,
@@ -53,6 +54,7 @@ def test_sample_to_result_and_back_in_a_new_session(app: AppTest, home: Path) ->
     app.switch_page("pages/calibrate.py").run()
     assert "No result yet" in messages(app)
     app.slider(key="calibration_frames_1_25").set_value(20).run()
+    project_of(app, home).keep_settings(FEW)
     app.button(key="run").click().run()
     assert "Use the refined set for both" in messages(app)
     result = project_of(app, home).calibration
@@ -164,7 +166,7 @@ def test_a_wrong_length_stands_beside_the_recommendation(app: AppTest, home: Pat
     open_sample(app)
     project = project_of(app, home)
     project.give({}, target_distance_m=0.95)
-    project.keep_settings({"validate_runs": 10})
+    project.keep_settings(FEW)
     app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     assert any("contradict each other" in item.value for item in app.warning)
@@ -251,7 +253,7 @@ def test_the_project_is_named_and_renamed(project: Project) -> None:
 
 
 def test_the_states_follow_what_the_page_has_changed(project: Project) -> None:
-    project.keep_settings({"validate_runs": 10})
+    project.keep_settings(FEW)
     app = page_of(project, "calibrate")
     app.button(key="run").click().run()
     assert states(app)["calibrate"] == "done"

@@ -12,7 +12,7 @@ from stereocal.projects.archive import pack_project
 from stereocal.projects.home import DAY_S, find_projects, recent_projects, remove
 from stereocal.projects.project import Project
 from stereocal.verdict.in_words import percent
-from tests.pages.stored_projects import dashboard, drop, messages, page_of, project_of
+from tests.pages.stored_projects import FEW, dashboard, drop, messages, page_of, project_of
 from tests.pages.test_pages import open_sample
 
 
@@ -35,6 +35,7 @@ def test_a_card_says_what_a_project_holds_and_its_key_result(app: AppTest, home:
 
     project = project_of(open_sample(app), home)
     assert "25 frames" in card() and "not calibrated" in card()
+    project.keep_settings(FEW)
     app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()
     found = project.calibration_evaluation

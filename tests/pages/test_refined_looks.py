@@ -15,6 +15,7 @@ from stereocal.ui.forms import refine_settings
 from stereocal.verdict.forecast import Forecast
 from stereocal.verdict.other_seeds import conclusions_of_seeds
 from tests.pages.stored_projects import (
+    FEW,
     FULL,
     again,
     go,
@@ -34,7 +35,7 @@ def look(app: AppTest, name: str) -> AppTest:
 
 def test_inputs_are_tested_and_the_settings_are_followed(pressed: AppTest, home: Path) -> None:
     app, project = pressed, project_of(pressed, home)
-    project.keep_settings({"validate_runs": 10})
+    project.keep_settings(FEW)
     assert "What disagrees" not in told(app)
     look(app, "Stated and estimated")
     assert "go unnoticed" in messages(app)
@@ -98,6 +99,7 @@ def test_what_is_stale_is_said_with_the_button_that_mends_it(pressed: AppTest, h
         assert changed in messages(app)
         renewing = app.button(key="run")
         assert (renewing.label, renewing.proto.type) == ("Calibrate again", "primary")
+    project.keep_settings(FEW)
     app.button(key="run").click().run()
     assert changed not in messages(app) and not [b for b in app.button if b.key == "run"]
     assert project.calibration_digest != before and project.calibration_evaluation is not None

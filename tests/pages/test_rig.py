@@ -33,7 +33,7 @@ from stereocal.ui.start import RIG, three_cameras
 from tests.archives import caliscope_files, wand_csv
 from tests.files import encoded, zipped
 from tests.lens import PATTERN, SMALL, photographed
-from tests.pages.stored_projects import dashboard, drop, go, page_of, run_job, told, wait_until
+from tests.pages.stored_projects import FEW, dashboard, drop, go, page_of, run_job, told, wait_until
 from tests.photographed_rig import BAR_M, CAMERAS, photographed_bars
 from tests.projects.test_recording import rig_text
 from tests.rigs.boards import HERE, placings, stereo
@@ -64,7 +64,7 @@ def opened(project: Project, pair: str) -> AppTest:
 
 def test_a_pair_opens_todays_pages_and_leads_back(project: Project) -> None:
     pair = ProjectRecording(project).pair("2-3")
-    pair.keep_settings({"validate_runs": 10})
+    pair.keep_settings(FEW)
     app = page_of(project, "rig")
     assert "One rig of 3 cameras" in told(app)
     app.button(key="open_pair_2-3").click().run()
@@ -86,6 +86,7 @@ def test_a_pair_opens_todays_pages_and_leads_back(project: Project) -> None:
 
 
 def test_the_menu_and_next_lead_through_a_rig(project: Project) -> None:
+    ProjectRecording(project).pair("1-2").keep_settings(FEW)
     app = page_of(project, "rig")
     states = app.session_state["page_states"]
     assert not {"calibrate", "validate"} & {*states}
@@ -233,6 +234,7 @@ def test_a_rig_is_checked_with_its_table_of_points(project: Project, tmp_path: P
 
 
 def test_a_pair_opens_by_its_address(project: Project) -> None:
+    ProjectRecording(project).pair("1-3").keep_settings(FEW)
     app = opened(project, "1-3")
     assert app.text_input(key="project_name").value == "eWand, cameras 1, 2, 3, 1-3"
     app.button(key="run").click().run()
@@ -252,12 +254,12 @@ def test_an_address_without_such_a_pair_is_reported(project: Project) -> None:
 
 
 def files_of_rig() -> dict[str, bytes]:
-    """The camera files and the table of the sample, every ninth frame."""
+    """The camera files and the table of the sample, every eighteenth frame."""
     files = {path.name: path.read_bytes() for path in RIG.iterdir() if path.suffix == ".yaml"}
     head, *rows = (RIG / "points.csv").read_bytes().splitlines(keepends=True)
     return {
         **files,
-        "points.csv": head + b"".join(r for r in rows if int(r.split(b",")[0]) % 9 == 0),
+        "points.csv": head + b"".join(r for r in rows if int(r.split(b",")[0]) % 18 == 0),
     }
 
 
@@ -320,7 +322,7 @@ def test_wrong_files_are_named(app: AppTest, change: Callable[[Any], Any], named
 
 def test_exchanged_camera_files_are_named(app: AppTest, home: Path) -> None:
     """Of lenses that differ, in a simulation; those of the sample are of one model."""
-    packed = pack_recording(simulated_rig(np.random.default_rng(1), 3, 150).recording)
+    packed = pack_recording(simulated_rig(np.random.default_rng(1), 3, 80).recording)
     one, two, three = (packed[f"camera_{number}.json"] for number in (1, 2, 3))
     files = {"c1.json": two, "c2.json": one, "c3.json": three, "points.csv": packed["points.csv"]}
     given(app, files).number_input(key="several_B_m").set_value(0.6).run()

@@ -40,7 +40,7 @@ SET: dict[str, dict[str, Any]] = {
     },
     "validate": {
         "delta": 0.002,
-        "validate_runs": 40,
+        "validate_runs": 20,
         "validate_frames": 3,
         "bin_width": 0.2,
         "with_refined": False,
