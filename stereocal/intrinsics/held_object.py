@@ -21,11 +21,11 @@ from stereocal.detection.intensity import eight_bits
 from stereocal.detection.target import BAR, Balls, Tags, Target
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.boards import BoardView, find_board
+from stereocal.intrinsics.markers import markers_in
 from stereocal.intrinsics.proposed_board import (
     ProposedBoard,
     charuco_of,
     chessboard_in,
-    markers_in,
     smallest_dictionary,
 )
 from stereocal.rig.compiled import FloatArray

@@ -18,6 +18,7 @@ from stereocal.intrinsics.board_corners import (
     outer_squares,
     plain_squares,
 )
+from stereocal.intrinsics.markers import Markers, markers_in
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import Photographs
@@ -25,11 +26,6 @@ from stereocal.system.photograph_files import Photographs
 LOOKED_AT = 6
 FEWEST_MARKERS = 6
 """On a ChArUco board; fewer may be tags, or none."""
-DICTIONARIES = ("4X4_250", "5X5_250", "6X6_250", "7X7_250", "APRILTAG_36h11")
-"""Those in which markers are looked for; smaller ones are parts of these. Those of 1000 take four
-times as long, 0.5 s each before a large board, and have the same first 250 markers."""
-Markers = dict[str, tuple[IntArray, FloatArray]]
-"""By dictionary: the numbers (n,) and corners (n, 4, 2) px of the markers."""
 MOST_SQUARES = 20
 FITTING = 0.15
 """Largest RMS distance of markers from where a board has them, in squares."""
@@ -80,21 +76,6 @@ def proposed_board(photographs: Photographs) -> ProposedBoard | None:
     if not best or (len(best) > 1 and best[0][1] == best[1][1]):
         return None
     return best[0][0]
-
-
-def markers_in(grey: npt.NDArray[np.uint8]) -> Markers:
-    """The markers in a photograph, at half the size of a large one."""
-    scale, found = 1.0, dict[str, tuple[IntArray, FloatArray]]()
-    if max(grey.shape) > LARGE_PX:
-        grey, scale = halved(grey), 2.0
-    for name in DICTIONARIES:
-        printed = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
-        corners, numbers, _ = cv2.aruco.ArucoDetector(printed).detectMarkers(grey)
-        if numbers is not None:
-            four = np.array(corners, dtype=np.float64).reshape(-1, 4, 2)
-            ids = np.asarray(numbers, dtype=np.int64).ravel()
-            found[name] = ids, scale * four + 0.5 * (scale - 1.0)
-    return found
 
 
 def chessboard_in(grey: npt.NDArray[np.uint8]) -> tuple[ProposedBoard, FloatArray] | None:
