@@ -94,7 +94,7 @@ def test_boards_that_may_be_one() -> None:
 
 
 def test_what_one_camera_sees_or_what_does_not_move_is_not_proposed() -> None:
-    files = bar_set(7).files()
+    files = bar_set(3).files()
     first, second = (
         {name: content for name, content in files.items() if which in name}
         for which in ("left", "right")

@@ -154,8 +154,12 @@ def test_a_changed_point_is_different(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_a_forged_archive_cannot_bring_its_own_tolerance(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """What another process computes again is the same, as the test above shows."""
+    again = {f"parameters_{name}.json": rig for name, rig in of_field().sets.items()}
+    monkeypatch.setattr("stereocal.commands.reproduce._computed_again", lambda _: again)
+
     def edit(files: dict[str, bytes]) -> None:
         forged = json.loads(files["parameters_refined.json"])
         forged["baseline_m"] *= 1.5
