@@ -10,6 +10,7 @@ from streamlit.testing.v1 import AppTest
 from stereocal.detection.target import BAR, Balls, Tags
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
+from stereocal.intrinsics import held_object
 from stereocal.library.calibrations import calibrate
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.home import title_of
@@ -190,7 +191,10 @@ def test_camera_files_whose_names_do_not_tell(app: AppTest, home: Path) -> None:
     assert not app.exception and not project.inputs.files
 
 
-def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
+def test_from_photographs_to_a_data_set(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(held_object, "LOOKED_AT", 5)  # one of three is blank
     rig = stereo(np.pi / 2)
     files = photographs(rig, 9, 6)
     blank = np.full((SMALL.image_size[1], SMALL.image_size[0]), 110, np.uint8)
@@ -254,10 +258,10 @@ def test_pages_of_an_object(app: AppTest, home: Path) -> None:
 
 @pytest.fixture
 def balls(home: Path) -> Project:
-    """A project with four pairs of photographs of two balls, and the lenses."""
+    """A project with six pairs of photographs of two balls, and the lenses."""
     project = Project.create(home)
     store = ProjectPhotographs(project)
-    files, _ = ball_bars(4)
+    files, _ = ball_bars(6, 7)
     store.add({name: store.keep(name, content) for name, content in files.items()})
     lens = write_camera(CAMERA)
     project.give({"primary": ("p.json", lens), "secondary": ("s.json", lens)})
