@@ -1,6 +1,6 @@
 """Are real cameras that were started by hand brought into step, and is what is not certain open?
 
-    python -m benchmarks.by_hand [--cases 300] [--seed 0] [--half 0] [--alike 0]
+    python -m benchmarks.by_hand [--cases 300] [--seed 0] [--half 0] [--alike 0] [--smooth 0]
 
 Windows of 60 to 400 frames of the real recordings ewand12 and ewand123 (`STEREOCAL_REAL_DATA`), the
 second camera's frames counted by itself: offsets of 0 to 10,000 frames and a part of a frame, its
@@ -12,6 +12,10 @@ With `--half 1` one of the cameras took every second frame only, and its rate is
 
 With `--alike 1` the two ends look alike: in each image they come left to right, or top to bottom,
 as detection orders them, so that a camera's names change and those of both cameras differ.
+
+With `--smooth 1` a simulated bar is on a smooth path instead, with many frames to each turn, as
+films of 30 and 60 frames a second show it: short arcs of it fit at wrong offsets. Of every second
+case the second camera recorded something else.
 
 Printed: right, open and wrong whole offsets, and how many fractions are in their 95 % intervals.
 """
@@ -35,10 +39,14 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.rig.tracks import interpolate
+from stereocal.rig.tracks import TimeOffset, interpolate
+from stereocal.simulation.simulate import field_rig
+from tests.rigs.moving_bar import move_bar, record
 
 SHORTEST, LONGEST, MOST_OFFSET, MOST_DRIFT = 60, 400, 10_000, 50e-6
 WITHIN = 1.96
+BAR_M, NOISE_PX = 0.9, 0.3
+"""Of the simulated recordings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +109,20 @@ def case_of(whole: Recording, pair: CameraPair, rng: np.random.Generator, number
     return Case(recording, pair, start, drift, common)
 
 
+def smooth_case(rng: np.random.Generator, number: int) -> Case:
+    """Two cameras of 200 to 900 frames each, before a bar that is smoothly moved."""
+    frames, common = int(rng.integers(200, 900)), number % 2 == 1
+    between, late = int(rng.choice([15, 30, 60])), float(rng.uniform(-0.5, 0.5))
+    bar = move_bar(field_rig(), rng, 2 * frames + 400, BAR_M, frames_between=between)
+    seen = record(bar, rng, NOISE_PX, "smooth", TimeOffset(late))
+    whole = Recording.of_pair(seen)
+    frame = np.tile(seen.correspondences.time_frame, len(CAMERAS))
+    start = int(rng.integers(0, frames)) if common else frames + 100
+    begin = np.array([frames // 2 if common else 0, start])[whole.camera]
+    kept = replace(whole, frame=frame).where((frame >= begin) & (frame < begin + frames))
+    return Case(kept.counted_from({CAMERAS[1]: -start}), CAMERAS, start + late, 0.0, common)
+
+
 def halved(case: Case, number: int, rng: np.random.Generator) -> Case:
     """One camera took every second frame; all are brought to its frames by the rates."""
     slow = number % 2
@@ -154,13 +176,16 @@ def judged(case: Case, found: OffsetOfPair) -> tuple[str, float]:
 
 def main() -> None:
     """All cases."""
-    asked = numbers_asked(__doc__, cases=300, seed=0, half=0, alike=0)
+    asked = numbers_asked(__doc__, cases=300, seed=0, half=0, alike=0, smooth=0)
     counts: Counter[str] = Counter()
     scores: list[float] = []
-    every = recordings()
+    every = [] if asked.smooth else recordings()
     for number in range(asked.cases):
         rng = np.random.default_rng([asked.seed, number])
-        case = case_of(*every[number % len(every)], rng, number)
+        if asked.smooth:
+            case = smooth_case(rng, number)
+        else:
+            case = case_of(*every[number % len(every)], rng, number)
         case = halved(case, number, rng) if asked.half else case
         kind = "in common" if case.common else "apart"
         try:
