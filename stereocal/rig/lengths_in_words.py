@@ -62,7 +62,7 @@ def side_in_words(name: str, first: str, x: float, metres: str = "") -> str:
     side, other = ("right", "left") if x > 0.0 else ("left", "right")
     return (
         f"By its images {name} stands {metres}to the {side} of {first}, as {first} sees it: if it "
-        f"stands on the {other}, the images of all cameras are mirrored or upside down, which "
+        f"stands on the {other}, all images are mirrored or upside down, which "
         "points on a line cannot tell."
     )
 
