@@ -146,8 +146,9 @@ def test_frames_that_lie_together_accuse_the_lens(number: int) -> None:
     scene, _, rng = random_rig(number)
     many = place_bars(scene.rig, rng, 100, scene.bar_length_m, (4.0, 10.0))
     data = observe(many, rng, 0.2, "rig")
-    rows = data.correspondences  # photographed one by one: no time offset is searched for
-    data = replace(data, correspondences=replace(rows, time_frame=10 * rows.time_frame))
+    if number == 0:  # photographed one by one: no time offset is searched for, the soak does
+        rows = data.correspondences
+        data = replace(data, correspondences=replace(rows, time_frame=10 * rows.time_frame))
     if number < 2:
         assert "distortion" in screen(replace(data, primary=flipped(data.primary))).together
     assert screen(data).together == ""
