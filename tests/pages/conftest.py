@@ -12,7 +12,6 @@ from streamlit.runtime.scriptrunner.script_cache import ScriptCache
 from streamlit.testing.v1 import AppTest, local_script_runner
 from streamlit.testing.v1.local_script_runner import LocalScriptRunner, require_widgets_deltas
 
-from stereocal.intrinsics import held_object, proposed_board
 from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
 from tests.pages.stored_projects import dashboard, page_of
@@ -74,13 +73,6 @@ def main_stays_main() -> Iterator[None]:
 def done_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """In every test of pages."""
     as_in_a_server(monkeypatch)
-
-
-@pytest.fixture(autouse=True)
-def few_looks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three photographs of each camera tell what is held, as five do: no page goes by how many."""
-    for module in (held_object, proposed_board):
-        monkeypatch.setattr(module, "LOOKED_AT", 3)
 
 
 def as_in_a_server(patch: pytest.MonkeyPatch) -> None:

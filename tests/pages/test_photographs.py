@@ -10,7 +10,6 @@ from streamlit.testing.v1 import AppTest
 from stereocal.detection.target import BAR, Balls, Tags
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import pack_dataset, parse_dataset
-from stereocal.intrinsics import held_object
 from stereocal.library.calibrations import calibrate
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.home import title_of
@@ -191,10 +190,7 @@ def test_camera_files_whose_names_do_not_tell(app: AppTest, home: Path) -> None:
     assert not app.exception and not project.inputs.files
 
 
-def test_from_photographs_to_a_data_set(
-    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(held_object, "LOOKED_AT", 5)  # one of three is blank
+def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     rig = stereo(np.pi / 2)
     files = photographs(rig, 9, 6)
     blank = np.full((SMALL.image_size[1], SMALL.image_size[0]), 110, np.uint8)
