@@ -44,8 +44,8 @@ INVERSE = (
     "Some programs write the inverse (undistorting) coefficients: export the lens in OpenCV's "
     "convention, or change the signs."
 )
-FEWEST_TO_SHIFT = 8
-"""Frames, of which two may be lost."""
+FEWEST_TO_SHIFT, FEWEST_BOARDS = 8, 4
+"""Frames of a bar, and of a board, of which two may be lost: two boards tell a pose and deny it."""
 ESTIMATED_HANDICAP = 1.3
 """Of readings that put a fitted value in the place of a stated one."""
 SECONDARY: tuple[CameraName, ...] = (CAMERAS[1],)
@@ -256,7 +256,11 @@ def readings_of_frames(
         shifts: by how many frames they may be counted too high.
         least_gain: of the shifts.
     """
-    frames = data.correspondences.frames if isinstance(data, Dataset) else np.unique(data.frame)
+    if isinstance(data, Dataset):
+        frames, board, cameras = data.correspondences.frames, data.board, COUNTED
+    else:
+        frames, board = np.unique(data.frame), data.object.board
+        cameras = of_which(data, (name,)), "its", "the others'"
     which = of_which(data, (name,))
     for order in orders_of_words(frames):
         yield Reading(
@@ -265,8 +269,8 @@ def readings_of_frames(
             partial(with_frames, data, name, frames, np.array(order)),
             (name,),
         )
-    cameras = COUNTED if isinstance(data, Dataset) else (which, "its", "the others'")
-    for whole in shifts if len(frames) > FEWEST_TO_SHIFT else ():
+    fewest = FEWEST_TO_SHIFT if board is None else FEWEST_BOARDS
+    for whole in shifts if len(frames) > fewest else ():
         claim, remedy = counted_apart(frames, whole, cameras)
         corrected = partial(with_frames, data, name, frames, frames - whole)
         yield Reading(claim, remedy, corrected, (name,), least_gain=least_gain)

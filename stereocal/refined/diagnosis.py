@@ -16,8 +16,8 @@ from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import (
     MAXIMUM_LEFT_OUT,
-    MINIMUM_FRAMES,
     Screening,
+    enough_frames,
     screen,
     wide_settings,
 )
@@ -127,7 +127,7 @@ def claimed_offset(screening: Screening) -> MeasuredOffset | None:
     """The offset by which the cameras are out of step; None if not, or if it is applied."""
     dataset = screening.full_dataset
     unjudged = screening.fit is None and not screening.failure and not screening.time_note
-    if not unjudged or len(dataset.correspondences.frames) < MINIMUM_FRAMES:
+    if not unjudged or not enough_frames(dataset):
         return None
     try:
         found, note = with_offset_if_out_of_step(dataset, wide_settings(dataset))

@@ -38,8 +38,8 @@ WIDE = RefineSettings(primary=LensPrior(0.05, 50.0), secondary=LensPrior(0.05, 5
 WIDE_LENGTH_PRIOR = 0.1
 """Standard deviation of baseline and bar in the screening, relative."""
 
-MINIMUM_FRAMES = 8
-"""With fewer bars, five angles and two lenses can fit wrong points too."""
+MINIMUM_FRAMES, MINIMUM_BOARDS = 8, 4
+"""With fewer bars, five angles and two lenses can fit wrong points too; boards have more points."""
 
 MOST_EXCHANGED = 40
 """Frames that are tried with their targets exchanged where each is tried by itself."""
@@ -161,7 +161,7 @@ def screen(
     copies = {*dataset.correspondences.copies} - {*put_back}
     known = [*by_user, *copies]
     rest = dataset.of_frames(frames[~np.isin(frames, known)]) if known else dataset
-    if len(rest.correspondences.frames) < MINIMUM_FRAMES:
+    if not enough_frames(rest):
         return unscreened(dataset, by_user=by_user, copies=copies)
     note, measured = "", None
     try:
@@ -199,6 +199,12 @@ def _fit(
         return found.fit or refine(dataset, settings), found
     fit, note = with_offset_if_out_of_step(dataset, settings)
     return fit, InStep(fit, note) if note else None
+
+
+def enough_frames(dataset: Dataset) -> bool:
+    """Whether there are enough to tell which of them contradict the others."""
+    fewest = MINIMUM_FRAMES if dataset.board is None else MINIMUM_BOARDS
+    return len(dataset.correspondences.frames) >= fewest
 
 
 def wide_settings(dataset: Dataset) -> RefineSettings:

@@ -32,6 +32,7 @@ PAIR, EVEN_ROWS, OTHER_SIZE = (
         ("half a turn of one camera", EVEN_ROWS),
         ("corners of one camera mirrored", PAIR),
         ("one file for both cameras", OTHER_SIZE),
+        ("frames shifted by one", PAIR),
         *further(("frames shifted by one", sound(0, frames=12))),
     ],
 )
