@@ -1,10 +1,10 @@
 """Boards before two cameras with one thing wrong, and sound ones: what is named, what is silent.
 
     python -m benchmarks.wrong_boards [wrong|sound|wide|wide-sound|late|real] [--trials 4]
-        [--first 0] [--mistake NAME ...] [--said]
+        [--first 0] [--frames 20] [--mistake NAME ...] [--said]
 
-Pairs of unlike cameras and boards of several sizes (`tests.rigs.board_pairs`), 20 frames, bent by
-0.4 % of their width or not, noise of 0.1 to 0.5 px; `wide`: before fisheyes. `real` puts each kind
+Pairs of unlike cameras and boards of several sizes (`tests.rigs.board_pairs`), bent by 0.4 % of
+their width or not, noise of 0.1 to 0.5 px; `wide`: before fisheyes. `real` puts each kind
 into OpenCV's sample of 13 pairs of photographs, but the two that need the truth. Wrong is a file
 whose 95 % length error on 40 further boards is more than 3 times what it states, or whose baseline
 is more than 5 % off.
@@ -81,14 +81,15 @@ def wrong(asked: argparse.Namespace, draw: Draw = lens) -> None:
     """Each kind of mistake."""
     numbers = range(asked.first, asked.first + asked.trials)
     for name in asked.mistake or MISTAKES:
-        spoiled(name, ((n, sound(n, 20, "square" in name, draw)) for n in numbers), asked.said)
+        pairs = ((n, sound(n, asked.frames, "square" in name, draw)) for n in numbers)
+        spoiled(name, pairs, asked.said)
 
 
 def sound_pairs(asked: argparse.Namespace, draw: Draw = lens) -> None:
     """Nothing wrong: a third of them with a measured baseline."""
     accused, far_off = {}, []
     for number in range(1000 + asked.first, 1000 + asked.first + asked.trials):
-        said = said_of(sound(number, 20, number % 3 == 1, draw))
+        said = said_of(sound(number, asked.frames, number % 3 == 1, draw))
         if said.accusations:
             accused[number] = said.accusations
         if said.error is None or said.error > MOST:
@@ -146,6 +147,7 @@ def main() -> None:
     parser.add_argument("studies", nargs="*", choices=[*STUDIES, []], default=[], metavar="STUDY")
     parser.add_argument("--trials", type=int)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--frames", type=int, default=20)
     parser.add_argument("--mistake", action="append", choices=[*MISTAKES])
     parser.add_argument("--said", action="store_true", help="print what is said")
     asked = parser.parse_args()

@@ -150,7 +150,11 @@ def waved_placings(
     rig: Rig, far: float, board: BoardPattern, rng: np.random.Generator, frames: int, length: int
 ) -> tuple[Pose, ...]:
     """A board that is somewhere else every `length` frames, and moves evenly between; fewer frames
-    where it would leave the images."""
+    where it would leave the images.
+
+    It turns at once where no hand would: positions between the three frames about such a place are
+    wrong by up to many pixels, so that a fit leaves up to 30 % of the frames out.
+    """
     keys = [*draw_placings(rig, far, board, rng, frames // length + 12)]
     corners, found = true_corners(board, 0.0), list[Pose]()
     here = keys.pop()
