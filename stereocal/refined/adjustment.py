@@ -29,11 +29,11 @@ from stereocal.refined.views import (
     with_lenses,
     work_of,
 )
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray, compiled, internal
+from stereocal.rig.compiled import BoolArray, FloatArray, IntArray, borrowing, compiled
 from stereocal.rig.decompositions import factor, forward
 
 
-@internal
+@borrowing
 def loss(s: float, limit: float) -> tuple[float, float]:
     """Tukey's biweight rho(s) of a chi-square s, and its derivative, the unit's weight.
 
@@ -113,7 +113,7 @@ def sum_normal_equations(
     return cost
 
 
-@internal
+@borrowing
 def eliminate(
     q: FloatArray, unit: Unit, work: Work, w: float, index: IntArray, Y: FloatArray, into: Equations
 ) -> None:
@@ -156,7 +156,7 @@ def eliminate(
             into.H[a, b] += w * total
 
 
-@internal
+@borrowing
 def active_unknowns(unit: Unit, free: BoolArray, index: IntArray) -> int:
     """Write the unknowns that a unit depends on to `index`, ascending, and return their number."""
     count, pixels = 0, unit.pixels
@@ -173,7 +173,7 @@ def active_unknowns(unit: Unit, free: BoolArray, index: IntArray) -> int:
     return count
 
 
-@internal
+@borrowing
 def project(pixels: FloatArray, work: Work, c: int, i: int, row: FloatArray) -> float:
     """Write Jx^T times an unknown's column of Js to `row` (6,); return the column times r."""
     total, r, Jx, Js = 0.0, work.r, work.Jx, work.Js
@@ -188,7 +188,7 @@ def project(pixels: FloatArray, work: Work, c: int, i: int, row: FloatArray) -> 
     return total
 
 
-@internal
+@borrowing
 def product(pixels: FloatArray, Js: FloatArray, c: int, i: int, j: int) -> float:
     """The product of two columns of a camera's Js."""
     total = 0.0

@@ -3,7 +3,7 @@
 import numpy as np
 
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, internal
+from stereocal.rig.compiled import FloatArray, borrowing, internal
 from stereocal.rig.fisheye import distort_fisheye, fisheye_derivatives
 
 TERMS = 22
@@ -47,7 +47,7 @@ def _tilt(tau_x: float, tau_y: float) -> FloatArray:
     return tilt
 
 
-@internal
+@borrowing
 def distort(
     x: float, y: float, lenses: FloatArray, camera: int
 ) -> tuple[float, float, float, float, float, float]:
@@ -87,7 +87,7 @@ def distort(
     return tu, tv, a * ux + b * vx, a * uy + b * vy, c * ux + d * vx, c * uy + d * vy
 
 
-@internal
+@borrowing
 def distortion_derivatives(
     x: float, y: float, lenses: FloatArray, camera: int, by_lens: FloatArray
 ) -> None:

@@ -72,6 +72,15 @@ def internal(function: Callable[P, T]) -> Callable[P, T]:
     return _Internal(function)
 
 
+def borrowing(function: Callable[P, T]) -> Callable[P, T]:
+    """As `internal`, for functions that allocate no array.
+
+    What they are given is in use as long as they run, so that it need not be counted as in use by
+    each tuple and each part of an array: the sums of `refined.adjustment` take a third less time.
+    """
+    return _Internal(function, _nrt=False)
+
+
 def inlined(function: Callable[P, T]) -> Callable[P, T]:
     """As `internal`, inlined into its callers: a call inside a loop prevents vectorisation."""
     return _Internal(function, forceinline=True)
@@ -130,13 +139,21 @@ def _stamp(path: Path) -> str:
     """
     seen, left = {path}, [path]
     while left:
-        for module, names in _IMPORTED.findall(left.pop().read_text(encoding="utf-8")):
-            of_module = _PACKAGE.parent.joinpath(*module.split("."))
-            inside = [of_module / f"{name.strip()}.py" for name in names.split(",")]
-            new = {each for each in (of_module.with_suffix(".py"), *inside) if each.is_file()}
-            left += new - seen
-            seen |= new
-    return hashlib.sha256(b"".join(each.read_bytes() for each in sorted(seen))).hexdigest()
+        new = _source(left.pop())[1] - seen
+        left += new
+        seen |= new
+    return hashlib.sha256(b"".join(_source(each)[0] for each in sorted(seen))).hexdigest()
+
+
+@functools.cache
+def _source(path: Path) -> tuple[bytes, frozenset[Path]]:
+    """A source file, and the modules of this package that it imports: read once by a process."""
+    content, found = path.read_bytes(), set[Path]()
+    for module, names in _IMPORTED.findall(content.decode()):
+        of_module = _PACKAGE.parent.joinpath(*module.split("."))
+        inside = (of_module / f"{name.strip()}.py" for name in names.split(","))
+        found |= {each for each in (of_module.with_suffix(".py"), *inside) if each.is_file()}
+    return content, frozenset(found)
 
 
 def contiguous(array: FloatArray) -> FloatArray:
