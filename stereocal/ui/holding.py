@@ -91,9 +91,9 @@ def _look(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
     said = project.settings.get(PROPOSAL)
     if isinstance(said, dict) and said.get("of") == of:
         return
+    cameras = [{name: files[name] for name in own if name in files} for own in names]
     with st.spinner("Looking at the first photographs ..."):
-        cameras = [{name: files[name] for name in own if name in files} for own in names]
-        held = held_object(cameras)
+        held = _HELD.once(f"{names} {of}", lambda: held_object(cameras))
     settings: dict[str, Any] = {PROPOSAL: {"of": of}}
     if held is not None:
         settings = {PROPOSAL: {"of": of, **_told(held, first)}, **_values(held)}
@@ -157,6 +157,8 @@ SQUARE_MM = 30.0
 FOUND = "held_found"
 USUAL_TAGS, TAGS_TITLE = "4X4_50:0,1", "Dictionary, and the numbers of A and B"
 _SIGHTINGS: Latest[Sighting] = Latest(8)
+_HELD: Latest[HeldObject | None] = Latest(8)
+"""By the photographs that were looked at, which may be given again, or to another project."""
 CALLED: dict[type, str] = {Bar2x2: "fitted corner", Balls: "ball", Tags: "tag"}
 """What a click moves a centre to."""
 
