@@ -49,6 +49,12 @@ def found_by_motion(
         StereocalError: the photographs do not tell it.
     """
     followed = {name: _Followed.of(own, points, orders) for name, own in by_hand.counts.items()}
+    for name, own in followed.items():
+        if not own.names:
+            raise StereocalError(
+                f"In none of the {len(by_hand.counts[name])} photographs of the camera {name} was "
+                "a target found. Is the kind of target the one that was filmed?"
+            )
     first, heard, told = next(iter(followed)), by_hand.heard, list[str]()
     try:
         sides, found = _in_step(followed, cameras, held, orders, {})

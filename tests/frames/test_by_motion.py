@@ -78,7 +78,7 @@ def test_ends_that_look_alike_are_followed_and_told_apart() -> None:
     pairs = ByHand(_counts(150)).pairs(found.later)
     assert {pair.frame: pair.secondary for pair in pairs}[60] == "right/20"
     of_one = {name: own for name, own in seen.items() if name.startswith("left")}
-    with pytest.raises(StereocalError, match="saw no points"):
+    with pytest.raises(StereocalError, match="a target found"):
         _found(150, of_one, *about)
 
 
