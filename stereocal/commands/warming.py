@@ -19,6 +19,7 @@ import numpy as np
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.methods import errors_of
 from stereocal.calibration.montecarlo import SearchSettings, reconstruction_problem, two_searches
+from stereocal.calibration.offset_scan import Track, scan
 from stereocal.commands.console import ProgressBar
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_runs
 from stereocal.frames.search import compile_detection
@@ -39,7 +40,7 @@ from stereocal.system.tasks import Progress
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.tradeoff import trade_off
 
-FUNCTIONS = 91
+FUNCTIONS = 98
 """About as many are compiled with an empty cache; test_warming.py counts them."""
 PACKAGE = Path(__file__).parents[2]
 
@@ -123,13 +124,15 @@ def _fisheye(camera: Camera) -> Camera:
 
 
 def _use_searches() -> None:
-    """The essential matrix, the paper's searches, and that for targets."""
+    """The essential matrix, the paper's searches, those for offsets and for targets."""
     for dataset in _recordings()[1]:
         distances = reconstruction_problem(dataset)
         rays, baseline = dataset.rays, dataset.baseline_m
         start = calibrate_essential(rays, baseline, tie_breaker=distances.cost).pose
         two_searches(dataset, start, SearchSettings(), trace=True)
         errors_of(dataset, start)
+    track = Track(0, np.random.default_rng(0).normal(size=(60, 2, 2)))
+    scan(track, track, np.zeros(1, dtype=np.int64))
     compile_detection()
 
 

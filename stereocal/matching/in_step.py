@@ -14,12 +14,11 @@ import numpy as np
 import pandas as pd
 
 from stereocal.calibration.corrections import fitting_px
-from stereocal.calibration.offset_scan import APART
 from stereocal.errors import StereocalError
 from stereocal.matching.point_table import POINT, PointTable
 from stereocal.matching.trajectories import naming_columns
 from stereocal.network.rig_file import Parameters, RigFile
-from stereocal.network.started_by_hand import STANDS_OUT
+from stereocal.network.started_by_hand import APART, STANDS_OUT
 from stereocal.rig.clusters import follow_each_other
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import PIXELS, TIME

@@ -1,12 +1,12 @@
 """Two cameras that were started by hand: which frame of one belongs to which of the other.
 
-Every offset of the counts of frames is scanned (`calibration.offset_scan`); an essential matrix
-judges the best by the same evidence, and the fit of the time offset finds the fraction of the one
-that stands out.
+Every offset of the counts of frames is scanned (`calibration.offset_scan`); the best are judged by
+an essential matrix and by the lengths of what is held, and the fit of the time offset finds the
+fraction of the one that stands out.
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.calibration.corrections import fitting_px
-from stereocal.calibration.offset_scan import FEWEST, Common, Scan, Track
+from stereocal.calibration.offset_scan import FEWEST, Track, common_points, scan
 from stereocal.errors import StereocalError, naming
 from stereocal.network.frame_rates import at_slowest
 from stereocal.network.pairs import reached
@@ -34,21 +34,30 @@ from stereocal.system.latest import Latest, once_or_refused
 from stereocal.system.numbers import rounded
 from stereocal.system.sampling import evenly_spread
 
-STANDS_OUT, FURTHER, TOO_FEW = 1.5, 15.0, 20
-"""How many times farther from the epipolar lines the points must lie at any other offset; with the
-second number of moments above the third, twice as much: chance fits few moments well."""
-ENOUGH, CANDIDATES = 60.0, 30
-"""The least evidence for an offset, and offsets judged."""
-LENGTHS_AGREE, FEWEST_LENGTHS = 0.03, 15
+STANDS_OUT = 1.5
+"""How many times farther from the epipolar lines the points must lie at any other offset."""
+FURTHER, FURTHER_WITH_LENGTHS, TOO_FEW = 40.0, 15.0, 20
+"""With this number of moments above those too few to tell anything, an offset must stand out twice
+as much: chance fits few moments at one of many offsets, more rarely so that lengths agree."""
+LENGTHS_AGREE, ALIKE = 0.1, 0.03
 """Median deviation of reconstructed lengths from their median, as a fraction of it, that doubles
-the distance, if so many are known. Measured: at right offsets up to 0.02, with noise of 2 px up to
-0.03; where short arcs fit by chance 0.03 to 0.5."""
-NEAR = 0.6
-"""Frames between the best candidate and the fit of the motion there."""
+the distance; and up to which they count as agreeing. Measured: at right offsets at most 0.014, with
+noise of 2 px too; where 25 moments were fitted by chance 0.03 and 0.07."""
+FEWEST_LENGTHS = 15
+FREEDOM, LEAST_PX, RIVAL, ENOUGH = 8, 1e-3, 0.5, 200.0
+"""Places that any fit fits; the least distance that counts; and the part of the evidence for the
+best offset from which another is its rival, if that is enough; else all are (one wrong had 64)."""
+CANDIDATES, FINALISTS, FEWEST_OTHERS = 30, 4, 8
+APART, NEAR = 2.0, 0.6
+"""Frames between candidates; and between the best one and the fit of the motion there."""
+AROUND = 30
+"""Frames about an offset that something else tells."""
 JUDGED, SAMPLES = 300, 200
 """Points that judge a candidate, and samples of them drawn: at wrong offsets none is the last."""
 TARGETS = 4
 """Points of an object that are enough, spread over it."""
+HILL = 0.5
+"""Of the median over all offsets: offsets next to the best are part of its valley below it."""
 LONG, RUNS, RUN = 3000, 40, 10
 """Frames from which the drift is fitted; and the runs of frames about those that tell the offset
 which the fit uses."""
@@ -248,15 +257,13 @@ class _Candidate(NamedTuple):
     offset: float
     px: float = np.inf
     """Median distance from the epipolar lines."""
-    lengths: float = 0.0
-    """How far the lengths of what is held are from their median, as a fraction, in the median."""
+    score: float = np.inf
+    """The same, larger where the lengths of what is held contradict each other."""
+    evidence: float = -np.inf
+    """The logarithm of how unlikely chance fits as many places of the images so well."""
+    lengths_agree: bool = False
     frames: IntArray = np.empty(0, dtype=np.int64)
     """The moments that tell it: numbers of frames of the first camera."""
-
-    @property
-    def score(self) -> float:
-        """The distance, larger where the lengths contradict each other."""
-        return self.px * (1.0 + (self.lengths / LENGTHS_AGREE) ** 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,25 +297,47 @@ class _Search:
         return float(np.sqrt(np.prod([each.K[0, 0] for each in self.recording.cameras.values()])))
 
     @cached_property
-    def scan(self) -> Scan:
-        """All offsets."""
-        return Scan.of(*self.tracks, self.focal_px, self.near)
+    def scanned(self) -> tuple[FloatArray, FloatArray]:
+        """All offsets by half frames, and the distance in px at each; NaN where not judged."""
+        one, other = self.tracks
+        whole = np.arange(FEWEST - len(other.rays), len(one.rays) - FEWEST + 1)
+        whole = whole + one.first - other.first
+        if self.near is not None:
+            whole = whole[np.abs(whole - self.near) <= AROUND]
+        both = [scan(one, each, whole) for each in (other, other.earlier(0.5))]
+        return (whole[:, None] + [0.0, 0.5]).ravel(), self.focal_px * np.column_stack(both).ravel()
+
+    @cached_property
+    def usual_px(self) -> float:
+        """The distance at wrong offsets."""
+        return float(np.nanmedian(self.scanned[1]))
 
     def at(self, offset: float) -> _Candidate:
         """How well the points fit at an offset."""
-        common = Common.of(*self.tracks, offset)
-        frames, rays = common.drawn(JUDGED)
-        frames, pose = np.unique(frames), None
+        whole, (one, other) = int(np.floor(offset)), self.tracks
+        if offset > whole:
+            other = other.earlier(offset - whole)
+        places, rays = common_points(one, other, whole, JUDGED)
+        frames = np.unique(places[:, 0])
+        pose = None
         if len(frames) >= FEWEST:
             pose = robust_pose([*self.recording.cameras.values()], rays, SAMPLES)
         if pose is None:
             return _Candidate(offset)
         px = self.focal_px * float(np.median(np.abs(sampson(pose.essential, rays.T))))
-        return _Candidate(offset, px, _of_lengths(pose, common.rays[:, [0, -1]]), frames)
+        seen = one.rays[frames], other.rays[frames - whole - other.first + one.first]
+        off = _of_lengths(pose, np.concatenate(seen, axis=2)[:, [0, -1]])
+        score = px * (1.0 + float(np.nan_to_num(off, posinf=1e9)) / LENGTHS_AGREE)
+        differing = min(len(np.unique(places[:, camera])) for camera in (2, 3))
+        evidence = (differing - FREEDOM) * float(np.log(self.usual_px / max(score, LEAST_PX)))
+        return _Candidate(offset, px, score, evidence, off < ALIKE, frames + one.first)
 
-    def evidence(self, found: _Candidate) -> float:
-        """The logarithm of how unlikely chance fits as many moments so well."""
-        return float(self.scan.evidence(len(found.frames), found.score))
+    def nearby(self, candidate: _Candidate) -> _Candidate:
+        """The best at parts of a frame next to it."""
+        for step in (0.5, 0.25, 0.125, 0.0625):
+            beside = [self.at(candidate.offset + way * step) for way in (-1, 1)]
+            candidate = _best([candidate, *beside])
+        return candidate
 
     def offset(self) -> OffsetOfPair:
         """The offset that stands out, with its fraction.
@@ -316,50 +345,72 @@ class _Search:
         Raises:
             StereocalError: none does.
         """
-        (pair,) = self.recording.pairs
+        (pair,), (offsets, errors) = self.recording.pairs, self.scanned
         with naming(f"The offset of the cameras {pair[0]} and {pair[1]} cannot be told"):
             best, other = self.two_best()
             beside = min(self.at(best.offset + way).px for way in (-1, 1))
             measured = self.measured(best)
             if abs(measured.frames - best.offset) > NEAR + 5 * measured.sigma:
                 raise StereocalError(
-                    f"the best offset, {best.offset:.2f} frames, and the one that fits the motion "
+                    f"the best offset, {best.offset:g} frames, and the one that fits the motion "
                     f"there, {measured.frames:.2f}, contradict each other."
                 )
         found = best.px, beside, other.px, other.offset
-        return OffsetOfPair(pair, measured, *found, self.scan.offsets, self.scan.px)
+        return OffsetOfPair(pair, measured, *found, offsets, errors)
 
     def two_best(self) -> tuple[_Candidate, _Candidate]:
         """The offset that stands out, and the best of the others."""
-        judged = [each for each in map(self.at, self.scan.likely(CANDIDATES)) if each.px < np.inf]
-        best = max(judged, key=self.evidence, default=_Candidate(np.nan, 0.0))
-        if best.score > fitting_px(self.recording):
-            differ = f", and lengths of what is held differ by {100 * best.lengths:.0f} %"
+        judged = [each for each in map(self.at, self.valleys()) if each.px < np.inf]
+        if len(judged) < FEWEST_OTHERS:
             raise StereocalError(
-                f"at no offset do their points fit together; at the best, {best.offset:.0f} "
-                f"frames, they lie {rounded(best.px)} px from their epipolar lines"
-                f"{differ if best.lengths > LENGTHS_AGREE else ''}. Check that both saw the same "
-                "motion at the same time, with as many frames a second and none lost, and their "
-                "camera files."
+                f"at no more than {len(judged)} offsets do both cameras see {FEWEST} moments of a "
+                "motion, so none stands out. Record both cameras for longer while the object moves "
+                "through what both see; one at rest tells nothing."
             )
-        low, high = self.scan.valley(best.offset)
+        # Short arcs of a motion fit well at wrong offsets too, near the ends of the recordings.
+        likely = sorted(judged, key=lambda each: -each.evidence)[:FINALISTS]
+        near = sorted(judged, key=lambda each: each.score)[:FINALISTS]
+        finalists = {each.offset: each for each in (*likely, *near)}
+        judged += map(self.nearby, finalists.values())
+        best = max(judged, key=lambda each: each.evidence)
+        low, high = self.valley(best.offset)
         others = [each for each in judged if not low <= each.offset <= high]
-        if self.evidence(best) < ENOUGH or not others:
+        least = RIVAL * best.evidence if best.evidence > ENOUGH else -np.inf
+        rival = _best(each for each in others if each.evidence > least)
+        if best.px > fitting_px(self.recording):
             raise StereocalError(
-                f"at no offset do both cameras see so many more than {FEWEST} moments of a motion "
-                "that it stands out. Record both cameras for longer while the object moves through "
-                "what both see; one at rest tells nothing."
+                f"at no offset do their points fit together; at the best, {best.offset:g} frames, "
+                f"they lie {rounded(best.px)} px from their epipolar lines. Check that both saw "
+                "the same motion at the same time, with as many frames a second, and their camera "
+                "files."
             )
-        rival = min(others, key=lambda each: each.score)
-        need = STANDS_OUT * (1.0 + FURTHER / (len(best.frames) - TOO_FEW))
+        further = FURTHER_WITH_LENGTHS if best.lengths_agree else FURTHER
+        need = STANDS_OUT * (1.0 + further / (len(best.frames) - TOO_FEW))
         if not rival.score >= need * best.score:
             raise StereocalError(
-                f"two offsets fit nearly as well, {best.offset:.0f} frames ({rounded(best.px)} px "
-                f"from the epipolar lines) and {rival.offset:.0f} ({rounded(rival.px)} px): the "
+                f"two offsets fit nearly as well, {best.offset:g} frames ({rounded(best.px)} px "
+                f"from the epipolar lines) and {rival.offset:g} ({rounded(rival.px)} px): the "
                 "motion repeats itself, or is too short. A longer recording of an irregular motion "
                 "decides, or an offset that you know to a few frames."
             )
-        return best, rival
+        return best, _best(others)
+
+    def valleys(self) -> list[float]:
+        """The offsets with the smallest errors, each some frames from the others."""
+        (offsets, errors), found = self.scanned, list[float]()
+        order = np.argsort(errors, kind="stable")[: np.isfinite(errors).sum()]
+        for offset in offsets[order].tolist():
+            if len(found) < CANDIDATES and all(abs(offset - each) > APART for each in found):
+                found.append(offset)
+        return found
+
+    def valley(self, best: float) -> tuple[float, float]:
+        """The offsets about the best one at which the errors are far below those at others."""
+        offsets, errors = self.scanned
+        high = offsets[~(errors < HILL * self.usual_px)]
+        low_end = high[high < best].max(initial=-np.inf)
+        high_end = high[high > best].min(initial=np.inf)
+        return min(low_end, best - APART), max(high_end, best + APART)
 
     def measured(self, best: _Candidate) -> MeasuredOffset:
         """The offset with its standard error, by the fit of what remains of it."""
@@ -377,19 +428,22 @@ class _Search:
         return replace(fit.time_offset, frames=whole + fit.time_offset.frames, sigma=sigma)
 
 
+def _best(some: Iterable[_Candidate]) -> _Candidate:
+    return min(some, key=lambda each: each.score, default=_Candidate(np.nan))
+
+
 def _of_lengths(pose: Pose, ends: FloatArray) -> float:
-    """Median deviation of the reconstructed lengths of what is held, as a fraction; 0 without
+    """Median deviation of the reconstructed lengths of what is held, as a fraction; NaN without
     enough.
 
     Args:
         ends: (n, 2, 4): rays of two targets.
     """
     ends = ends[np.isfinite(ends).all(axis=(1, 2))]
-    if len(ends) < FEWEST_LENGTHS:
-        return 0.0
-    points = triangulate_rays(pose.R, pose.T, np.ascontiguousarray(ends.reshape(-1, 4).T))
-    lengths = np.nan_to_num(np.linalg.norm(points[::2] - points[1::2], axis=1), nan=np.inf)
-    middle = float(np.median(lengths))
-    if not 0.0 < middle < np.inf:
-        return 0.0 if middle == 0.0 else 1.0  # of one target alone, or of rays that do not meet
-    return float(np.median(np.abs(lengths / middle - 1.0)))
+    if len(ends) < FEWEST_LENGTHS or (ends[:, 0] == ends[:, 1]).all():
+        return np.nan
+    rays = (np.ascontiguousarray(ends[:, k].T) for k in (0, 1))
+    first, last = (triangulate_rays(pose.R, pose.T, each) for each in rays)
+    lengths = np.nan_to_num(np.linalg.norm(first - last, axis=1), nan=np.inf)
+    middle = np.median(lengths)
+    return float(np.median(np.abs(lengths / middle - 1.0))) if middle < np.inf else np.inf
