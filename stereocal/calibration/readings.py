@@ -256,12 +256,12 @@ def readings_of_frames(
         shifts: by how many frames they may be counted too high.
         least_gain: of the shifts.
     """
+    which = of_which(data, (name,))
     if isinstance(data, Dataset):
         frames, board, cameras = data.correspondences.frames, data.board, COUNTED
     else:
         frames, board = np.unique(data.frame), data.object.board
-        cameras = of_which(data, (name,)), "its", "the others'"
-    which = of_which(data, (name,))
+        cameras = which, "its", "the others'"
     for order in orders_of_words(frames):
         yield Reading(
             f"The frames of {which} seem to be in the order of words (1, 10, 11, ... 2, 20)",
