@@ -34,7 +34,7 @@ from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.frames.by_motion import found_by_motion
 from stereocal.frames.pairing import ByHand
 from stereocal.network.frame_rates import at_slowest
-from stereocal.network.started_by_hand import OffsetOfPair, offset_of_pair
+from stereocal.network.offset_of_pair import OffsetOfPair, offset_of_pair
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import CameraPair, Recording

@@ -14,13 +14,8 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import ByHand, Motion
-from stereocal.network.started_by_hand import (
-    STANDS_OUT,
-    BroughtIntoStep,
-    OffsetOfPair,
-    bring_into_step,
-    offset_of_pair,
-)
+from stereocal.network.offset_of_pair import STANDS_OUT, OffsetOfPair, offset_of_pair
+from stereocal.network.started_by_hand import BroughtIntoStep, bring_into_step
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.recording import Recording

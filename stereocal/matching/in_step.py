@@ -17,8 +17,8 @@ from stereocal.calibration.corrections import fitting_px
 from stereocal.errors import StereocalError
 from stereocal.matching.point_table import POINT, PointTable
 from stereocal.matching.trajectories import naming_columns
+from stereocal.network.offset_of_pair import APART, STANDS_OUT
 from stereocal.network.rig_file import Parameters, RigFile
-from stereocal.network.started_by_hand import APART, STANDS_OUT
 from stereocal.rig.clusters import follow_each_other
 from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import PIXELS, TIME

@@ -24,7 +24,7 @@ from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.library.calibrations import calibrate
 from stereocal.matching.lengths import check_lengths
-from stereocal.network.started_by_hand import offset_of_pair
+from stereocal.network.offset_of_pair import offset_of_pair
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.misfit import misfit_of
 from stereocal.refined.refine import RefinedResult, refine
