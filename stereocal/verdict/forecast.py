@@ -38,6 +38,8 @@ TOLERANCE = 0.10
 fraction."""
 SURE = 0.975
 """Share of the draws that decides."""
+LEAST_KNOWN = 0.5
+"""Share of the draws in which the bars are seen; with fewer, they tell nothing."""
 MAXIMUM_TO_ADD = 10
 """Largest number of frames to add that is reported, as a multiple of the present number."""
 Kind = Literal["one", "two", "level"]
@@ -196,7 +198,11 @@ class Forecast:
 
 
 def forecast_files(calibration: Calibration) -> Forecast:
-    """Forecast the files of a calibration with its refined set."""
+    """Forecast the files of a calibration with its refined set.
+
+    Raises:
+        StereocalError: there is no refined set, or it is too uncertain for one.
+    """
     refined, comparison = calibration.refined, calibration.comparison
     if refined is None or comparison is None:
         raise StereocalError("A forecast needs the refined method.")
@@ -207,6 +213,11 @@ def forecast_files(calibration: Calibration) -> Forecast:
     }
     files["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
     draws = draw_forecast(comparison.model, files)
+    if np.isfinite(draws.correct_px).all(axis=(1, 2)).mean() < LEAST_KNOWN:
+        raise StereocalError(
+            "The lenses are so uncertain that most of those within their standard errors image "
+            "nothing where the bars were."
+        )
     check = check_model(refined, comparison.model, draws)
     if check is not None and not check.holds:
         draws = replace(draws, excess=check.excess)

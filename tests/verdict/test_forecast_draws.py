@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import binom
 
 from stereocal.calibration.methods import Method
+from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
 from stereocal.library.calibrations import calibrate
@@ -55,6 +56,19 @@ def test_the_intervals_hold_the_population() -> None:
     # At 85 %, fewer than 4 of 8 have a probability of 1 in 350.
     assert binom.cdf(3, 8, 0.85) < 5e-3
     assert min(held.values()) >= 4, held
+
+
+def test_lenses_that_image_nothing_within_their_errors_have_no_forecast() -> None:
+    """Before fisheyes, 2 % of the draws were seen, and the verdict was "nan times"."""
+    calibration = calibrate(rig.dataset(25, 0.2), refined=RefineSettings())
+    comparison = calibration.comparison
+    assert comparison is not None
+    model = comparison.model
+    unknown = replace(model.unknowns, precision=1e-9 * model.unknowns.precision)
+    vague = replace(model, information=1e-9 * model.information, unknowns=unknown)
+    vars(calibration)["comparison"] = replace(comparison, model=vague)
+    with pytest.raises(StereocalError, match="so uncertain"):
+        forecast_files(calibration)
 
 
 def test_same_seed_same_figures_whatever_the_workers() -> None:
