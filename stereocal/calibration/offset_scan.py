@@ -10,7 +10,7 @@ import numpy as np
 
 from stereocal.rig.compiled import FloatArray, IntArray, compiled, internal
 from stereocal.rig.decompositions import backward, factor, forward
-from stereocal.rig.tracks import interpolate
+from stereocal.rig.tracks import exchanged_ends, interpolate
 
 MOST, FEWEST = 120, 25
 """Moments that a matrix is fitted to; with fewer, an offset is not judged."""
@@ -47,11 +47,14 @@ class Track:
         return np.asarray(np.where(seen, at[..., 0] * CELLS + at[..., 1], -1))
 
     def earlier(self, fraction: float) -> "Track":
-        """What it saw at the instants of its frames less a fraction of one."""
+        """What it saw at the instants of its frames less a fraction of one; also where the ends of
+        what is held are exchanged in some frames."""
         frame, target = np.nonzero(np.isfinite(self.rays[..., 0]))
         late, rays = np.full(len(frame), fraction), np.full_like(self.rays, np.nan)
+        turned = exchanged_ends(self.rays[:, [0, -1]])[frame]
+        track = np.where(turned, self.rays.shape[1] - 1 - target, target)
         seen = self.rays[frame, target]
-        rays[frame, target] = interpolate(target, frame, seen, late).positions
+        rays[frame, target] = interpolate(track, frame, seen, late).positions
         return Track(self.first, rays)
 
 

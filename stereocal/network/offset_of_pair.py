@@ -26,7 +26,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, sampson, triangulate_rays
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.rig.tracks import MeasuredOffset, TimeOffset
+from stereocal.rig.tracks import MeasuredOffset, TimeOffset, exchanged_ends
 from stereocal.system.latest import Latest, once_or_refused
 from stereocal.system.numbers import rounded
 from stereocal.system.sampling import evenly_spread
@@ -315,7 +315,7 @@ def _named_alike(dataset: Dataset, pose: Pose, near: float) -> Dataset:
 
     Where they are exchanged in some frames, no point has a motion to interpolate. With three tenths
     of them exchanged in the second camera of real windows, 10 of 20 parts of a frame were in their
-    95 % interval, now 16; in the first camera 20 of 23.
+    95 % interval, now 17 of 23; with sound names 18 of 23.
 
     Args:
         near: how far points are from their epipolar lines, on z = 1.
@@ -334,12 +334,7 @@ def _named_alike(dataset: Dataset, pose: Pose, near: float) -> Dataset:
     held = rows.rigid_object or RigidObject.bar(dataset.target_distance_m)
     places = np.full((len(frames), len(held.names), 4), np.nan)
     places[at, rows.target] = np.hstack([rows.primary, rows.secondary])
-    ends = places[:, held.longest]
-    whole = np.flatnonzero(np.isfinite(ends).all(axis=(1, 2)))
-    before, now = ends[whole[:-1]], ends[whole[1:]]
-    kept, turned = (np.square(each - before).sum(axis=(1, 2)) for each in (now, now[:, ::-1]))
-    turns = np.zeros(len(frames), dtype=np.bool_)
-    turns[whole[1:]] = np.cumsum(turned < kept) % 2 == 1
+    turns = exchanged_ends(places[:, held.longest])
     names = np.where(turns[at], held.half_turn[rows.target], rows.target)
     return replace(dataset, correspondences=replace(rows, target=names))
 

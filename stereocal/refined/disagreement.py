@@ -111,7 +111,7 @@ def compare_inputs(result: RefinedResult) -> InputComparison:
         suspects = {
             k: t
             for k, t in tests.items()
-            if t[0] >= ACCUSED and k not in undetermined and scale.get(k) != np.inf
+            if t[0] >= ACCUSED and k not in {*named, *undetermined} and scale.get(k) != np.inf
         }
         if not suspects:
             break

@@ -21,6 +21,8 @@ from stereocal.system.numbers import with_error
 WINDOW = np.array([-1.0, 0.0, 1.0, 2.0])
 """Frames about an instant between frame 0 and frame 1."""
 THIRD_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
+NEARER = 2.0
+"""How much nearer exchanged ends are to those of the frame before."""
 NO_SHIFT = 1e-9
 """Instants this close to a frame, in frames, are that frame."""
 
@@ -149,6 +151,21 @@ class Interpolated:
         """(n,): whether a position is known and in the image."""
         within = (self.positions >= -0.5) & (self.positions + 0.5 <= image_size)
         return np.asarray(self.known & within.all(axis=1))
+
+
+def exchanged_ends(ends: FloatArray) -> BoolArray:
+    """(n,): in which frames the two ends of an object have each other's names, if they have their
+    own in the first: exchanged, they are nearer to those of the frame before.
+
+    Args:
+        ends: (n, 2, d): by frame, NaN where not seen; a frame without both stays as it is.
+    """
+    whole = np.flatnonzero(np.isfinite(ends).all(axis=(1, 2)))
+    before, now = ends[whole[:-1]], ends[whole[1:]]
+    kept, turned = (np.square(each - before).sum(axis=(1, 2)) for each in (now, now[:, ::-1]))
+    found = np.zeros(len(ends), dtype=np.bool_)
+    found[whole[1:]] = np.cumsum(NEARER**2 * turned < kept) % 2 == 1
+    return found
 
 
 def interpolate(

@@ -52,14 +52,16 @@ def _later(recording: Recording, part: float) -> Recording:
     return replace(recording, points=moved.positions).where(inside)
 
 
-@pytest.mark.parametrize("camera", [1, *further(0)])
-def test_ends_exchanged_in_some_frames_do_not_spoil_the_part_of_a_frame(camera: int) -> None:
-    """Measured: 0.399 ± 0.002 frames; 0.035 ± 0.042 with the ends of camera 2 left exchanged."""
-    named, some = _later(_window(500, 600, later=25), 0.4), np.random.default_rng(5).random(900)
-    exchanged = (named.camera == camera) & (some[named.frame] < 0.3)
+@pytest.mark.parametrize(("first", "camera"), [(300, 1), *further((300, 0), (500, 1), (500, 0))])
+def test_ends_exchanged_in_some_frames_spoil_nothing(first: int, camera: int) -> None:
+    """Measured: 0.400 ± 0.002 frames. With the ends as they are named, no offset was found of the
+    first window, and 0.035 ± 0.042 frames of the third."""
+    named = _later(_window(first, first + 120, later=25), 0.4)
+    some = np.random.default_rng(5).random(900) < 0.3
+    exchanged = (named.camera == camera) & some[named.frame]
     target = np.where(exchanged, named.object.half_turn[named.target], named.target)
     found = offset_of_pair(replace(named, target=target), PAIR).measured
-    assert abs(found.frames - 0.4) < 3 * found.sigma < 0.01
+    assert abs(found.frames - 0.4) < 3 * found.sigma < 0.015
 
 
 def test_the_scale_is_that_of_the_points_in_step() -> None:
