@@ -25,7 +25,12 @@ from stereocal.calibration.readings import (
     readings_of_cameras,
     readings_of_frames,
 )
-from stereocal.calibration.wrong_inputs import MINIMUM_BARS, essential_fit, suspects
+from stereocal.calibration.wrong_inputs import (
+    MINIMUM_BARS,
+    essential_fit,
+    scaled_readings,
+    suspects,
+)
 from stereocal.errors import StereocalError
 from stereocal.refined.judge import (
     ANY_LENS,
@@ -66,8 +71,11 @@ class JudgeOfPair(Judge[Dataset]):
     def suspected(self) -> list[Reading[Dataset]]:
         whole = self.dataset
         exchanged = exchanged_files(whole, CAMERAS, self.known_cameras)
-        others = readings_of_cameras(whole, groups_of_pair(whole))
-        every = chain(self.of_one_file(), exchanged, others)
+        groups = groups_of_pair(whole)
+        others = readings_of_cameras(whole, groups)
+        # Lengths of a few boards that face the cameras do not tell.
+        sizes = scaled_readings(whole, groups) if whole.board and not self.out_of_step else ()
+        every = chain(self.of_one_file(), exchanged, others, sizes)
         return suspects(whole, every, lambda dataset: dataset)
 
     def readings_in_time(self) -> Iterator[Reading[Dataset]]:

@@ -33,6 +33,7 @@ PAIR, EVEN_ROWS, OTHER_SIZE = (
         ("corners of one camera mirrored", PAIR),
         ("one file for both cameras", OTHER_SIZE),
         ("frames shifted by one", PAIR),
+        ("all points at 75 %", sound(0, frames=6)),
         *further(("frames shifted by one", sound(0, frames=12))),
     ],
 )
