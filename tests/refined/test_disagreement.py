@@ -129,7 +129,8 @@ def test_a_distortion_that_stays_far_from_what_lenses_have_is_named_once() -> No
     bent = replace(own, distortion=np.array([0.0, 0.0, 0.5, 0.5, 0.0]))
     points = bent.distort(own.undistort(rows.secondary))
     off = replace(data, correspondences=replace(rows, secondary=points))
-    assert "secondary distortion" in [item.key for item in compare_inputs(refine(off)).inputs[:3]]
+    accused = [item.key for item in compare_inputs(refine(off)).inputs if item.accused]
+    assert accused.count("secondary distortion") == 1
 
 
 def test_a_stated_distortion_moves_within_its_standard_error() -> None:
