@@ -19,10 +19,10 @@ from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames
 from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
+from stereocal.system.array_types import FloatArray
 from tools.photographs.balls import (
     RED,
     YELLOW,

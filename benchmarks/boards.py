@@ -32,10 +32,10 @@ from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray
 from tests.lens import PATTERN, SMALL, AtOnce, photographed
 from tests.rigs.boards import HERE, placings, stereo
 

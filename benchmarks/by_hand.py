@@ -36,11 +36,11 @@ from stereocal.frames.pairing import ByHand
 from stereocal.network.frame_rates import at_slowest
 from stereocal.network.offset_of_pair import OffsetOfPair, offset_of_pair
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import TimeOffset, interpolate
 from stereocal.simulation.simulate import field_rig
+from stereocal.system.array_types import FloatArray
 from tests.rigs.moving_bar import move_bar, record
 
 SHORTEST, LONGEST, MOST_OFFSET, MOST_DRIFT = 60, 400, 10_000, 50e-6

@@ -10,10 +10,11 @@ from benchmarks import vectorised
 from stereocal.calibration import costs
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
-from stereocal.rig.compiled import FloatArray, compiled
+from stereocal.rig.compiled import compiled
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, fill_pose
 from stereocal.simulation.simulate import Scene, simulate_field
+from stereocal.system.array_types import FloatArray
 
 PlainCost = Callable[[FloatArray, FloatArray], float]
 

@@ -18,8 +18,8 @@ from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames
 from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.simulation.simulate import field_rig
+from stereocal.system.array_types import FloatArray
 from tools.photographs.backgrounds import outdoors
 from tools.photographs.bars import BarSettings, photograph_bars, place_visible_bars
 from tools.photographs.rendering import PhotographSettings

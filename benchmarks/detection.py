@@ -15,7 +15,7 @@ import numpy as np
 from stereocal.detection.corner_model import ALL, CORE, FRAME, fill_frame, fill_rows
 from stereocal.detection.detect import corner_near
 from stereocal.detection.fit import window
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from tests.detection.boards import Board, picture
 from tools.photographs.rendering import Photograph
 

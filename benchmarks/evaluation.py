@@ -17,9 +17,9 @@ from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.evaluation.summary import summarise
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.nineteen import simulate_nineteen
+from stereocal.system.array_types import FloatArray
 
 SOLVERS: tuple[Solver, ...] = ("linear", "constrained")
 

@@ -36,11 +36,11 @@ from stereocal.intrinsics.lens_fit import (
 )
 from stereocal.intrinsics.stereo_boards import lenses_of_boards, recording_of
 from stereocal.refined.free_baseline import with_baseline_found
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.simulate import observe
+from stereocal.system.array_types import FloatArray
 from stereocal.verdict.forecast import forecast_files
 from stereocal.workflow import Run
 from tests.fisheye_rig import NOISE_PX

@@ -8,11 +8,11 @@ import numpy as np
 from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.library.calibrations import calibrate
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.simulation.simulate import FIELD_DEPTHS_M, place_bars
+from stereocal.system.array_types import FloatArray, IntArray
 
 NOISE_PX = 0.3
 MISSING = 0.10

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import erf
 
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from tools.photographs.rendering import Photograph
 from tools.photographs.sample import jpeg, prepare_photographs
 

@@ -15,9 +15,9 @@ from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.lens_fit import PARAMETERS, LensSettings
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.simulate import field_rig
+from stereocal.system.array_types import FloatArray
 from tools.photographs.board_series import draw_board_poses, true_corners
 
 PATTERN = BoardPattern(18, 12, 0.03)

@@ -22,8 +22,8 @@ from scipy.spatial.transform import Rotation
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import Recording
+from stereocal.system.array_types import FloatArray
 
 ANGLES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 FROM = (1 / 3, 1 / 2, 3 / 4)

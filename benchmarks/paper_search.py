@@ -20,9 +20,10 @@ from stereocal.calibration.methods import errors_of
 from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.screening import screen
-from stereocal.rig.compiled import FloatArray, compiled
+from stereocal.rig.compiled import compiled
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, fill_pose, residuals
+from stereocal.system.array_types import FloatArray
 
 SEEDS = 20
 SUM = "sum of residuals"

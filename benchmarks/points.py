@@ -18,10 +18,10 @@ from benchmarks.studies import numbers_asked
 from stereocal.matching.matching import match_points
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.matching.threshold import ThresholdChoice, choose_threshold
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
+from stereocal.system.array_types import FloatArray
 from stereocal.workflow import Run
 from tests.rigs.refined_rigs import DEPTHS_M, Misjudged, random_scene, stated
 

@@ -28,10 +28,10 @@ from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.two_views import BAR, step_between
 from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.correspondences import TARGETS, Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.verdict.forecast import forecast_files
 from tests.rigs.population import figures_on
 

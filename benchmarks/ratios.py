@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.cases import Case, cost_cases, search_cases
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 TURNS = 31
 SEARCH_TURNS = 11

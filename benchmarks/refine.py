@@ -29,9 +29,9 @@ from stereocal.refined.two_views import BAR, PRIMARY, SECONDARY, pose_of
 from stereocal.refined.unknowns import LensPrior, RefineSettings, Unknowns, unknowns_of_pair
 from stereocal.refined.views import OWN
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
+from stereocal.system.array_types import FloatArray
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 SIGMA_PX, SCATTER_M = 0.2, 0.001

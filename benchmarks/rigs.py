@@ -38,10 +38,10 @@ from stereocal.refined.observations import Observations
 from stereocal.refined.unknowns import DEFAULT_DISTANCE, LensPrior
 from stereocal.refined.views import EACH
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
+from stereocal.system.array_types import FloatArray
 from tests.rigs.moving_wand import stated_over_true
 
 LENS = LensPrior(*LENS_ERRORS)

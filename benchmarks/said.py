@@ -8,9 +8,9 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.refined.free_baseline import with_baseline_found
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from stereocal.workflow import Run
 
 MOST, MOST_BASELINE = 3.0, 0.05

@@ -29,8 +29,8 @@ from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import LensPrior
 from stereocal.refined.views import EACH
-from stereocal.rig.compiled import BoolArray
 from stereocal.rig.recording import Recording
+from stereocal.system.array_types import BoolArray
 from tests.rigs.moving_wand import stated_over_true, wave_wand
 from tests.rigs.refined_rigs import (
     Misjudged,

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import field_rig
+from stereocal.system.array_types import FloatArray
 from tests.bar_photographs import BAR_M, BOARD_M, DEPTHS_M, small
 from tools.photographs.bars import (
     BarSettings,

@@ -6,7 +6,7 @@ ratio against it would flatter the compiled code, so the ratios are taken agains
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 
 def triangulate(R: FloatArray, T: FloatArray, rays: FloatArray) -> FloatArray:

@@ -49,9 +49,9 @@ from stereocal.refined.stated_inputs import Input, moved_lengths
 from stereocal.refined.stretched_board import stretched_board
 from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import RefineSettings, check_stated
-from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import ForecastEntries, RigParameters
+from stereocal.system.array_types import IntArray
 from stereocal.system.latest import is_made, step
 from stereocal.system.tasks import Progress
 from stereocal.verdict.forecast import Forecast, advice_on_improvements, forecast_files

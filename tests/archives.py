@@ -15,9 +15,9 @@ from stereocal.formats.exchange.exchange import export_files
 from stereocal.formats.exchange.matlab import FIRST_PIXEL
 from stereocal.formats.exchange.options import ExchangeOptions, PixelOrigin
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 CASES = Path(__file__).parent / "cases"

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.rig.camera import Camera, LensUncertainty
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
+from stereocal.system.array_types import FloatArray
 
 IMAGE_SIZE = (1920, 1440)
 COEFFICIENTS = np.array([0.04, -0.012, 0.006, -0.0018])

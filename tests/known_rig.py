@@ -7,12 +7,12 @@ import numpy.typing as npt
 from hypothesis import strategies as st
 
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, stack_rays
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, Scene, observe
+from stereocal.system.array_types import FloatArray
 
 PRIMARY = Camera(
     K=np.array([[1480.3, 0.0, 811.4], [0.0, 1502.7, 577.2], [0.0, 0.0, 1.0]]),

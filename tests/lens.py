@@ -8,9 +8,9 @@ import numpy as np
 
 from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray
 from tests.files import encoded
 from tools.photographs.board_series import draw_board_poses
 from tools.photographs.rendering import (

@@ -6,10 +6,10 @@ from functools import lru_cache
 import numpy as np
 
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.rigs import looking
+from stereocal.system.array_types import FloatArray
 from tests.files import encoded
 from tools.photographs.bars import (
     BarSettings,

@@ -12,7 +12,7 @@ import numpy as np
 
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 ROOT = Path(__file__).parents[1]
 FIELD = ROOT / "sample_data" / "field"

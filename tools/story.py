@@ -12,10 +12,10 @@ from stereocal.figures.story import HeldOutSet, Story, best_mean
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import TARGETS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray
 from stereocal.system.atomic_files import write_atomically
 
 ROOT = Path(__file__).parents[1]

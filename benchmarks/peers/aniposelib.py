@@ -13,10 +13,10 @@ from aniposelib.cameras import CameraGroup
 from benchmarks.peers import opencv
 from benchmarks.peers.solution import Peer, Solution
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
+from stereocal.system.array_types import FloatArray, IntArray
 
 
 def solve(dataset: Dataset) -> Solution:

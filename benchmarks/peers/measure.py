@@ -11,9 +11,9 @@ import numpy as np
 
 from benchmarks.peers.scenarios import Task
 from benchmarks.peers.solution import Peer, Solution
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import triangulate
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 
 LIMIT_S = 10.0
 """CPU time after which a solve is broken off."""

@@ -7,8 +7,8 @@ import poselib
 
 from benchmarks.peers.solution import THRESHOLD_PX, NoSolutionError, Peer, Solution
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
+from stereocal.system.array_types import FloatArray
 
 
 def solve(dataset: Dataset) -> Solution:

@@ -9,9 +9,9 @@ import numpy as np
 from benchmarks.peers.solution import Solution
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.simulate import Nominal, place_bars
+from stereocal.system.array_types import FloatArray
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, spoiled, stated
 
 FRAMES = 25

@@ -17,8 +17,8 @@ from scipy.sparse import lil_matrix
 from benchmarks.peers import opencv
 from benchmarks.peers.solution import Peer, Solution
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
+from stereocal.system.array_types import FloatArray
 
 SIGMA_PX = 0.3
 SIGMA_BAR = 0.001

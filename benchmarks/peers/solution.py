@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray
 
 THRESHOLD_PX = 2.0
 """From here on an epipolar distance is an outlier, for every program that asks for such a limit.

@@ -11,9 +11,9 @@ from benchmarks.peers import opencv, own, registry, scipy_joint
 from benchmarks.peers.measure import errors_of, measure
 from benchmarks.peers.scenarios import SCENARIOS, Task
 from benchmarks.peers.solution import NoSolutionError, Peer, Solution
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray
 from tests import known_rig as rig
 
 

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.sampling import evenly_spread
 
 MISNUMBERED = 0.5

@@ -4,11 +4,11 @@ import numpy as np
 
 from stereocal.calibration.essential import MINIMUM_PAIRS
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import BoolArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.geometry import Pose, triangulate_rays
 from stereocal.rig.recording import Recording
+from stereocal.system.array_types import BoolArray
 from stereocal.system.numbers import count
 
 SMALLEST_SPREAD = 0.01

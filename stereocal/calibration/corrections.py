@@ -10,11 +10,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.sampling import evenly_spread
 
 Given = TypeVar("Given", Dataset, Recording)

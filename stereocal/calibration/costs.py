@@ -14,8 +14,9 @@ The cost is NaN if a point is behind a camera; the search never accepts NaN.
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray, compiled, inlined
+from stereocal.rig.compiled import compiled, inlined
 from stereocal.rig.geometry import bar_length, midpoint, reprojection_shift
+from stereocal.system.array_types import FloatArray
 
 REPROJECTION = 0
 DISTANCE = 1

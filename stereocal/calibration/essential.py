@@ -16,8 +16,9 @@ from scipy.optimize import leastsq
 
 from stereocal.calibration.montecarlo import MethodResult
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray, clock
+from stereocal.rig.compiled import clock
 from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, triangulate_rays
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import count
 
 Solver = Literal["constrained", "linear"]

@@ -10,9 +10,9 @@ import numpy as np
 from stereocal.calibration.essential import Solver
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
+from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.settings import Settings, described, joined
 
 Method = Literal["essential", "2d", "3d", "refined"]

@@ -13,9 +13,10 @@ import numpy as np
 
 from stereocal.calibration import costs
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import BoolArray, FloatArray, clock, compiled, contiguous
+from stereocal.rig.compiled import clock, compiled, contiguous
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, fill_pose
+from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.settings import Settings, described
 
 STEP_TOO_SMALL = "the step fell below its smallest size"

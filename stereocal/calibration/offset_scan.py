@@ -8,9 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray, IntArray, compiled, internal
+from stereocal.rig.compiled import compiled, internal
 from stereocal.rig.decompositions import backward, factor, forward
 from stereocal.rig.tracks import exchanged_ends, interpolate
+from stereocal.system.array_types import FloatArray, IntArray
 
 MOST, FEWEST = 120, 25
 """Moments that a matrix is fitted to; with fewer, an offset is not judged."""

@@ -33,9 +33,9 @@ from stereocal.rig.camera import (
     LensModel,
     same_lens,
 )
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 
 COUNT_ALIKE = "Count the corners of both cameras row by row, from the same corner of the board."

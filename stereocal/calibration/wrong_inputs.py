@@ -27,10 +27,10 @@ from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.readings import Group, Reading
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import one_file_in_words
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
 from stereocal.rig.recording import Recording
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 
 MINIMUM_BARS = 10

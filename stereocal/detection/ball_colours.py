@@ -11,7 +11,8 @@ from PIL import ImageColor
 from stereocal.detection.target import BRIGHT, Balls
 from stereocal.errors import StereocalError
 from stereocal.refined.outliers import MAD_TO_SIGMA
-from stereocal.rig.compiled import FloatArray, compiled
+from stereocal.rig.compiled import compiled
+from stereocal.system.array_types import FloatArray
 
 Colours = npt.NDArray[np.uint8]
 """(h, w, 3): blue, green, red."""

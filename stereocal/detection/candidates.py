@@ -15,7 +15,8 @@ from stereocal.detection.edges import arm_quality, follow
 from stereocal.detection.fit import plausible, window
 from stereocal.detection.intensity import GreyImage
 from stereocal.detection.solver import fit_parameters
-from stereocal.rig.compiled import FloatArray, compiled, internal
+from stereocal.rig.compiled import compiled, internal
+from stereocal.system.array_types import FloatArray
 
 LEVELS = 5
 """Levels of the image pyramid, each half the size; the last detects edges with 20 px of blur."""

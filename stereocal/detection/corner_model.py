@@ -24,7 +24,8 @@ import math
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray, compiled, inlined
+from stereocal.rig.compiled import compiled, inlined
+from stereocal.system.array_types import FloatArray
 
 CORE, ALL = 7, 13
 FRAME = 17

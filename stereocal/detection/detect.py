@@ -27,7 +27,7 @@ from stereocal.detection.corner_model import ALL
 from stereocal.detection.fit import Corner, fit_corner
 from stereocal.detection.intensity import Intensity, normalise_intensity
 from stereocal.detection.target import Sighting, Spot, in_reading_order
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 State = Literal["found", "doubtful", "refused"]
 

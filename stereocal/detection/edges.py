@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from stereocal.detection.intensity import GreyImage
-from stereocal.rig.compiled import FloatArray, compiled, internal
+from stereocal.rig.compiled import compiled, internal
+from stereocal.system.array_types import FloatArray
 
 LONG_ARM = 6.0
 """Length in blurs beyond which a longer arm does not increase the quality."""

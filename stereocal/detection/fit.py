@@ -14,7 +14,8 @@ from stereocal.detection.corner_model import ALL, CORE, CURVATURE_SIGMA, GRADIEN
 from stereocal.detection.edges import arm_quality, follow
 from stereocal.detection.intensity import GreyImage
 from stereocal.detection.solver import covariance_and_noise, fit_parameters
-from stereocal.rig.compiled import FloatArray, compiled
+from stereocal.rig.compiled import compiled
+from stereocal.system.array_types import FloatArray
 
 INSIDE = 0.96
 """Fraction of each arm that the window covers, minus one blur, since a board in perspective is not

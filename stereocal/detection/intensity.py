@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.ndimage import map_coordinates
 
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 GreyImage = npt.NDArray[np.float32]
 BRIGHTEST = 255.0

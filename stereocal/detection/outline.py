@@ -10,7 +10,7 @@ from stereocal.detection.ball_colours import Colours
 from stereocal.detection.intensity import profiles, steepest
 from stereocal.refined.outliers import MAD_TO_SIGMA
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 ANGLES_PX = 1.5
 REACHES = (0.25, 0.16, 0.12)

@@ -6,8 +6,9 @@ Small dense systems are solved by Cholesky's method: `np.linalg.solve` takes 5 s
 import numpy as np
 
 from stereocal.detection.corner_model import ALL, FRAME, fill_frame, fill_rows
-from stereocal.rig.compiled import FloatArray, compiled, internal
+from stereocal.rig.compiled import compiled, internal
 from stereocal.rig.decompositions import backward, factor, forward
+from stereocal.system.array_types import FloatArray
 
 CHUNK = 64
 SMALLEST_PIVOT = 1e-14

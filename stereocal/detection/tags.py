@@ -17,7 +17,7 @@ import numpy.typing as npt
 from stereocal.detection.intensity import GreyImage, profiles, steepest
 from stereocal.detection.target import Sighting, Spot, Tags
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 USED = (0.12, 0.88)
 """Part of a side that the line is fitted to: the blur of a corner is left out."""

@@ -10,8 +10,8 @@ import cv2
 from PIL import ImageColor
 
 from stereocal.errors import StereocalError, naming
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray
 
 BRIGHT = "bright"
 """Instead of a colour: spots that are brighter than all else, such as LEDs."""

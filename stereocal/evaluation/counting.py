@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled, internal
+from stereocal.rig.compiled import compiled, internal
 from stereocal.rig.geometry import reprojection_shift
+from stereocal.system.array_types import CountArray, FloatArray, IntArray
 
 LOWEST, HIGHEST, BIN_WIDTH = -12.0, 6.0, 0.02
 """Range of the bins in log10, and their width."""

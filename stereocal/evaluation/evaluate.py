@@ -33,9 +33,9 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import undistort_rays
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import pixel_scales
-from stereocal.rig.compiled import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, triangulate_rays
+from stereocal.system.array_types import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.system.settings import Settings, described, joined

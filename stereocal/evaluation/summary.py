@@ -29,7 +29,7 @@ from stereocal.evaluation.counting import (
     WRONG,
 )
 from stereocal.evaluation.evaluate import RunCounts
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import without_nan
 
 QUANTITIES = ("residual", "reprojection", "reconstruction")

@@ -10,7 +10,7 @@ from stereocal.figures.style import AXIS, NEUTRAL, blank, note, scatter, sentenc
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.uncertainty import AccuracyMap
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 
 WIDTH, LEAST_HEIGHT, MOST_HEIGHT = 860, 140, 420

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, Method
 from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.figures import style
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.verdict.in_words import interval, percent
 
 LONGEST_NAME = 20

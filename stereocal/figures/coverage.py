@@ -6,10 +6,10 @@ import plotly.graph_objects as go
 from stereocal.figures import style
 from stereocal.figures.style import n_drawn
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.residual_field import cells_of
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import count
 
 GRID_CELLS = 4

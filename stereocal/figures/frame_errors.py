@@ -17,7 +17,7 @@ from stereocal.figures import style
 from stereocal.figures.style import MOST_DRAWN, add_trace
 from stereocal.refined import outliers
 from stereocal.refined.results import Calibration
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import count, rounded
 
 LOG_BEYOND = 30.0

@@ -29,7 +29,7 @@ from stereocal.figures.space import frusta
 from stereocal.figures.style import CORRECT_COLOUR, METHOD_COLOURS, NEUTRAL, WRONG_COLOUR
 from stereocal.figures.validation import COLUMNS, Panel, PanelColumn
 from stereocal.refined.results import Calibration
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 COLUMN_MM, PAGE_MM = 88.0, 180.0
 """Widths of one column and of both, in most journals."""

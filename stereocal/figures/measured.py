@@ -12,9 +12,9 @@ import plotly.graph_objects as go
 from stereocal.figures.space import VIEWS, SceneFrame, add_cameras, eye_of, frusta, set_scene
 from stereocal.figures.style import DASHED, add_trace, blank, marker_of, sentence_only, thinned
 from stereocal.matching.lengths import LengthCheck
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import PlacedCameras
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import count, rounded
 
 LEAST_PART = 0.2

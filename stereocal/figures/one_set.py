@@ -11,7 +11,7 @@ from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.figures import style
 from stereocal.refined.disagreement import ACCUSED
 from stereocal.refined.stated_inputs import Input, in_digits
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits
 from stereocal.verdict.tradeoff import TradeOff, TradeOffPoint

@@ -14,10 +14,10 @@ from stereocal.errors import StereocalError
 from stereocal.figures import space, style
 from stereocal.figures.style import METHOD_NAMES, add_trace
 from stereocal.refined.results import Calibration
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import triangulate_rays
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.numbers import count
 
 

@@ -13,7 +13,7 @@ from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, add_trace, b
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import digits, rounded
 from stereocal.version import __version__
 

@@ -8,9 +8,9 @@ import plotly.graph_objects as go
 
 from stereocal.figures.style import GRID_3D, NEUTRAL, TRANSPARENT, add_trace, line_of, upright
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import AT_ORIGIN, Pose
 from stereocal.rig.rig import PlacedCameras
+from stereocal.system.array_types import FloatArray
 
 OUTER_VIEWS = ("Behind", "Above", "Side")
 VIEWS = (*OUTER_VIEWS, "Camera 1", "Camera 2")

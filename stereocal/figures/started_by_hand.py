@@ -5,7 +5,7 @@ import plotly.graph_objects as go
 
 from stereocal.figures.style import CORRECT_COLOUR, NEUTRAL, WRONG_COLOUR, add_trace, blank, line_of
 from stereocal.network.offset_of_pair import OffsetOfPair
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 MOST_DRAWN = 1500
 """Offsets drawn; of more, the best of each of as many runs."""

@@ -17,7 +17,7 @@ from stereocal.calibration.methods import PAPER_SETS, Method
 from stereocal.figures import style
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, NEUTRAL, add_trace, blank
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 
 HEIGHT = 264

@@ -17,8 +17,8 @@ from plotly.subplots import make_subplots
 
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.calibration.methods import METHOD_NAMES as METHOD_NAMES
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.correspondences import TARGETS, Correspondences
+from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.numbers import count as count
 from stereocal.system.sampling import evenly_spread
 

@@ -19,10 +19,10 @@ from stereocal.figures.space import SCENE_AXIS
 from stereocal.refined.outliers import bar_frames, frame_reprojection_px
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import percent
 

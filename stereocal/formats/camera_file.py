@@ -26,7 +26,7 @@ from stereocal.formats.file_storage import (
 )
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.rig.camera import Camera, LensModel, LensUncertainty
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.dialect import encoding_of
 
 CAMERA_FORMAT = "stereocal-camera/1"

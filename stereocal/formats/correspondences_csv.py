@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, naming
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.correspondences import (
     KNOWN_POINT,
     OBJECT,
@@ -22,6 +21,7 @@ from stereocal.rig.correspondences import (
     Correspondences,
 )
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.tables import EMPTY, Column, Reasons, Values, read_rows
 
 Texts: TypeAlias = "pd.Series[str]"

@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.dialect import encoding_of
 from stereocal.system.json_text import DEEPEST, read_json
 

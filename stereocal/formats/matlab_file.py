@@ -12,7 +12,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.other_files import is_matlab
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.arrays import LARGEST
 from stereocal.system.guarded import read_apart
 from stereocal.system.limits import Limits

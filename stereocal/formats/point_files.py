@@ -17,8 +17,8 @@ import pandas as pd
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.exchange.options import PixelOrigin
 from stereocal.frames.pairing import natural
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.correspondences import TARGETS, Correspondences
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.dialect import Dialect, head_of
 from stereocal.system.limits import Limits
 from stereocal.system.tables import MISSING, Column, numbers_in, rows_below, text_of

@@ -19,10 +19,10 @@ from stereocal.matching.point_table import OWN_FRAME
 from stereocal.network.frame_rates import RATES, at_stated_rates
 from stereocal.network.started_by_hand import bring_into_step
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
-from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import check_length, check_uncertainty
 from stereocal.rig.recording import CameraPair, Recording, check_camera_names
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
+from stereocal.system.array_types import IntArray
 from stereocal.system.json_text import read_json
 from stereocal.system.records import of_plain, plain, settings_of
 from stereocal.system.tables import EMPTY, Column, Rows, names_of, read_rows, text_of

@@ -28,10 +28,10 @@ from stereocal.field.world.frame import (
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair
+from stereocal.system.array_types import FloatArray
 from stereocal.system.atomic_files import read_whole
 from stereocal.system.json_text import read_json
 from stereocal.system.tables import (

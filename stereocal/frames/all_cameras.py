@@ -18,10 +18,10 @@ from stereocal.frames.pairing import Moments, Motion, numbered, short_names
 from stereocal.frames.proposal import CONTRADICTED
 from stereocal.frames.sides import in_order_taken
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.taken import Taken
 
 PairPoints = Mapping[tuple[str, str], Mapping[int, tuple[FloatArray, FloatArray]]]

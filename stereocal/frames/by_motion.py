@@ -17,9 +17,9 @@ from stereocal.frames.pairing import ByHand, Motion
 from stereocal.network.offset_of_pair import STANDS_OUT, OffsetOfPair, offset_of_pair
 from stereocal.network.started_by_hand import BroughtIntoStep, bring_into_step
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 
 ALIKE = 3.0

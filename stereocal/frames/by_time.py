@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.taken import Source, Taken
 
 ALONE = 5.0

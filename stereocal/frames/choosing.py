@@ -17,8 +17,8 @@ from stereocal.errors import StereocalError
 from stereocal.frames.epipolar_labels import SMALLEST_EXCESS_PX, frame_focal_px
 from stereocal.refined.outliers import MAD_TO_SIGMA
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Angles, Pose, sampson, triangulate_rays
+from stereocal.system.array_types import BoolArray, FloatArray
 
 MINIMUM_SURE = 8
 """Sure frames: 16 distances and 5 angles give the noise to 21 %. With fewer frames, noise and

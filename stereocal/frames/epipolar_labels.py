@@ -20,8 +20,9 @@ from stereocal.calibration.essential import calibrate_essential, linear_essentia
 from stereocal.errors import StereocalError
 from stereocal.refined.outliers import outlying
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, contiguous
+from stereocal.rig.compiled import contiguous
 from stereocal.rig.geometry import Pose, sampson, triangulate_rays
+from stereocal.system.array_types import FloatArray
 
 MINIMUM_FRAMES = 6
 """12 pairs for 5 angles: with fewer, wrong labels can fit as well."""

@@ -13,8 +13,8 @@ import numpy as np
 from stereocal.detection.detect import State
 from stereocal.errors import StereocalError, can_be_shown, damaged
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import SOURCES, TARGETS, Correspondences
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import count
 from stereocal.system.records import of_plain
 

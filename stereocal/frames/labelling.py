@@ -23,8 +23,8 @@ from stereocal.frames.epipolar_labels import FrameLabels, decide_labels
 from stereocal.frames.frame import Centre, CentrePair, Frame
 from stereocal.frames.pairing import Pair
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.tracks import interpolate
+from stereocal.system.array_types import FloatArray
 
 EXCHANGED = "A and B fit the other frames only if they are exchanged in one camera."
 FAR_SIGMAS = 4.0

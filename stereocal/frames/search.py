@@ -21,8 +21,8 @@ from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames, points_by_photograph
 from stereocal.frames.pairing import ByHand, Moments, Motion, names_by_camera, pairs_of
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.photograph import (
     PhotographFile,
     photograph_size,

@@ -21,7 +21,7 @@ from stereocal.frames.frame import Frame
 from stereocal.frames.pairing import Alone
 from stereocal.refined.outliers import outlying
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 LEAST_AFTER = 3
 """Frames that must fit after the slip, and as many that must not fit as they are."""

@@ -6,7 +6,7 @@ import numpy.typing as npt
 
 from stereocal.detection.intensity import eight_bits
 from stereocal.frames.frame import CentrePair
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph import GreyImage
 
 WIDTH, HEIGHT = 240, 180

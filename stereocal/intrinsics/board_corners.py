@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.photograph import GreyImage
 
 LARGE_PX = 1400

@@ -17,9 +17,9 @@ from stereocal.errors import StereocalError
 from stereocal.intrinsics.boards import BoardView
 from stereocal.intrinsics.lens_fit import board_pose
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray, IntArray
 
 FITTING_PX = 8.0
 """Median distance of corners from where another board's pose of the cameras puts them, of boards in

@@ -29,8 +29,8 @@ from stereocal.intrinsics.board_corners import (
     refine_corners,
 )
 from stereocal.intrinsics.proposed_board import proposed_board
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.photograph import GreyImage, PhotographFile, read_photograph
 from stereocal.system.photograph_files import Photographs, for_worker
 from stereocal.system.tasks import Earlier, Progress, Task, run_tasks

@@ -38,7 +38,7 @@ from stereocal.intrinsics.lens_fit import (
     usual_lens,
 )
 from stereocal.rig.camera import LENS_UNKNOWNS, Camera, LensUncertainty
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.tasks import Progress, Task, run_tasks
 
 RECOMMENDED_VIEWS = 50

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.fisheye import image_radius
+from stereocal.system.array_types import FloatArray
 
 UNDETERMINED = (
     "The boards determine no lens: take photographs with the board tilted in different directions."

@@ -28,8 +28,8 @@ from stereocal.intrinsics.proposed_board import (
     chessboard_in,
     smallest_dictionary,
 )
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph import PhotographFile, read_colours, read_photograph
 from stereocal.system.sampling import evenly_spread
 

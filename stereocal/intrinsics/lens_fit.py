@@ -13,8 +13,8 @@ from stereocal.errors import StereocalError
 from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.intrinsics.fisheye_fit import UNDETERMINED, Boards, fit_fisheye, pose_boards
 from stereocal.rig.camera import FISHEYE_UNKNOWNS, LENS_MODELS, Camera, LensModel
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray
 from stereocal.system.settings import Settings, described
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")

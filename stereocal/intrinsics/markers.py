@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.intrinsics.board_corners import LARGE_PX, halved
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 DICTIONARIES = ("4X4_250", "5X5_250", "6X6_250", "7X7_250", "APRILTAG_36h11")
 """Those in which markers are looked for; smaller ones are parts of these. Those of 1000 take four

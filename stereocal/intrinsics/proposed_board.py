@@ -19,7 +19,7 @@ from stereocal.intrinsics.board_corners import (
     plain_squares,
 )
 from stereocal.intrinsics.markers import Markers, markers_in
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import Photographs
 

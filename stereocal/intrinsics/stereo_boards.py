@@ -17,8 +17,8 @@ from stereocal.intrinsics.boards import BoardSearch, BoardView, FoundBoard, Refu
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings, camera_of, solve_lens, with_better_model
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
+from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph_files import Photographs
 from stereocal.system.sampling import evenly_spread
 from stereocal.system.tasks import Earlier, Progress

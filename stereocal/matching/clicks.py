@@ -20,9 +20,9 @@ from stereocal.matching.tracks import noise_of_tracks
 from stereocal.matching.trajectories import TRACK
 from stereocal.matching.view_groups import LOST, Measured, ViewFitter
 from stereocal.network.rig_file import Parameters, RigFile
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.epipolar_curve import epipolar_curve
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded, with_error
 
 CLICK_PX = 1.0

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from stereocal.errors import StereocalError
 from stereocal.matching.clicks import Click
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 HALF = 12
 """Of the square about the point that is looked for, px."""

@@ -20,11 +20,11 @@ from stereocal.matching.trajectories import naming_columns
 from stereocal.network.offset_of_pair import APART, STANDS_OUT
 from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.clusters import follow_each_other
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import PIXELS, TIME
 from stereocal.rig.geometry import sampson
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.tracks import MeasuredOffset, interpolate
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.sampling import evenly_spread
 
 SHIFT = "time_shift_frames"

@@ -7,8 +7,8 @@ import pandas as pd
 
 from stereocal.errors import StereocalError
 from stereocal.matching.trajectories import further_columns
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import check_length
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import count, rounded
 
 MAXIMUM_LABELS = 500

@@ -20,8 +20,8 @@ from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 from stereocal.errors import StereocalError
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 
 ANY_DEPTH = (0.0, float("inf"))

@@ -36,12 +36,12 @@ from stereocal.matching.trajectories import (
 )
 from stereocal.matching.view_groups import ViewFitter
 from stereocal.network.rig_file import Parameters, RigFile
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.field_of_view import beyond_in_words, count_beyond
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import count, rounded
 from stereocal.system.tasks import Progress, Task, run_tasks
 

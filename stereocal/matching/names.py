@@ -17,8 +17,8 @@ from stereocal.errors import StereocalError
 from stereocal.matching.matching import ANY_DEPTH, Matches, match_points
 from stereocal.matching.point_table import SIGMA
 from stereocal.matching.threshold import FramePixels
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import plural, rounded
 
 UV = ["u", "v"]

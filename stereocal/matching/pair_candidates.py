@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray, IntArray, compiled, contiguous, internal
+from stereocal.rig.compiled import compiled, contiguous, internal
 from stereocal.rig.geometry import reprojection_shift
+from stereocal.system.array_types import FloatArray, IntArray
 
 
 def pairs_within(

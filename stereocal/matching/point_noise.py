@@ -26,8 +26,8 @@ from stereocal.matching.reconstruction import noise_of_file
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.two_views import shared_unknowns
 from stereocal.refined.uncertainty import point_jacobians
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded, with_error
 
 EXACT_PX = 1e-3

@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import DAMAGED, RefusedRowsError, RowProblem, StereocalError
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.dialect import (
     HEAD_CHARACTERS,

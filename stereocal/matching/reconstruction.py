@@ -12,10 +12,10 @@ from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.parameter_file import covariance_names
 from stereocal.refined.two_views import BASELINE, SHARED, shared_unknowns
 from stereocal.refined.uncertainty import point_errors
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays, stack_rays, triangulate_rays
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
+from stereocal.system.array_types import BoolArray, FloatArray
 
 POSE = BASELINE + 1
 """Number of the shared unknowns that are the pose: five angles and the baseline."""

@@ -14,9 +14,9 @@ from stereocal.errors import RowProblem, StereocalError
 from stereocal.matching.names import AUTO, NO_NAMES, Names, stated_columns
 from stereocal.matching.point_table import POINT, Contents, PointTable, pixels_of
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import IntArray
 from stereocal.rig.field_of_view import count_beyond
 from stereocal.rig.rig import PlacedCameras
+from stereocal.system.array_types import IntArray
 from stereocal.system.numbers import count
 
 OTHER_IMAGES = 0.2

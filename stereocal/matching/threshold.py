@@ -42,8 +42,8 @@ from stereocal.matching.point_noise import (
     stated_noise,
 )
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 from stereocal.system.sampling import evenly_spread
 

@@ -21,8 +21,8 @@ from stereocal.matching.tables_by_camera import (
 from stereocal.matching.threshold import choose_threshold
 from stereocal.matching.view_groups import ViewFitter, expected_wrong, images_of_groups, match_views
 from stereocal.network.rig_file import RigFile
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.recording import CameraPair
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import count, rounded
 from stereocal.verdict.in_words import listed
 

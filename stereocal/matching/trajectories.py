@@ -8,7 +8,7 @@ import pandas as pd
 
 from stereocal.matching.names import TRACKS, texts
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import IntArray
+from stereocal.system.array_types import IntArray
 
 POINT_COLUMNS = ("frame", "x", "y", "z", "error_px")
 SIGMA_COLUMNS = ("sigma_x", "sigma_y", "sigma_z")

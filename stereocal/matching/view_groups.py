@@ -21,7 +21,7 @@ from stereocal.network.rig_file import RigFile
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.views import Cameras, fit_points
 from stereocal.rig.camera import pixel_scales
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 LOST = 0.005
 """Share of correct groups whose chi-square is above the limit."""

@@ -25,9 +25,9 @@ from stereocal.refined.unknowns import (
 )
 from stereocal.refined.views import DISTORTION, DRIFT, EACH, LENS, TIME, TRANSLATION, Cameras
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
+from stereocal.system.array_types import FloatArray
 
 
 @dataclass(frozen=True)

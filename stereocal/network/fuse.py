@@ -29,10 +29,10 @@ from stereocal.refined.two_views import (
 )
 from stereocal.refined.unknowns import Unknowns
 from stereocal.refined.views import EACH, LENS, TRANSLATION
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 
 PLACES = [*shared_lens_places(0), *shared_lens_places(1), BAR, TIME]
 """Of both lenses, the factor and the lateness among the pair's shared unknowns."""

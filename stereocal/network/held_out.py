@@ -18,7 +18,7 @@ from stereocal.network.fit import RigFit, camera_at
 from stereocal.refined.observations import Observations
 from stereocal.refined.views import Cameras, fit_points
 from stereocal.rig.clusters import evenly_divided
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 
 PARTS = 5
 """Into which the frames are divided: as the paper's splits, four fifths are fitted."""

@@ -8,10 +8,10 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.network.fit import RigFit, RigSettings
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
+from stereocal.system.array_types import FloatArray
 
 MOST_ROUNDS = 8
 IN_STEP = 0.05

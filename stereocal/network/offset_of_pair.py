@@ -21,12 +21,12 @@ from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.refine import robust_pose
 from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import fit_time_offset, spread_over_runs, usable_after
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, sampson, triangulate_rays
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset, exchanged_ends
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.latest import Latest, once_or_refused
 from stereocal.system.numbers import rounded
 from stereocal.system.sampling import evenly_spread

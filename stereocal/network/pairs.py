@@ -17,10 +17,10 @@ from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import fit_time_offset
 from stereocal.refined.two_recordings import movement_of_pair
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.compiled import BoolArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import FEWEST_TO_PLACE
+from stereocal.system.array_types import BoolArray, IntArray
 from stereocal.system.tasks import Progress
 
 FEWEST_BARS = 8

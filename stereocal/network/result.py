@@ -25,11 +25,11 @@ from stereocal.refined.two_views import rig_of
 from stereocal.refined.views import DRIFT, EACH, TIME
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, clusters_of, follow_each_other, in_equal_runs
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
+from stereocal.system.array_types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,6 @@ from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import PIXEL_ORIGIN, RigParameters
 from stereocal.rig.recording import check_camera_names
@@ -28,6 +27,7 @@ from stereocal.rig.rig import PlacedCamera, Rig
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.records import of_plain
 
 RIG = "rig.json"

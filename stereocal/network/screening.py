@@ -13,8 +13,8 @@ import numpy as np
 from stereocal.network.fit import RigFit
 from stereocal.refined.observations import Observations
 from stereocal.refined.robust import RobustFit
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.recording import Recording
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

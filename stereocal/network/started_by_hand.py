@@ -12,10 +12,10 @@ from stereocal.errors import StereocalError
 from stereocal.network.frame_rates import at_slowest
 from stereocal.network.offset_of_pair import OffsetOfPair, in_frames, offset_of_pair
 from stereocal.network.pairs import reached
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.answers import TableAnswer
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 
 LEAST_SIGMA, CLOSED = 0.005, 0.25

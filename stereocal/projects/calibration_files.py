@@ -14,9 +14,9 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.tracks import TimeOffset
+from stereocal.system.array_types import IntArray
 from stereocal.system.records import of_plain, pack
 
 CALIBRATION_FORMAT = "stereocal-project/1"

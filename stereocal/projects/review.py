@@ -16,8 +16,8 @@ from stereocal.frames.thumbnails import board_tile, side_by_side, tile
 from stereocal.intrinsics.boards import BoardView, find_board
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph import GreyImage, read_photograph
 
 

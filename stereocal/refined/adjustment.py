@@ -29,8 +29,9 @@ from stereocal.refined.views import (
     with_lenses,
     work_of,
 )
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray, borrowing, compiled
+from stereocal.rig.compiled import borrowing, compiled
 from stereocal.rig.decompositions import factor, forward
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 
 @borrowing

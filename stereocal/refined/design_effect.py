@@ -18,10 +18,10 @@ from stereocal.refined.robust import RobustFit
 from stereocal.refined.two_views import SHARED, shared_lens_places
 from stereocal.refined.unknowns import RefineSettings, Unknowns, lens_prior
 from stereocal.rig.clusters import Clusters, clusters_of
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray, IntArray
 
 WORTH = 2.0
 """Boards that the model's covariance counts for."""

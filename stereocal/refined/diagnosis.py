@@ -23,10 +23,10 @@ from stereocal.refined.screening import (
 )
 from stereocal.refined.two_views import largest_turn_sigma
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import AT_ORIGIN, Pose, on_their_heads
 from stereocal.rig.tracks import MeasuredOffset
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 
 MAXIMUM_NAMED = 10

@@ -41,7 +41,7 @@ from stereocal.refined.unknowns import (
     lens_prior,
 )
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 ACCUSED = 3.2
 """Threshold of the test value, in standard errors: with six correct inputs, one of them exceeds it

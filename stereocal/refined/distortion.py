@@ -3,8 +3,9 @@
 import numpy as np
 
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, borrowing, internal
+from stereocal.rig.compiled import borrowing, internal
 from stereocal.rig.fisheye import distort_fisheye, fisheye_derivatives
+from stereocal.system.array_types import FloatArray
 
 TERMS = 22
 """k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, 1 if the sensor is tilted else 0, and its 3x3 homography.

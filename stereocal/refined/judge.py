@@ -35,9 +35,9 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import Camera, same_lens
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, on_their_heads
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 
 CROPPED = (

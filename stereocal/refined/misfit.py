@@ -17,8 +17,8 @@ import numpy as np
 
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.two_views import derivatives_by_rig
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.residual_field import ResidualField, cells_of, residual_field
+from stereocal.system.array_types import FloatArray, IntArray
 
 FEWEST_POINTS = 10
 """In a cell that has a mean."""

@@ -24,7 +24,7 @@ from stereocal.errors import StereocalError
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.unknowns import inverse_of
 from stereocal.refined.views import EACH, LENS, TRANSLATION
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 
 BLOCKS, OF_BLOCK, OF_SIDE = 16, 2, 2

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri, fdtri
 
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 
 GIVEN, ESTIMATED = "given", "estimated from the residuals"
 ASSUMED = "assumed, for there are too few points to estimate it"

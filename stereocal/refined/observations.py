@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 from stereocal.calibration.methods import Method
 from stereocal.refined.results import Calibration
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 
 OUTLIER_SIGMAS = 6.0
 """A value is an outlier if it exceeds the median by this many robust standard deviations."""

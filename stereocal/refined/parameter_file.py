@@ -10,9 +10,9 @@ from stereocal.refined.stated_inputs import Input
 from stereocal.refined.two_views import BAR, SHARED, TIME
 from stereocal.refined.uncertainty import COVARIANCE_OF, standard_errors
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import ForecastEntries, RigParameters, about_data
 from stereocal.rig.volume import Volume
+from stereocal.system.array_types import FloatArray
 
 
 def covariance_names(cameras: Sequence[Camera]) -> tuple[str, ...]:

@@ -40,11 +40,12 @@ from stereocal.refined.unknowns import (
 )
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, in_equal_runs
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray, clock
+from stereocal.rig.compiled import clock
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, residuals, triangulate_rays
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import rounded
 
 OUT_OF_STEPS = "the largest number of steps was reached"

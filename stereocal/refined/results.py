@@ -15,11 +15,11 @@ from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import Screening
 from stereocal.refined.stated_inputs import Input
-from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import triangulate_rays
 from stereocal.rig.parameters import ForecastEntries, RigParameters, about_data
 from stereocal.rig.volume import Volume
+from stereocal.system.array_types import IntArray
 from stereocal.system.latest import step
 
 

@@ -34,9 +34,9 @@ from stereocal.refined.observations import Observations
 from stereocal.refined.two_views import EPSILON, SHARED, unknowns_of_views
 from stereocal.refined.unknowns import RefineSettings, Unknowns, inverse_of, unknowns_of_pair
 from stereocal.refined.views import EACH, OWN, TRANSLATION, Cameras, Units
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 ASSUMED_PX = 0.5
 MINIMUM_PAIRS = 10

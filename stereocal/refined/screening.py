@@ -28,11 +28,11 @@ from stereocal.refined.time_offset import (
 )
 from stereocal.refined.two_recordings import camera_moved, other_size
 from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import residuals
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import MeasuredOffset
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 WIDE = RefineSettings(primary=LensPrior(0.05, 50.0), secondary=LensPrior(0.05, 50.0))
 WIDE_LENGTH_PRIOR = 0.1

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 
 LENGTHS = {

@@ -10,7 +10,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 
 SURE = 5.0

@@ -18,10 +18,10 @@ from stereocal.refined.design_effect import design_effect
 from stereocal.refined.refine import RefinedResult, median_residual, refine, robust_pose
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.compiled import BoolArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
+from stereocal.system.array_types import BoolArray
 from stereocal.system.numbers import rounded
 
 LARGEST, STEP = 3.0, 0.25

@@ -9,8 +9,8 @@ from stereocal.errors import StereocalError
 from stereocal.refined.movement import Movement, movement
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.robust import RobustFit
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.lengths_in_words import word_of
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import count, rounded
 
 FEWEST = 4

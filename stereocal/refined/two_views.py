@@ -20,9 +20,10 @@ from stereocal.refined import views
 from stereocal.refined.distortion import distort
 from stereocal.refined.views import EACH, LENS, TRANSLATION
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray, compiled, contiguous
+from stereocal.rig.compiled import compiled, contiguous
 from stereocal.rig.geometry import Angles, Pose, angles_of, fill_pose
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 
 YAW, PITCH, ROLL, DELTA, EPSILON, BASELINE, BAR, PRIMARY, SECONDARY = 0, 1, 2, 3, 4, 5, 6, 7, 11
 DISTORTION = 15

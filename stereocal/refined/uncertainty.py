@@ -18,8 +18,8 @@ from stereocal.refined.refine import RefinedResult
 from stereocal.refined.two_views import BAR, DISTORTION, SHARED, unknowns_of_views
 from stereocal.refined.views import EACH, Cameras, jacobians_of
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.geometry import Angles
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 COVARIANCE_OF = (
     *Angles._fields,

@@ -17,9 +17,9 @@ from stereocal.refined.two_views import (
     shared_lens_places,
 )
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, CameraName
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset, check_uncertainty
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray
 from stereocal.system.settings import Settings
 
 DEFAULT_FOCAL = 0.01

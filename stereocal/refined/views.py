@@ -19,8 +19,9 @@ from typing import NamedTuple
 import numpy as np
 
 from stereocal.refined.distortion import distort, distortion_derivatives, set_distortion
-from stereocal.rig.compiled import FloatArray, borrowing, compiled, contiguous, internal
+from stereocal.rig.compiled import borrowing, compiled, contiguous, internal
 from stereocal.rig.decompositions import backward, factor, forward
+from stereocal.system.array_types import FloatArray
 
 EACH = 16
 TRANSLATION, LENS, DISTORTION, TIME, DRIFT = 3, 6, 10, 14, 15

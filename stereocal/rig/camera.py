@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError, naming, refuse
-from stereocal.rig.compiled import BoolArray, FloatArray, contiguous
+from stereocal.rig.compiled import contiguous
 from stereocal.rig.fisheye import LARGEST_ANGLE, fill_distorted, fill_undistorted, largest_angle
 from stereocal.rig.geometry import homogeneous
 from stereocal.system.answers import Answer
+from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.latest import Latest
 from stereocal.system.records import of_plain, plain
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 
 FEWEST = 8
 """Runs into which a recording is divided at least."""

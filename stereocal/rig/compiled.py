@@ -15,15 +15,11 @@ from typing import Any, Generic, ParamSpec, TypeVar
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from numba import types
 from numba.core import event
 from numba.extending import typeof_impl
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-CountArray = npt.NDArray[np.int32]
-BoolArray = npt.NDArray[np.bool_]
+from stereocal.system.array_types import FloatArray
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -36,7 +32,7 @@ FAST_MATH = {"contract", "nsz", "arcp", "reassoc"}
 """Allows reordered sums, so that loops over points are vectorised; keeps the rules for NaN."""
 
 _ON_DISK: list[Any] = []
-"""The cached code of each function that was decorated."""
+"""The cached code of each function of this package that was decorated."""
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
@@ -97,7 +93,8 @@ def _decorated(function: Callable[P, T], **options: bool) -> Callable[P, T]:
     if on_disk is not None:  # None with NUMBA_DISABLE_JIT
         on_disk._source_stamp = _stamp(Path(inspect.getfile(function)))
         on_disk._load_index = functools.partial(_readable_index, on_disk._load_index)
-        _ON_DISK.append(on_disk)
+        if function.__module__.startswith(f"{_PACKAGE.name}."):
+            _ON_DISK.append(on_disk)
     return decorated
 
 

@@ -11,8 +11,8 @@ import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, refuse
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.array_types import FloatArray, IntArray
 
 TARGETS = ("A", "B")
 PIXELS = ("u_primary", "v_primary", "u_secondary", "v_secondary")

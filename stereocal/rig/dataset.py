@@ -13,7 +13,6 @@ import pandas as pd
 
 from stereocal.errors import StereocalError, refuse
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, one_file_in_words, pixel_scales
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import Correspondences, refuse_points_outside
 from stereocal.rig.field_of_view import beyond_either
 from stereocal.rig.fisheye import LARGEST_ANGLE
@@ -22,6 +21,7 @@ from stereocal.rig.rig import camera_in_words
 from stereocal.rig.rigid_object import BoardPattern, placed
 from stereocal.rig.tracks import TimeOffset, interpolate
 from stereocal.system.answers import TableAnswer
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import count, rounded
 
 LONGEST_PLAUSIBLE_M = 1000.0

@@ -7,7 +7,8 @@ exception where the matrix is not positive, `factor` 0.29 s and 1.8 us.
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray, borrowing
+from stereocal.rig.compiled import borrowing
+from stereocal.system.array_types import FloatArray
 
 
 @borrowing

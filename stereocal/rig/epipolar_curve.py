@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.rig import PlacedCameras
+from stereocal.system.array_types import FloatArray, IntArray
 
 SAMPLES = 160
 NEAREST, FARTHEST = 1e-2, 1e6

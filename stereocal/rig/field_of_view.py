@@ -6,8 +6,8 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import CAMERAS, Camera, one_file_in_words
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.fisheye import LARGEST_ANGLE
+from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.numbers import count
 
 DEGREES = round(float(np.degrees(LARGEST_ANGLE)))

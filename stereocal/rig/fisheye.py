@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray, borrowing, compiled, inlined
+from stereocal.rig.compiled import borrowing, compiled, inlined
+from stereocal.system.array_types import FloatArray
 
 LARGEST_ANGLE = np.radians(75.0)
 """From the axis: half of the largest field of view. At 75 degrees a pixel on the plane z = 1 is 15

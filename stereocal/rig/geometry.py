@@ -21,8 +21,9 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray, compiled, contiguous, inlined
+from stereocal.rig.compiled import compiled, contiguous, inlined
 from stereocal.rig.fisheye import imaged_shift
+from stereocal.system.array_types import FloatArray
 
 EXACT_ROTATION = 1e-6
 """Largest entry of R R^T - I up to which R is kept as it is."""

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.system.array_types import FloatArray
 
 METRES_PER: Mapping[str, float] = {
     "m": 1.0,

@@ -9,7 +9,6 @@ import numpy as np
 
 from stereocal.errors import StereocalError, refuse
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.recording import check_camera_names
@@ -18,6 +17,7 @@ from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
 from stereocal.system.answers import Answer
+from stereocal.system.array_types import IntArray
 from stereocal.system.numbers import count
 
 PARAMETERS_FORMAT = "stereocal-parameters/1"

@@ -13,13 +13,13 @@ import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError, refuse
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.correspondences import TARGETS, Correspondences
 from stereocal.rig.dataset import Dataset, check_length, check_uncertainty
 from stereocal.rig.field_of_view import beyond_view
 from stereocal.rig.rigid_object import Held, RigidObject
 from stereocal.rig.tracks import Interpolated, interpolate
 from stereocal.system.answers import TableAnswer
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import count
 from stereocal.system.tables import refuse_missing
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.rig.camera import CAMERAS, Camera, pixel_scales
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import (
     AT_ORIGIN,
     Pose,
@@ -18,6 +17,7 @@ from stereocal.rig.geometry import (
     stack_rays,
     triangulate,
 )
+from stereocal.system.array_types import FloatArray
 
 
 def camera_in_words(name: str) -> str:

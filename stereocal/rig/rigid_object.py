@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 
 DICTIONARIES = tuple(
     f"DICT_{bits}_{count}"

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import with_error
 
 WINDOW = np.array([-1.0, 0.0, 1.0, 2.0])

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.rig.compiled import BoolArray, FloatArray
+from stereocal.system.array_types import BoolArray, FloatArray
 
 RANGES = ("x/z", "y/z", "z_m")
 MINIMUM_BARS = 2.0

@@ -11,7 +11,6 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
@@ -24,6 +23,7 @@ from stereocal.simulation.simulate import (
     observe,
     place_bars,
 )
+from stereocal.system.array_types import FloatArray
 
 DATASETS = 19
 FRAMES = 25

@@ -8,11 +8,11 @@ import numpy as np
 from stereocal.network.fit import RigSettings
 from stereocal.refined.unknowns import LensPrior
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.simulation.simulate import lens_off_by
+from stereocal.system.array_types import FloatArray
 
 WAND = RigidObject(("A", "M", "B"), np.array([[0.0, 0, 0], [0.2, 0, 0], [0.6, 0, 0]]))
 IMAGE_SIZE = (1280, 1024)

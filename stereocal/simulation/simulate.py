@@ -13,11 +13,11 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, homogeneous
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import BoolArray, FloatArray
 
 Depths = tuple[float, float]
 TRUTH_FORMAT = "stereocal-truth/1"

@@ -37,9 +37,9 @@ from stereocal.projects.application import CLICKED_IN, USES, ProjectApplication,
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import IntArray
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.rig.rig import camera_in_words
+from stereocal.system.array_types import IntArray
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.ui.apply import ApplyInputs

@@ -33,8 +33,8 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import thumbnail
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rigid_object import DICTIONARIES, BoardPattern
+from stereocal.system.array_types import FloatArray
 from stereocal.system.latest import Latest
 from stereocal.system.photograph import read_colours
 from stereocal.ui.fields import Field, Number, choose, choose_from_menu, one_of, setting

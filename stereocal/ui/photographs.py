@@ -17,9 +17,9 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import board_corners, thumbnail
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray
 from stereocal.ui import holding, jobs
 from stereocal.ui.holding import ask_if_bar, board_form, first_pairs, settle
 from stereocal.ui.messages import ErrorsShown, button, readable, show_stale

@@ -14,7 +14,7 @@ import streamlit as st
 
 from stereocal.detection.intensity import eight_bits
 from stereocal.projects.files import StoredFile
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 
 NAME = "stereocal_picker"

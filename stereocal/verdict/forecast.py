@@ -25,9 +25,9 @@ from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.two_views import BAR, carried, shared_unknowns, step_between
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.parameters import ForecastEntries
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.numbers import digits, rounded
 from stereocal.verdict.forecast_draws import ForecastDraws, draw_forecast
 from stereocal.verdict.intervals import TAILS

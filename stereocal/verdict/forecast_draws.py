@@ -22,8 +22,8 @@ from stereocal.evaluation.summary import Estimate, crossing
 from stereocal.refined.design_effect import lenses_without
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.two_views import BAR, moved, shared_unknowns
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import without_nan
 from stereocal.verdict import intervals
 from stereocal.verdict.fresh_frames import GROUP, draw_noise, fresh_bars, noise_of_points

@@ -33,8 +33,8 @@ from scipy.special import gammaln
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.uncertainty import bar_innovations, length_freedom
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.volume import Volume
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.verdict.judging import photograph
 
 DIMENSIONS = 5

@@ -32,10 +32,10 @@ from stereocal.evaluation import evaluate
 from stereocal.evaluation.summary import Estimate, MethodSummary, figures_of_set, summarise
 from stereocal.refined.refine import RefinedResult
 from stereocal.rig.clusters import clusters_of
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.verdict.in_words import interval, percent
 
 RUNS = 10

@@ -12,7 +12,7 @@ import numpy as np
 
 from stereocal.evaluation.counting import CORRECT
 from stereocal.evaluation.summary import Estimate, merge_bins, overlap
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 
 MERGE = 5
 """Bins of the counts in a bin of the PDFs of 0.1 decade."""

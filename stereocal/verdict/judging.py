@@ -7,9 +7,10 @@ import numpy as np
 from stereocal.evaluation.counting import BINS, count_pairs
 from stereocal.refined.distortion import distort, pixel_scales_of, set_distortion
 from stereocal.refined.two_views import BASELINE, DISTORTION, PRIMARY, SECONDARY, undistort_rays
-from stereocal.rig.compiled import CountArray, FloatArray, IntArray, compiled
+from stereocal.rig.compiled import compiled
 from stereocal.rig.geometry import fill_essential, fill_pose, triangulate_rays
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import CountArray, FloatArray, IntArray
 
 
 @compiled

@@ -19,9 +19,9 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.robust import SMALLEST_SCATTER
 from stereocal.refined.uncertainty import Innovations, bar_innovations
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import rounded
 from stereocal.verdict.forecast_draws import ForecastDraws, image_radii
 

@@ -10,8 +10,9 @@ import numpy as np
 
 from stereocal.refined.distortion import FISHEYE, TILTED, distort
 from stereocal.refined.two_views import BASELINE, PRIMARY, SECONDARY
-from stereocal.rig.compiled import FloatArray, IntArray, compiled, internal
+from stereocal.rig.compiled import compiled, internal
 from stereocal.rig.geometry import fill_pose, midpoint
+from stereocal.system.array_types import FloatArray, IntArray
 
 
 @compiled

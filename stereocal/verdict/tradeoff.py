@@ -20,9 +20,9 @@ from stereocal.errors import StereocalError
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.two_views import rig_of, undistort_rays
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings, Unknowns, unknowns_of_pair
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from stereocal.verdict.paper_costs import fill_errors, jacobian, sizes_of
 
 POINTS = 25

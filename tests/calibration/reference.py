@@ -8,7 +8,7 @@ y_secondary, `pixel_scale` is (2, 3) with a row fx, skew, fy for each camera. Le
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 SMALLEST_SINE = 1e-7
 """Rays closer than this to parallel have no crossing (the documented limit of `geometry`)."""

@@ -14,10 +14,10 @@ from stereocal.calibration.checks import (
 from stereocal.calibration.montecarlo import reconstruction_problem
 from stereocal.errors import StereocalError
 from stereocal.library.calibrations import calibrate
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.system.array_types import FloatArray
 from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, correspondences, dataset
 
 SOUND = dataset(20, noise_px=0.3)

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from stereocal.calibration import costs
 from stereocal.rig.camera import pixel_scales
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.system.array_types import FloatArray
 from tests.calibration import reference
 from tests.known_rig import PRIMARY, RIG, SECONDARY, SEEDS, bar_ends, random_rig, rays_of
 from tests.rig.machine_code import machine_code

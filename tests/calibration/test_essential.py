@@ -18,8 +18,8 @@ from stereocal.calibration.essential import (
 )
 from stereocal.calibration.montecarlo import Problem
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose, angles_of, residuals
+from stereocal.system.array_types import FloatArray
 from tests.known_rig import ANGLES, ANY_ANGLES, BASELINE_M, RIG, SEEDS, bar_ends, dataset, rays_of
 
 NOISY = dataset(20, noise_px=0.4).rays

@@ -22,8 +22,8 @@ from stereocal.calibration.montecarlo import (
 from stereocal.errors import StereocalError
 from stereocal.library.calibrations import calibrate
 from stereocal.rig.camera import pixel_scales
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.system.array_types import FloatArray
 from tests.known_rig import ANGLES, BASELINE_M, RIG, SECONDARY, bar_ends, dataset, images, rays_of
 from tests.rigs.objects import BOARD, WAND, recorded
 

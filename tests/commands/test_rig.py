@@ -17,10 +17,10 @@ from stereocal.formats.exchange.exchange import read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.recording_files import pack_recording
 from stereocal.network.rig_file import RigFile
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.rigs import simulated_rig
+from stereocal.system.array_types import FloatArray
 from tests.archives import kalibr_chain, wand_csv
 from tests.files import write
 

@@ -9,7 +9,7 @@ from stereocal.detection.target import Balls, Sighting, parse_target
 from stereocal.errors import StereocalError
 from stereocal.frames.review import centre_at
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph import read_colours
 from tests.ball_bars import CAMERA, COLOURS, ball_bars, plain
 from tests.bar_photographs import bar_set

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from stereocal.errors import StereocalError
 from stereocal.intrinsics.board_corners import in_board_order, outer_squares
 from stereocal.intrinsics.boards import BoardView, Refused, find_board, find_boards
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray
 from stereocal.system.tasks import StoppedError
 from tests.files import encoded
 from tests.lens import PATTERN, SQUARES, AtOnce, corners_of, facing, photographed

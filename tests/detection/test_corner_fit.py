@@ -10,7 +10,7 @@ from stereocal.detection.corner_model import ALL, FRAME, fill_frame, fill_rows
 from stereocal.detection.detect import corner_near
 from stereocal.detection.fit import Corner
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from tests.detection.boards import Board, picture
 from tools.photographs.bars import facing
 from tools.photographs.rendering import PhotographSettings, Placed, photograph, x_corner_board

@@ -6,7 +6,7 @@ import pytest
 from stereocal.detection.tags import find_tags
 from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from tests.further import further
 from tests.photographed_rig import PRIMARY
 from tools.photographs.bars import facing, rod

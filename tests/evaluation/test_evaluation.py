@@ -36,9 +36,9 @@ from stereocal.evaluation.evaluate import (
 from stereocal.evaluation.summary import figures_of_set, summarise
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.system.array_types import FloatArray
 from stereocal.system.tasks import StoppedError
 from tests.calibration import reference
 from tests.projects.test_found_before import bits

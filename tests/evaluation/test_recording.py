@@ -17,10 +17,10 @@ from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 
 FOLDER = Path(__file__).parents[2] / "sample_data" / "recording"
 RECORDING = read_dataset(FOLDER)

@@ -26,7 +26,7 @@ from stereocal.evaluation.summary import (
     merge_bins,
     summarise,
 )
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 
 def run_of(correct: FloatArray, wrong: FloatArray, lengths: FloatArray | None = None) -> RunCounts:

@@ -21,9 +21,9 @@ from stereocal.field.printing.prints import print_board, print_tags, print_targe
 from stereocal.field.printing.sheet import field_sheet
 from stereocal.intrinsics.boards import BoardView, find_board
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray
 from tests.field.plans import plan
 from tests.further import further
 from tools.photographs.rendering import (

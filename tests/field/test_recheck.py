@@ -21,12 +21,12 @@ from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.two_views import BASELINE, shared_unknowns
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import lens_off_by, place_bars
+from stereocal.system.array_types import FloatArray
 from tests.rigs.accuracy import turned
 from tests.rigs.bumps import Case, bound, bumped, cases, joined, matched, new_bars, true_fit
 from tests.rigs.moving_bar import move_bar, record

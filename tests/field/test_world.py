@@ -9,8 +9,8 @@ from scipy.stats import binom
 from stereocal.errors import StereocalError
 from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import Axes, Line, WorldSettings
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.tracks import MeasuredOffset
+from stereocal.system.array_types import FloatArray
 from tests.fisheye_rig import fisheye_rig
 from tests.rigs.worlds import (
     CLICK_PX,

@@ -15,7 +15,7 @@ from skimage.color import deltaE_ciede2000, xyz2lab
 from skimage.color.colorconv import xyz_from_rgb
 
 from stereocal.figures import style
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from tests.figures.every_figure import PLOTS, every_figure
 
 PAGES = {"light": "#FFFFFF", "dark": "#12181E"}

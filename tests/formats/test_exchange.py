@@ -22,9 +22,9 @@ from stereocal.formats.exchange.exchange import (
 )
 from stereocal.formats.exchange.options import ExchangeOptions, Flip
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.array_types import FloatArray
 from tests.fisheye_rig import fisheye_rig
 from tests.known_rig import ANY_ANGLES, PRIMARY, RIG, SECONDARY, bar_ends, images
 

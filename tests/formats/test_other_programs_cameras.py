@@ -16,10 +16,10 @@ from stereocal.formats.camera_file import ImageSizeError, read_camera
 from stereocal.formats.exchange.camera_format import numbers
 from stereocal.formats.exchange.exchange import export_files, import_files
 from stereocal.formats.exchange.options import CORNERS, ExchangeOptions, OriginError
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from tests.archives import CASES, PLAIN, case, focal, mat, stereo_struct
 from tests.known_rig import BASELINE_M, PRIMARY, RIG, SECONDARY
 

@@ -22,7 +22,7 @@ from stereocal.formats.point_layouts import LAYOUTS, layout_name, propose_layout
 from stereocal.formats.point_text import point_text
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from tests.further import further
 from tests.known_rig import PRIMARY, SECONDARY, bar_ends, images
 from tests.matching.test_matching import RIG_2D

@@ -20,8 +20,8 @@ from stereocal.network.fit import RigSettings
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
+from stereocal.system.array_types import FloatArray
 from tools.photographs.rendering import HERE
 from tools.photographs.started_by_hand import (
     CAMERA,

@@ -7,7 +7,7 @@ import pytest
 
 from stereocal.detection.target import Sighting
 from stereocal.frames.choosing import choose_boards
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from tests import known_rig as rig
 from tests.frames.test_labelling import CAMERAS, sighting
 

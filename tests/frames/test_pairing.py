@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from stereocal.frames.pairing import Pair, Pairing, number_pairs, pair_names
 from stereocal.frames.proposal import Choice, propose
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.taken import Source, Taken
 
 STYLES = {

@@ -28,9 +28,9 @@ from stereocal.intrinsics.lens_fit import (
     solve_lens,
 )
 from stereocal.intrinsics.quality import advice, coverage, lens_answer, lens_rows, note_on_model
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph import read_photograph
 from tests.fisheye_rig import fisheye
 from tests.further import further

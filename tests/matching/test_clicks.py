@@ -23,7 +23,6 @@ from stereocal.matching.following import Image, corner_at, follow, nearest_click
 from stereocal.matching.pairs import Stated
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.epipolar_curve import epipolar_curve
 from stereocal.rig.geometry import Pose
@@ -31,6 +30,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
+from stereocal.system.array_types import FloatArray
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 from tests.projects.test_recording import rig_text
 

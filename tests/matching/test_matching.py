@@ -12,9 +12,9 @@ from stereocal.errors import StereocalError
 from stereocal.matching.matching import assign, match_points, purpose_warning, refuse_different_rigs
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.rig.camera import pixel_scales
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.array_types import FloatArray
 from tests.known_rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, SEEDS, images
 
 RIG_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)

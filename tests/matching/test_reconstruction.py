@@ -8,10 +8,10 @@ import pytest
 from stereocal.errors import StereocalError
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.refined.parameter_file import covariance_names
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
+from stereocal.system.array_types import FloatArray
 from tests.known_rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 RIG_3D = RigParameters(PRIMARY, SECONDARY, RIG, "3d", 1.0, {}, {})

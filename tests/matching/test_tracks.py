@@ -20,9 +20,9 @@ from stereocal.matching.tables_by_camera import Report
 from stereocal.matching.view_groups import ViewFitter, expected_wrong, match_views
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.rigs import SimulatedRig, simulated_rig
+from stereocal.system.array_types import FloatArray, IntArray
 from tests.matching.test_clicks import LENGTH_M, agrees, off
 
 NOISE = 0.3

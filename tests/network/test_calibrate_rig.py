@@ -23,11 +23,11 @@ from stereocal.refined.refine import refine
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.two_views import BAR, shared_unknowns
 from stereocal.refined.views import EACH, TRANSLATION, fit_points
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.simulation.rigs import SimulatedRig, simulated_rig
+from stereocal.system.array_types import FloatArray
 from tests.further import further
 from tests.rigs.spoiled_rigs import joined
 

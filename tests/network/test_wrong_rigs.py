@@ -17,12 +17,12 @@ from stereocal.network.pair_of_rig import data_of_pair
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.wrong_inputs import _fewer_points, noise_of_rig
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.simulation import rigs
 from stereocal.simulation.rigs import IMAGE_SIZE, SimulatedRig, simulated_rig
 from stereocal.simulation.simulate import lens_off_by
+from stereocal.system.array_types import FloatArray
 from tests.further import further
 from tests.rigs.mistakes import from_the_right, upside_down
 from tests.rigs.moving_wand import wave_wand

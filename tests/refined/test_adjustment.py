@@ -13,8 +13,8 @@ from stereocal.refined.two_views import DRIFT, SHARED, TIME, shared_unknowns, un
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import DISTORTION, EACH, OWN
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from tests import known_rig as rig
 from tests.rig.machine_code import machine_code
 

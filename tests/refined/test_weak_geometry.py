@@ -22,11 +22,11 @@ from stereocal.refined.two_views import (
     step_between,
 )
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Scene, observe, place_bars
+from stereocal.system.array_types import FloatArray
 from stereocal.verdict.forecast import forecast_files
 from tests import known_rig as rig
 from tests.further import further

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera, write_opencv_camera
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from tests.known_rig import PRIMARY, SECONDARY
 
 K = np.array([[1190.6, 2.3, 612.8], [0.0, 1171.9, 530.1], [0.0, 0.0, 1.0]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stereocal.rig.clusters import FEWEST, clusters_of
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 
 def residuals(frames: int, length: int, rng: np.random.Generator) -> FloatArray:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from stereocal.rig.compiled import _readable_index, compiled, contiguous, internal
+from stereocal.rig.compiled import _ON_DISK, _readable_index, compiled, contiguous, internal
 
 ROOT = Path(__file__).parents[2]
 ASK = """
@@ -69,6 +69,12 @@ def test_a_constant_in_compiled_code_compiles_nothing_again() -> None:
     for exponent in (constant(3), constant(4), types.int64):
         dispatcher.get_call_template((types.float64, exponent), {})
     assert len(dispatcher.overloads) == 1
+
+
+def test_what_others_compile_is_not_compiled_ahead() -> None:
+    """Else all would be compiled again wherever something else has such a function."""
+    other: Any = _power
+    assert other._cache._cache_file not in _ON_DISK
 
 
 def test_code_on_disk_that_names_a_lost_class_is_not_used() -> None:

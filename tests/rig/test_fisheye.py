@@ -10,10 +10,10 @@ from stereocal.calibration.checks import warnings_about
 from stereocal.errors import StereocalError
 from stereocal.field.checking.new_images import images_of_bars, images_of_matches
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from tests.fisheye_rig import IMAGE_SIZE, fisheye, fisheye_rig, recording
 from tests.known_rig import PRIMARY
 

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera, pixel_scales
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import (
     Angles,
     Pose,
@@ -21,6 +20,7 @@ from stereocal.rig.geometry import (
     triangulate_rays,
 )
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from tests.known_rig import (
     ANY_ANGLES,
     PRIMARY,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.volume import Volume
+from stereocal.system.array_types import FloatArray
 from tests.known_rig import bar_ends
 
 VOLUME = Volume((-0.3, 0.2), (-0.1, 0.25), (3.0, 8.0))

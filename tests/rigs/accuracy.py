@@ -10,7 +10,6 @@ from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import length_sigmas, length_variances
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.simulate import (
     Nominal,
@@ -20,6 +19,7 @@ from stereocal.simulation.simulate import (
     observe,
     place_bars,
 )
+from stereocal.system.array_types import FloatArray
 from tests.rigs.refined_rigs import Misjudged, held_out, random_scene, spoiled, stated
 
 NAMES = ("yaw", "pitch", "roll", "delta", "epsilon", "baseline", "held-out distance")

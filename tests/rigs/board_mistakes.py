@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 
 from stereocal.calibration.corrections import scaled
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.dataset import Dataset
+from stereocal.system.array_types import FloatArray, IntArray
 from tests.rigs.board_pairs import BoardPair, seen_at
 from tests.rigs.mistakes import (
     files_exchanged,

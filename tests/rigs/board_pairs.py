@@ -8,7 +8,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
@@ -16,6 +15,7 @@ from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.simulation.rigs import recording_of
 from stereocal.simulation.simulate import lens_off_by
+from stereocal.system.array_types import FloatArray
 from tests.fisheye_rig import fisheye
 
 SIZES = ((9, 6), (7, 5), (11, 8), (8, 6))

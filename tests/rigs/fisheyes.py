@@ -15,9 +15,9 @@ from stereocal.frames.pairing import moments_of, pair_names
 from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.intrinsics.stereo_boards import StereoBoards, stereo_boards
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import FloatArray
 from tools.photographs.rendering import turned
 
 SIZES = (

@@ -8,10 +8,10 @@ import numpy as np
 
 from stereocal.calibration.corrections import Given, cameras_of, with_changed, with_files
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
 from stereocal.simulation.simulate import Scene, lens_off_by
+from stereocal.system.array_types import FloatArray
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 KNOWN = Misjudged()

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
@@ -22,6 +21,7 @@ from stereocal.simulation.simulate import (
     observe,
     place_bars,
 )
+from stereocal.system.array_types import FloatArray
 
 FRAMES_BETWEEN = 30
 """From one of the random positions to the next. With the tests' rig the bar then moves at 4 to 20

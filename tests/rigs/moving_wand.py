@@ -5,9 +5,9 @@ import numpy as np
 from stereocal.network.fit import RigFit
 from stereocal.network.held_out import seen_by_others
 from stereocal.network.result import RigCalibration
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import IMAGE_SIZE, WAND, SimulatedRig, recording_of, simulated_rig
+from stereocal.system.array_types import FloatArray
 from tests.rigs.refined_rigs import smooth_fields, wave_errors
 
 

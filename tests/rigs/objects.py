@@ -3,10 +3,10 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.rig.compiled import BoolArray
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
+from stereocal.system.array_types import BoolArray
 from tests import known_rig
 
 WAND = RigidObject(("A", "M", "B"), np.array([[0.0, 0, 0], [0.25, 0, 0], [0.75, 0, 0]]), 2e-4)

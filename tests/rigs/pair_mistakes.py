@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from stereocal.calibration.corrections import scaled
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
+from stereocal.system.array_types import FloatArray
 from tests.rigs.culprits import OFF, accusations_of, sound, waved
 from tests.rigs.mistakes import (
     files_exchanged,

@@ -13,10 +13,10 @@ from stereocal.library.calibrations import calibrate
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.two_views import shared_unknowns
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
+from stereocal.system.array_types import FloatArray
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.forecast_draws import ForecastFigures, bin_edge, partners_in_groups
 from stereocal.verdict.fresh_frames import GROUP

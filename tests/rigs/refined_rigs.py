@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, Scene, lens_off_by, observe, place_bars
+from stereocal.system.array_types import FloatArray
 from tests import known_rig as rig
 
 BAR_M = 0.87

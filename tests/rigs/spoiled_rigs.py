@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.calibration.corrections import scaled, with_pixels
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
@@ -23,6 +22,7 @@ from stereocal.simulation.rigs import (
     nominal_of,
     recording_of,
 )
+from stereocal.system.array_types import FloatArray
 from tests.rigs.mistakes import (
     files_exchanged,
     flipped,

@@ -12,10 +12,10 @@ from stereocal.field.world.frame import Line, Survey, Throw
 from stereocal.field.world.throw import path
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from tests.rigs.refined_rigs import FRAMES, Misjudged, random_scene, stated
 
 OFF = Misjudged()

@@ -30,7 +30,7 @@ from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.formats.point_answers import answered, first_answers, layout_by_hand, layout_of
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_layouts import first_rows
-from stereocal.formats.point_text import analysis_table
+from stereocal.formats.sleap_analysis import analysis_table
 from stereocal.formats.world_file import read_observed, read_world
 from stereocal.matching.point_table import PointTable
 from stereocal.projects.project import Project

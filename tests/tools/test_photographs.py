@@ -10,9 +10,9 @@ import pytest
 
 from stereocal.detection.detect import detect_targets
 from stereocal.formats.camera_file import read_camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import FIELD_BAR_M, Scene, field_rig
+from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph import read_colours
 from tests.bar_photographs import small
 from tests.further import further

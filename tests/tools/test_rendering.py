@@ -8,9 +8,9 @@ from scipy.special import erf
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.simulate import field_rig
+from stereocal.system.array_types import FloatArray
 from tests.further import further
 from tests.known_rig import PRIMARY
 from tools.photographs.rendering import (

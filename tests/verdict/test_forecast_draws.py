@@ -19,11 +19,11 @@ from stereocal.refined.refine import refine
 from stereocal.refined.two_views import BASELINE
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera, LensUncertainty
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.rig.volume import Volume
 from stereocal.simulation.simulate import Scene, observe, place_bars
+from stereocal.system.array_types import FloatArray
 from stereocal.verdict.forecast import Forecast, forecast_files
 from stereocal.verdict.forecast_draws import draw_forecast
 from stereocal.verdict.fresh_frames import _facing, _stand_by_rays, fresh_bars, noise_given

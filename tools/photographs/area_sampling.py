@@ -7,7 +7,8 @@ then applies the pixel area and the blur together.
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.rig.compiled import FloatArray, compiled, inlined
+from stereocal.rig.compiled import compiled, inlined
+from stereocal.system.array_types import FloatArray
 
 SAMPLES, LATTICE = 233, 144
 """Samples of a part where cells meet, and the step that spreads them (Fibonacci numbers)."""

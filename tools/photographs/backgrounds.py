@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from tools.photographs.rendering import (
     HERE,
     Picture,

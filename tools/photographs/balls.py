@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray
 from tools.photographs.rendering import ray_splines
 
 ColourPicture = npt.NDArray[np.float32]

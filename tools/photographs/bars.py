@@ -18,10 +18,10 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.field.printing.print_target import SEPARATION
 from stereocal.rig.camera import CAMERAS, CameraName
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import FIELD_DEPTHS_M, MAXIMUM_ROUNDS, Scene, place_bars
+from stereocal.system.array_types import FloatArray
 from tools.photographs.rendering import (
     HERE,
     Board,

@@ -4,8 +4,8 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray
 from tools.photographs.rendering import chessboard_corners, outline_of, pixel_ray, pixels_of, turned
 
 LENS_SQUARES = (19, 13)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.resources import ROOT
 from tools.photographs.balls import BallSettings, clutter, photograph_balls, seen_by, side_light

@@ -11,9 +11,9 @@ import numpy as np
 
 from stereocal.intrinsics.proposed_board import ProposedBoard
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from tools.photographs.balls import (
     BLUE,
     RED,

@@ -17,8 +17,8 @@ from scipy.interpolate import RectBivariateSpline
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray
 from tools.photographs.area_sampling import (
     BLUR_REACH,
     fill_parts,

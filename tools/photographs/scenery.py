@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 Grey = npt.NDArray[np.uint8]
 

@@ -18,9 +18,9 @@ from scipy.interpolate import CubicSpline
 
 from stereocal.formats.camera_file import write_camera
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph import GreyImage
 from tools.photographs.rendering import HERE
 from tools.photographs.videos import HERTZ, write_video

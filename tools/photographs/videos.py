@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph import GreyImage
 
 WIDTH, HEIGHT = 160, 96

@@ -7,7 +7,7 @@ import numpy as np
 from stereocal.evaluation.summary import Estimate
 from stereocal.field.checking.findings import LARGEST_NOISE_RATIO, Recheck
 from stereocal.field.checking.repair import length_error
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import decimals_of, rounded
 from stereocal.verdict.in_words import digits, named_frames
 

@@ -16,9 +16,9 @@ from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since
 from stereocal.refined.two_views import BASELINE, pose_of, rig_of
 from stereocal.rig.camera import CAMERAS, CameraName
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import BoolArray, FloatArray
 
 Verdict = Literal["moved", "same", "cannot tell"]
 POSE_LEVEL, FOCAL_LEVEL = 0.009, 0.001

@@ -29,8 +29,8 @@ from stereocal.refined.two_views import (
     step_between,
 )
 from stereocal.refined.unknowns import RefineSettings, Unknowns
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import BoolArray, FloatArray
 
 WIDE_ANGLE, WIDE_FOCAL, WIDE_BASELINE = 0.3, 0.1, 0.2
 """Standard deviations of a change: radians, and fractions. They only keep finite what the images do

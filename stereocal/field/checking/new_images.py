@@ -12,13 +12,13 @@ from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
 from stereocal.refined.time_offset import usable_after
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.clusters import follow_each_other
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.correspondences import PIXELS, Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.field_of_view import beyond_either, beyond_in_words
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import count
 
 LARGEST = 1000

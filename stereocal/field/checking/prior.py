@@ -11,9 +11,9 @@ from stereocal.matching.reconstruction import POSE, noise_of_file
 from stereocal.refined.noise import ASSUMED, GIVEN
 from stereocal.refined.two_views import BAR, shared_lens_places, shared_unknowns
 from stereocal.refined.unknowns import DEFAULT_DISTANCE
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.array_types import FloatArray
 
 SPENT = 12.0
 """Degrees of freedom that a calibration spends on the pose and, in part, on the lenses."""

@@ -29,7 +29,7 @@ from stereocal.refined.design_effect import clusters_in, design_effect
 from stereocal.refined.refine import robust_start
 from stereocal.refined.two_views import pose_of, rig_of
 from stereocal.rig.clusters import in_runs
-from stereocal.rig.compiled import BoolArray, IntArray
+from stereocal.system.array_types import BoolArray, IntArray
 
 BLOCK = {True: 8, False: 24}
 """Groups whose noise is estimated together: bars, and matched points alone."""

@@ -10,9 +10,9 @@ from stereocal.refined.noise import ESTIMATED, GIVEN
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.two_views import BAR, BASELINE, DISTORTION
 from stereocal.refined.uncertainty import COVARIANCE_OF, MEAN_OF_NORMAL, length_sigmas
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray, IntArray
 
 REPAIRED = "parameters_repaired.json"
 """Name of the file that is written."""

@@ -13,7 +13,7 @@ import numpy as np
 from stereocal.field.checking.fits import NOTHING, Change, Fit
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
-from stereocal.rig.compiled import BoolArray, FloatArray, IntArray
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 ROUNDS = 3
 INSIDE = 0.95

@@ -10,8 +10,8 @@ from stereocal.errors import StereocalError
 from stereocal.field.planning.expected import ExpectedFit, expect
 from stereocal.field.planning.plan import LARGEST_TOE_IN_DEG, AimedPose, Plan
 from stereocal.refined.uncertainty import point_covariances
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, distance, percent
 

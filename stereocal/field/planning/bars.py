@@ -15,8 +15,8 @@ from stereocal.field.planning.plan import (
     common_points,
     sees,
 )
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.sampling import evenly_spread
 
 MARGIN_PX = 15.0

@@ -32,8 +32,8 @@ from stereocal.refined.two_views import (
     shared_unknowns,
     undistort_rays,
 )
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Angles, Pose, triangulate_rays
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.verdict.forecast_draws import partners_in_groups
 from stereocal.verdict.intervals import MERGE
 from stereocal.verdict.judging import judge, photograph

@@ -19,9 +19,9 @@ from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.two_views import shared_unknowns
 from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
+from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.verdict.judging import photograph
 
 BARS = 120

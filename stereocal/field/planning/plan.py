@@ -11,10 +11,10 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera, LensModel
-from stereocal.rig.compiled import BoolArray, FloatArray
 from stereocal.rig.dataset import check_length, check_uncertainty
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.numbers import rounded
 
 FEWEST_FRAMES, MOST_FRAMES = 5, 2000

@@ -22,8 +22,8 @@ from stereocal.field.printing.paper import (
     footer_height,
     stroke,
 )
-from stereocal.rig.compiled import BoolArray
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.array_types import BoolArray
 from stereocal.system.numbers import rounded
 
 MARK_MM, MARK_GAP_MM = 3.5, 1.5

@@ -19,7 +19,7 @@ from stereocal.field.planning import bars
 from stereocal.field.planning.plan import Plan
 from stereocal.field.printing.paper import FONT, FONT_BOLD, MARGIN_MM, PAPERS, Paper
 from stereocal.field.printing.sheet_words import RECORDS, camera_notes, measurements
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 
 TEXT = ParagraphStyle("text", fontName=FONT, fontSize=8.5, leading=10.4)

@@ -15,7 +15,7 @@ from scipy.special import chdtri, fdtrc, fdtri, ndtri, stdtrit
 
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 
 LEVEL = 0.95
 STEP = float(np.sqrt(np.finfo(np.float64).eps))

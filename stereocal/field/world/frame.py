@@ -7,9 +7,9 @@ from typing import Any, Literal
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 
 LineKind = Literal["plumb", "level", "horizon"]

@@ -23,9 +23,9 @@ from stereocal.field.world.noise import (
 )
 from stereocal.refined.two_views import derivatives_by_rig
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import plural, rounded
 
 FEWEST_UPRIGHT = 0.1

@@ -16,9 +16,9 @@ from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.two_views import SHARED, shared_unknowns
 from stereocal.refined.uncertainty import point_errors
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 
 ASSUMED_PX = 0.5
 LARGEST_MISFIT = 0.05

@@ -17,9 +17,9 @@ from stereocal.field.world.noise import (
     measured_points,
     reconstructed,
 )
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 
 FEWEST_POINTS = 3

@@ -27,10 +27,10 @@ from stereocal.field.world.noise import (
     reconstructed,
     tilt_jacobian,
 )
-from stereocal.rig.compiled import FloatArray, IntArray
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import interpolate
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 
 FEWEST_FRAMES = 6

@@ -32,8 +32,8 @@ from stereocal.formats.exchange.options import (
 from stereocal.formats.matlab_file import Fields, numbers_in_field, read_structs, required
 from stereocal.formats.point_files import BarPoints
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.correspondences import PIXELS
+from stereocal.system.array_types import FloatArray
 from stereocal.system.limits import Limits
 
 STRUCT = "easyWandData"

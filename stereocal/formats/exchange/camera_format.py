@@ -13,9 +13,9 @@ from stereocal.formats.exchange.chosen_cameras import ChosenPair
 from stereocal.formats.exchange.options import ExchangeOptions, ImageSize, Unit, metres_per_unit
 from stereocal.formats.file_storage import ForeignFile
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import ROTATION_TOLERANCE, Pose
 from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
 from stereocal.system.arrays import LARGEST
 from stereocal.system.numbers import rounded
 from stereocal.version import __version__

@@ -31,8 +31,8 @@ from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import CORNERS, ExchangeOptions, OriginError
 from stereocal.formats.file_storage import ForeignFile
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray
 from stereocal.system.arrays import LARGEST
 
 ORIGIN_BEHIND_M = 1e-6

@@ -29,8 +29,8 @@ from stereocal.formats.exchange.options import UNITS, ExchangeOptions, Unit
 from stereocal.formats.matlab_file import Fields, needed_in_field, numbers_in_field, read_structs
 from stereocal.formats.other_files import is_matlab
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray
 
 ASSIGNED = (
     *(f"{name}{k}" for k in "12" for name in ("K", "RadialDistortion", "TangentialDistortion")),

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import LensModel
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray
 
 Unit = Literal["m", "cm", "mm", "inch"]
 UNITS: Mapping[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}

@@ -31,8 +31,8 @@ from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.yaml_formats import rectification
 from stereocal.formats.file_storage import ForeignFile, find_node
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import Pose
+from stereocal.system.array_types import FloatArray
 
 P_NAMES = ("projection_matrix", "P", "p")
 R_NAMES = ("rectification_matrix", "R", "r")

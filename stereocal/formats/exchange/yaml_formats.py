@@ -34,8 +34,8 @@ from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
 from stereocal.formats.file_storage import ForeignFile, find_node, matrix_of
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.compiled import FloatArray
 from stereocal.rig.geometry import AT_ORIGIN, Pose
+from stereocal.system.array_types import FloatArray
 
 
 def _names_of(k: str, side: str, names: Sequence[str]) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.limits import Limits
 from stereocal.system.photograph import GreyImage
 

@@ -15,7 +15,7 @@ from scipy.ndimage import median_filter
 from stereocal.errors import StereocalError
 from stereocal.frames.video.decoding import VideoTimes, encoded_frames, read_times, score_frames
 from stereocal.frames.video.sound import heard_later, read_rises
-from stereocal.rig.compiled import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.guarded import Guard
 from stereocal.system.limits import Limits
 from stereocal.system.numbers import rounded

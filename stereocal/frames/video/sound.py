@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from stereocal.frames.video.decoding import MOST_FRAMES, opened
-from stereocal.rig.compiled import FloatArray
+from stereocal.system.array_types import FloatArray
 
 BIN_S, SAMPLES_S = 0.01, 8000
 APART_S, STANDS_OUT = 0.3, 1.7
