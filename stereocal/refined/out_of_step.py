@@ -129,31 +129,34 @@ def _is_worth_trying(fit: RefinedResult) -> bool:
 
 def _fits_held_out_frames(dataset: Dataset, fit: RefinedResult, settings: RefineSettings) -> bool:
     """Whether runs of frames fit better to the others with the offset than without one."""
-    offset = fit.dataset.time_offset
+    offset, noise = fit.dataset.time_offset, fit.sigma_px.value
     assert offset is not None
     shifted = usable_after(dataset, offset)
     used = fit.frames[~fit.outlying]
-    with_offset = without = 0.0
-    offsets = list[TimeOffset]()
-    for part in np.array_split(used, PARTS):
-        rest, noise = np.setdiff1d(used, part), fit.sigma_px.value
+    parts = [(part, np.setdiff1d(used, part)) for part in np.array_split(used, PARTS)]
+    with_offset, offsets = 0.0, list[TimeOffset]()
+    for part, rest in parts:
         try:
             found = refine(shifted.of_frames(rest), fit.settings, fit.pose)
         except StereocalError:
             return False
         offsets.append(found.time_offset)
         with_offset += _chi_square(found, shifted.of_frames(part), noise)
-        try:
-            found = refine(dataset.of_frames(rest), settings, fit.pose)
-        except StereocalError:
-            without = np.inf
-            continue
-        without += _chi_square(found, dataset.of_frames(part), noise)
     # The jackknife over runs, whose errors are alike.
     spread = (PARTS - 1) ** 0.5 * np.std([(own.frames, own.drift) for own in offsets], axis=0)
     own = fit.time_offset
-    significant = np.abs([own.frames, own.drift]) > SIGNIFICANT * spread
-    return with_offset < without and bool(significant.any())
+    if not (np.abs([own.frames, own.drift]) > SIGNIFICANT * spread).any():
+        return False
+    without = 0.0
+    for part, rest in parts:  # mostly the first is enough; points out of step take long to fit
+        try:
+            found = refine(dataset.of_frames(rest), settings, fit.pose)
+            without += _chi_square(found, dataset.of_frames(part), noise)
+        except StereocalError:
+            without = np.inf
+        if with_offset < without:
+            return True
+    return False
 
 
 def _chi_square(fit: RefinedResult, dataset: Dataset, noise_px: float) -> float:
