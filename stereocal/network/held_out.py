@@ -97,29 +97,26 @@ def seen_by_others(fit: RigFit, seen: Observations, units: IntArray) -> FloatArr
     return apart
 
 
-def held_out(fit: RigFit, follow: bool) -> dict[Groups, HeldOut]:
-    """The errors with frames drawn at random left out (`frames`), and for a recording of frames
-    that follow each other with whole runs left out (`runs`); empty for fewer than `FEWEST`.
+def held_out(fit: RigFit, by: Groups) -> HeldOut | None:
+    """The errors with frames drawn at random left out (`frames`), or with whole runs of frames that
+    follow each other left out (`runs`); None for fewer than `FEWEST`, or if a fit fails.
 
     Args:
         fit: of all frames; those that it leaves out are in no part.
-        follow: whether its frames follow each other.
     """
-    draws, count = np.random.default_rng(SEED), len(fit.used)
+    count = len(fit.used)
     if count < FEWEST:
-        return {}
-    groups: dict[Groups, IntArray] = {"frames": draws.permutation(count) % PARTS}
-    if follow:
-        groups["runs"] = evenly_divided(count, PARTS).of_frames
-    found = ((name, _errors(fit, parts)) for name, parts in groups.items())
-    return {name: errors for name, errors in found if errors is not None}
+        return None
+    if by == "runs":
+        return _errors(fit, evenly_divided(count, PARTS).of_frames)
+    return _errors(fit, np.random.default_rng(SEED).permutation(count) % PARTS)
 
 
 def fitted_to(fit: RigFit, frames: IntArray) -> RigFit | None:
     """A fit of some frames from the end of one; None if it fails."""
     settings = replace(fit.rig_settings, time_offsets=False)  # the points are in step already
     again = RigFit(fit.recording.where(np.isin(fit.recording.frame, frames)), fit.poses, settings)
-    again.start_at(fit.unknowns.named(fit.p), fit.sigma_px)
+    again.start_near(fit.unknowns.named(fit.p), fit.sigma_px, fit.scatter)
     return again if again.run() else None
 
 

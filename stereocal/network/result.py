@@ -165,15 +165,25 @@ class RigCalibration:
         return relative_length_errors(self.point_fits[0][units], self.fit.seen.distances[units])
 
     @cached_property
+    def _held_out_runs(self) -> HeldOut | None:
+        return held_out(self.fit, "runs") if self.frames_follow else None
+
+    @cached_property
+    def _held_out_frames(self) -> HeldOut | None:
+        return held_out(self.fit, "frames")
+
+    @property
     def held_out(self) -> dict[Groups, HeldOut]:
-        """Errors on frames not fitted, as of `held_out.held_out`."""
-        return held_out(self.fit, self.frames_follow)
+        """Errors on frames not fitted, as of `held_out.held_out`, as far as they are known."""
+        found: dict[Groups, HeldOut | None]
+        found = {"frames": self._held_out_frames, "runs": self._held_out_runs}
+        return {name: errors for name, errors in found.items() if errors is not None}
 
     @property
     def further(self) -> HeldOut | None:
         """What a further recording is to be expected to show: the errors of whole runs held out, or
         of single frames where these do not follow each other; None for too few frames."""
-        return self.held_out.get("runs") or self.held_out.get("frames")
+        return self._held_out_runs or self._held_out_frames
 
     @cached_property
     def loops(self) -> tuple[Loop, ...]:

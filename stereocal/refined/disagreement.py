@@ -154,9 +154,9 @@ def _with_its_noise(result: RefinedResult) -> RefinedResult:
         distance_sigma_m=WIDER * distance_sigma_m(dataset, settings),
     )
     try:
-        noise = refine(dataset, wide, result.pose, result.rows)
+        noise = refine(dataset, wide, result.pose, result.rows, near=result)
         held = replace(settings, sigma_px=noise.sigma_px.value, scatter_m=noise.scatter_m.value)
-        return refine(dataset, held, result.pose, result.rows)
+        return refine(dataset, held, result.pose, result.rows, near=result)
     except StereocalError:  # too few frames for wide priors
         return result
 

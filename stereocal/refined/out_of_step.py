@@ -137,7 +137,7 @@ def _fits_held_out_frames(dataset: Dataset, fit: RefinedResult, settings: Refine
     with_offset, offsets = 0.0, list[TimeOffset]()
     for part, rest in parts:
         try:
-            found = refine(shifted.of_frames(rest), fit.settings, fit.pose)
+            found = refine(shifted.of_frames(rest), fit.settings, fit.pose, near=fit)
         except StereocalError:
             return False
         offsets.append(found.time_offset)

@@ -18,9 +18,7 @@ from stereocal.refined.noise import ESTIMATED
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.robust import SMALLEST_SCATTER
 from stereocal.refined.uncertainty import Innovations, bar_innovations
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import rounded
 from stereocal.verdict.forecast_draws import ForecastDraws, image_radii
@@ -129,7 +127,7 @@ def check_model(
     """
     data = refined.dataset.of_frames(refined.frames[~refined.outlying])
     clusters = refined.clusters
-    errors = _held_out_errors(data, clusters.of_frames, refined.settings, refined.pose)
+    errors = _held_out_errors(data, clusters.of_frames, refined)
     if errors is None:
         return None
     px, lengths = errors
@@ -182,10 +180,10 @@ def check_model(
 
 
 def _held_out_errors(
-    data: Dataset, clusters: IntArray, settings: RefineSettings, start: Pose
+    data: Dataset, clusters: IntArray, whole: RefinedResult
 ) -> tuple[FloatArray, FloatArray] | None:
     """Reprojection errors (n,) of the pairs and length errors (m,) of the bars, each held out with
-    all frames of its cluster (f,)."""
+    all frames of its cluster (f,), from fits that begin where that to all frames ended."""
     table = data.correspondences
     if len(table.frames) < MINIMUM_FRAMES:
         return None
@@ -194,7 +192,7 @@ def _held_out_errors(
     px, lengths = np.empty(len(table)), np.empty(len(table.bars))
     for fold in range(FOLDS):
         try:
-            found = refine(data, settings, start, part != fold)
+            found = refine(data, whole.settings, whole.pose, part != fold, near=whole)
         except StereocalError:
             return None
         errors = errors_of(found.apply(data), found.pose)
