@@ -81,8 +81,7 @@ class Verdict:
 
 def verdict(draws: ForecastDraws, frames: int, check: ModelCheck | None = None) -> Verdict:
     """The verdict of a forecast of all files, for a calibration of so many frames."""
-    in_images = draws.ratio(draws.correct_px, "refined", "2d")
-    in_length = draws.ratio(draws.mean_errors_3d, "refined", "3d")
+    in_images, in_length = _ratios(draws)
     limit = 1.0 + TOLERANCE
     matching, measuring = (
         Estimate(float(value), float(low), float(high))
@@ -93,11 +92,25 @@ def verdict(draws: ForecastDraws, frames: int, check: ModelCheck | None = None) 
     chance = float(np.mean((in_images <= limit) & (in_length <= limit)))
     surely_one = chance >= SURE and (check is None or check.holds)
     kind: Kind = "two" if chance <= 1.0 - SURE else "one" if surely_one else "level"
-    match_with: Method = "2d" if matching.value > limit else "refined"
-    measure_with: Method = "3d" if measuring.value > limit else "refined"
+    match_with, measure_with = files_to_use(draws)
     add = _frames_to_add((matching, measuring), frames) if kind == "level" else None
     figures = _figures(draws, matching, measuring)
     return Verdict(kind, figures, matching, measuring, chance, match_with, measure_with, add, check)
+
+
+def files_to_use(draws: ForecastDraws) -> tuple[Method, Method]:
+    """The file to match with, and the one to measure with."""
+    in_images, in_length = (
+        np.nanpercentile(ratio, 50) > 1.0 + TOLERANCE for ratio in _ratios(draws)
+    )
+    return "2d" if in_images else "refined", "3d" if in_length else "refined"
+
+
+def _ratios(draws: ForecastDraws) -> tuple[FloatArray, FloatArray]:
+    """(draws,) each: errors of the refined set over those of the 2D set in the images, and of the
+    3D set in length."""
+    in_images = draws.ratio(draws.correct_px, "refined", "2d")
+    return in_images, draws.ratio(draws.mean_errors_3d, "refined", "3d")
 
 
 def sure(chance: float) -> str:

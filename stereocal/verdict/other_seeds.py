@@ -7,8 +7,8 @@ from stereocal.calibration.methods import Method
 from stereocal.calibration.montecarlo import two_searches
 from stereocal.refined.results import Calibration
 from stereocal.rig.rig import Rig
-from stereocal.verdict.forecast import Forecast, verdict
-from stereocal.verdict.forecast_draws import draw_forecast
+from stereocal.verdict.forecast import Forecast, files_to_use
+from stereocal.verdict.forecast_draws import judge_on_draws
 
 OTHER_SEEDS = (1, 2, 3, 4)
 """Added to the seed of the searches."""
@@ -29,17 +29,12 @@ def conclusions_of_seeds(
     """
     if calibration.settings.calibration_frames is not None:
         return ""  # another seed would draw other frames
-    frames, settings = len(calibration.frames), calibration.settings
-    found = [verdict(forecast.draws, frames)]
-    lengths = [forecast.draws.figures["3d"].mean_error_3d.value]
-    for seed in seeds:
-        files = {**forecast.files, **_files_of_seed(calibration, settings.search.seed + seed)}
-        draws = draw_forecast(forecast.model, files, draws=FEWER_DRAWS)
-        found.append(verdict(draws, frames))
-        lengths.append(draws.figures["3d"].mean_error_3d.value)
-    files_to_use = {(answer.match_with, answer.measure_with) for answer in found}
-    if len(files_to_use) == 1:
+    first, refined = calibration.settings.search.seed, forecast.files["refined"]
+    several = [{**_files_of_seed(calibration, first + seed), "refined": refined} for seed in seeds]
+    found = [forecast.draws, *judge_on_draws(forecast.model, several, draws=FEWER_DRAWS)]
+    if len({files_to_use(draws) for draws in found}) == 1:
         return ""
+    lengths = [draws.figures_of("3d").mean_error_3d.value for draws in found]
     return (
         f"Another seed of the search would change which files to use: with {len(found)} seeds, the "
         f"3D set measures with an error of {100 * min(lengths):.2f} to {100 * max(lengths):.2f} %. "
