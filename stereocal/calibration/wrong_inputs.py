@@ -72,6 +72,8 @@ class PoseFit:
     """Median of stated over reconstructed bar length; 1 if baseline and bar agree."""
     scale_is_free: bool = False
     """Whether the baseline is free, so that the scale tells nothing."""
+    pose: Pose | None = None
+    """None for `NO_FIT`."""
 
     @property
     def only_scale_is_wrong(self) -> bool:
@@ -106,7 +108,7 @@ def pose_fit(dataset: Dataset, pose: Pose) -> PoseFit:
     median = float(np.median(known))
     spread = float(np.median(np.abs(known - median)))
     free = dataset.baseline_is_free
-    return PoseFit(float(np.nanmedian(px)), spread, float(np.exp(median)), free)
+    return PoseFit(float(np.nanmedian(px)), spread, float(np.exp(median)), free, pose)
 
 
 def suspects(

@@ -27,6 +27,7 @@ from stereocal.calibration.readings import (
 )
 from stereocal.calibration.wrong_inputs import (
     MINIMUM_BARS,
+    PoseFit,
     essential_fit,
     scaled_readings,
     suspects,
@@ -42,7 +43,7 @@ from stereocal.refined.judge import (
 )
 from stereocal.rig.camera import CAMERAS, Camera, one_file_in_words
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import AT_ORIGIN
+from stereocal.rig.geometry import AT_ORIGIN, Pose
 from stereocal.system.numbers import rounded
 from stereocal.system.sampling import evenly_spread
 
@@ -83,7 +84,9 @@ class JudgeOfPair(Judge[Dataset]):
 
     def refitted(self, files: Mapping[str, Camera]) -> Mapping[str, Camera]:
         with suppress(StereocalError):
-            fit = fit_with_lenses(with_files(self.part, files), **dict.fromkeys(files, ANY_LENS))
+            fit = fit_with_lenses(
+                with_files(self.part, files), None, **dict.fromkeys(files, ANY_LENS)
+            )
             return {name: replace(getattr(fit, name), uncertainty=None) for name in files}
         return {}
 
@@ -91,8 +94,9 @@ class JudgeOfPair(Judge[Dataset]):
         for reading in readings:
             with suppress(StereocalError):
                 data = _fewer_frames(reading.corrected())  # an order is that of all frames
-                if essential_fit(data).px < FAR * fitting_px(data):
-                    yield JudgedReading(reading, noise_of_half(data))
+                found = essential_fit(data)
+                if found.px < FAR * fitting_px(data):
+                    yield JudgedReading(reading, noise_of_half(data, found))
 
 
 def check_inputs(dataset: Dataset, out_of_step: bool = False) -> list[str]:
@@ -146,13 +150,18 @@ def _fewer_frames(dataset: Dataset) -> Dataset:
     return dataset.of_frames(frames[evenly_spread(len(frames), MOST_FRAMES)])
 
 
-def noise_of_half(dataset: Dataset) -> Noise:
-    """The noise in pixels with which half of the frames fit, infinite where no pose fits."""
-    scale = essential_fit(dataset).scale
+def noise_of_half(dataset: Dataset, found: PoseFit | None = None) -> Noise:
+    """The noise in pixels with which half of the frames fit, infinite where no pose fits.
+
+    Args:
+        found: of `essential_fit`; computed if None.
+    """
+    found, start = found or essential_fit(dataset), None
     try:
-        if np.isfinite(scale):  # so that a baseline that is wrong hinders no reading
-            dataset = replace(dataset, baseline_m=scale * dataset.baseline_m)
-        fit = fit_with_lenses(dataset)
+        if found.pose is not None:  # so that a baseline that is wrong hinders no reading
+            dataset = replace(dataset, baseline_m=found.scale * dataset.baseline_m)
+            start = Pose(found.pose.R, found.scale * found.pose.T)
+        fit = fit_with_lenses(dataset, start)
     except StereocalError:
         return Noise()
     poses = AT_ORIGIN, fit.pose

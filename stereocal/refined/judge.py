@@ -250,22 +250,25 @@ def typical_noise(
     return float(sigma_px * np.sqrt(half) * stretched * (ALIKE if on_their_heads(poses) else 1.0))
 
 
-def fit_with_lenses(dataset: Dataset, **lenses: Any) -> RefinedResult:
-    """The fit whose lengths are held, with other priors of the lenses of some roles."""
+def fit_with_lenses(dataset: Dataset, start: Pose | None = None, **lenses: Any) -> RefinedResult:
+    """The fit whose lengths are held, with other priors of the lenses of some roles; `start` as of
+    `refine`."""
     settings = RefineSettings(
         baseline_sigma_m=np.inf,
         scatter_m=HELD_LENGTHS * dataset.target_distance_m,
         maximum_steps=MOST_STEPS,
         **lenses,
     )
-    return refine(dataset, settings)
+    return refine(dataset, settings, start)
 
 
 def centred_readings(data: Given, groups: Iterable[Group]) -> Iterator[Reading[Given]]:
     """The principal point elsewhere, as of images that were cropped."""
     for names, shown, roles in ((it.names, it.shown, it.roles) for it in groups):
         try:
-            fit = fit_with_lenses(shown, **{role: LensPrior(centre_px=np.inf) for role in roles})
+            fit = fit_with_lenses(
+                shown, None, **{role: LensPrior(centre_px=np.inf) for role in roles}
+            )
         except StereocalError:
             continue
         fitted = {
