@@ -16,7 +16,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import field_rig
-from tests.files import encoded
+from tests.files import description, encoded
 from tests.lens import AtOnce
 from tools.photographs.bars import BarSettings, PhotographPair, photograph_bars, place_visible_bars
 from tools.photographs.rendering import PhotographSettings
@@ -51,6 +51,12 @@ class BarSet:
             "primary": ("primary.json", write_camera(self.rig.primary)),
             "secondary": ("secondary.json", write_camera(self.rig.secondary)),
         }
+
+    @property
+    def described(self) -> dict[str, bytes]:
+        """`dataset.json` and the camera files, as a folder has them."""
+        about = description("bars", self.rig.pose.baseline, BAR_M)
+        return {"dataset.json": about, **dict(self.cameras.values())}
 
     def frames_of(self, store: ProjectPhotographs) -> list[Frame]:
         """What is found in the photographs of a project that has them."""

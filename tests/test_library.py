@@ -5,7 +5,6 @@ import copy
 import json
 import pickle
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -23,6 +22,8 @@ from stereocal.library.calibrations import CalibrationRun, Look
 from stereocal.matching.application import points_by_camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.answers import MOST_LINES, Answer, answering
+from tests.bar_photographs import bar_set
+from tests.files import write
 
 ROOT = Path(__file__).parents[1]
 
@@ -220,13 +221,8 @@ def test_cameras_started_by_hand_are_brought_into_step() -> None:
 
 
 def test_targets_found_are_calibrated(tmp_path: Path) -> None:
-    for name in ("dataset.json", "primary.json", "secondary.json"):
-        shutil.copy(ROOT / "sample_data" / "photographs" / name, tmp_path)
-    for camera in ("primary", "secondary"):
-        (tmp_path / camera).mkdir()
-        photographs = sorted((ROOT / "sample_data" / "photographs" / camera).iterdir())
-        for path in photographs[:6]:
-            shutil.copy(path, tmp_path / camera)
+    bars = bar_set(6)
+    write(bars.files() | bars.described, tmp_path)
     found = stereocal.detect(tmp_path)
     assert len(found.frames) == 6
     assert isinstance(found.recording, stereocal.Dataset)

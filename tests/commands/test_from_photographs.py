@@ -20,7 +20,7 @@ from stereocal.refined.unknowns import lens_prior
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.photograph import read_photograph
-from tests.docs.prepared import videos
+from tests.bar_photographs import bar_set
 from tests.files import description, write
 from tests.lens import SMALL
 from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values
@@ -118,26 +118,23 @@ def test_each_set_measures_and_matches(
     assert found.reprojection_errors(*pixels[0]).max() < reprojection_px
 
 
-SAMPLE = Path(__file__).parents[2] / "sample_data" / "photographs"
-FRAMES = (1, 2, 3, 4, 5, 6)
-
-
 @pytest.mark.parametrize("packed", [False, pytest.param(True, marks=pytest.mark.soak)])
 def test_ordinary_names_are_paired_by_the_times_of_the_files(
     packed: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The secondary's clock is 100 s ahead, and it did not take the third photograph."""
-    taken = (1, 2, 3, 4)
-    given, described = tmp_path / "data", ("dataset.json", "primary.json", "secondary.json")
-    names = {name: SAMPLE / name for name in described}
-    moments = {}
-    for frame in (*taken, 5):
-        for which, new, ahead in (("primary", "IMG_10", 0), ("secondary", "DSC_02", 100)):
+    bars, given, moments = bar_set(5), tmp_path / "data", {}
+    photographed, files = bars.files(), bars.described
+    for frame in (1, 2, 3, 4, 5):
+        for which, old, new, ahead in (
+            ("primary", "left", "IMG_10", 0),
+            ("secondary", "right", "DSC_02", 100),
+        ):
             if (which, frame) != ("secondary", 3):
-                name = f"{which}/{new}{frame:02}.jpg"
-                names[name] = SAMPLE / which / f"{frame:04}.jpg"
+                name = f"{which}/{new}{frame:02}.png"
+                files[name] = photographed[f"{which}/{old}{frame}.png"]
                 moments[name] = 1_700_000_000 + 10 * frame**2 + ahead
-    write({name: path.read_bytes() for name, path in names.items()}, given)
+    write(files, given)
     for name, at in moments.items():
         os.utime(given / name, (at, at))
     if packed:
@@ -163,22 +160,24 @@ pytest.importorskip("av")
 
 
 def test_targets_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    videos(tmp_path)
-    data, out = tmp_path / "pond", tmp_path / "correspondences.csv"
-    paths = [str(tmp_path / f"{which}.mp4") for which in CAMERAS]
-    given = [str(data), "--videos", *paths, "--every", "1", "--out", str(out)]
+    bars, data, out = bar_set(6), tmp_path / "pond", tmp_path / "correspondences.csv"
+    write(bars.described, data)
+    paths = [tmp_path / f"{which}.mp4" for which in CAMERAS]
+    for which, path in zip(CAMERAS, paths, strict=True):
+        shown = [getattr(pair, which) for pair in bars.pairs]
+        write_video(path, range(6), draw=shown.__getitem__, preset="ultrafast")
+    given = [str(data), "--videos", *map(str, paths), "--every", "1", "--out", str(out)]
     assert main(["detect", *given]) == 0
     assert "6 pairs of frames were taken" in capsys.readouterr().err
     written = sorted(path.name for path in (data / "primary").iterdir())
-    assert written == [f"{frame:06d}.png" for frame in FRAMES]
+    assert written == [f"{pair.frame:06d}.png" for pair in bars.pairs]
     rows = read_table(out.read_bytes(), "table").correspondences
-    truth = json.loads((SAMPLE / "truth.json").read_text())["frames"]
     for row, (frame, target) in enumerate(zip(rows.frame, rows.target, strict=True)):
-        true = truth[int(frame) - 1]
-        ends = [true[f"pixels_{which}"] for which in CAMERAS]
+        true = bars.pairs[int(frame) - 1]
+        ends = np.array([true.centres_primary, true.centres_secondary])
         found = np.array([rows.primary[row], rows.secondary[row]])
         # A and B of the detection may be exchanged, alike in both cameras.
-        errors = [np.abs(found - [end[name] for end in ends]).max() for name in "AB"]
+        errors = [np.abs(found - ends[:, end]).max() for end in (0, 1)]
         assert min(errors) < 0.1, (frame, target)
     assert len(rows.bars) == 6
 

@@ -109,7 +109,7 @@ def every_figure() -> dict[str, Drawn]:
         for name, bar in (("one", 0.9), ("another", 0.6), ("third", 0.4))
     ]
     rig = read_recording(ROOT / "sample_data" / "rig")
-    rig = rig.where(rig.frame < 200)
+    rig = rig.where(rig.frame < 100)
     # What a figure is drawn of, and its text, where that takes something else.
     given: dict[str, tuple[tuple[Any, ...], ...]] = {
         "accuracy": ((places, refined), (places,)),
