@@ -31,11 +31,11 @@ from stereocal.intrinsics.lens_fit import (
     LensSettings,
     boards_of,
     camera_of,
+    errors_of_usual_lens,
     residuals_of,
     rms_px,
     solve_lens,
     undetermined,
-    usual_lens,
 )
 from stereocal.rig.camera import LENS_UNKNOWNS, Camera, LensUncertainty
 from stereocal.system.array_types import FloatArray, IntArray
@@ -104,7 +104,7 @@ class LensCalibration:
         if views >= FEWEST_VIEWS:
             return sigma
         own = self.search
-        _, least = usual_lens(own.pattern, own.views, own.image_size, self.settings)
+        least = errors_of_usual_lens(own.pattern, own.views, own.image_size, self.settings)
         return np.asarray(np.maximum(sigma, least))
 
     @cached_property
