@@ -133,6 +133,8 @@ def _fits_held_out_frames(dataset: Dataset, fit: RefinedResult, settings: Refine
     assert offset is not None
     shifted = usable_after(dataset, offset)
     used = fit.frames[~fit.outlying]
+    if len(used) < PARTS:
+        return False
     parts = [(part, np.setdiff1d(used, part)) for part in np.array_split(used, PARTS)]
     with_offset, offsets = 0.0, list[TimeOffset]()
     for part, rest in parts:

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
+from stereocal.formats.dataset_files import read_recording
 from stereocal.library.calibrations import calibrate
+from stereocal.refined.free_baseline import with_rough_baseline
+from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
@@ -123,3 +126,11 @@ def test_an_offset_without_which_no_pose_fits_is_found() -> None:
     found = screen(moving(1.9, between=5)).shift
     assert found is not None
     assert abs(found.frames - 1.9) < 4 * found.sigma < 0.1
+
+
+def test_fewer_frames_than_are_held_out_show_no_offset() -> None:
+    """Four frames of a real recording that fit with an offset ended in an IndexError."""
+    seen = read_recording("sample_data/rig").of_cameras(("1", "2"))
+    few = seen.where((seen.frame >= 450) & (seen.frame < 510)).counted_from({"2": 1})
+    _, note = with_offset_if_out_of_step(with_rough_baseline(few.pair("1", "2")), RefineSettings())
+    assert not note
