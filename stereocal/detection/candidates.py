@@ -6,6 +6,7 @@ in a small window, which excludes most structures of leaves, fences and windows.
 """
 
 import math
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
@@ -213,23 +214,42 @@ def candidates(image: GreyImage) -> FloatArray:
         the number of arms followed by another square, and the level of the pyramid.
     """
     found = []
-    level = image
-    for depth in range(LEVELS):
-        if min(level.shape) < SMALLEST_SIDE:
-            break
-        smooth: GreyImage = np.asarray(cv2.GaussianBlur(level, (5, 5), SMOOTHING), np.float32)
-        starts = _starts(smooth, WEAKEST**2)
-        best = np.argsort(-starts[:, ALL], kind="stable")[:MAXIMUM_STARTS]
-        p = np.ascontiguousarray(starts[best, :ALL])
-        scores = np.zeros((len(p), 2))
-        _fit_starts(level, p, scores)
-        good = scores[:, 0] > 0.0
-        rows = np.column_stack([p, scores, np.full(len(p), depth)])[good]
+    for depth, level in enumerate(_pyramid(image)):
+        rows = _of_level(level, depth)
         rows[:, :2] = (rows[:, :2] + 0.5) * 2.0**depth - 0.5
         rows[:, 4] += math.log(2.0**depth)
         rows[:, 7:9] /= 2.0**depth
         found.append(rows)
-        half = cv2.resize(level, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-        level = np.asarray(half, dtype=np.float32)
     together = np.concatenate(found or [np.empty((0, COLUMNS))])
     return together[np.argsort(-together[:, SCORE], kind="stable")]
+
+
+def are_many(image: GreyImage, count: int) -> bool:
+    """Whether a level of a photograph, as `candidates` takes it, has so many candidates; the small
+    levels, where a corner is seen as well, are looked at first."""
+    levels = [*_pyramid(image)]
+    return any(
+        len(_of_level(levels[depth], depth)) >= count for depth in reversed(range(len(levels)))
+    )
+
+
+def _pyramid(image: GreyImage) -> Iterator[GreyImage]:
+    """The photograph, and again and again at half the size."""
+    level = image
+    for _ in range(LEVELS):
+        if min(level.shape) < SMALLEST_SIDE:
+            return
+        yield level
+        half = cv2.resize(level, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        level = np.asarray(half, dtype=np.float32)
+
+
+def _of_level(level: GreyImage, depth: int) -> FloatArray:
+    """(n, 16): the candidates of a level, in its own px."""
+    smooth: GreyImage = np.asarray(cv2.GaussianBlur(level, (5, 5), SMOOTHING), np.float32)
+    starts = _starts(smooth, WEAKEST**2)
+    best = np.argsort(-starts[:, ALL], kind="stable")[:MAXIMUM_STARTS]
+    p = np.ascontiguousarray(starts[best, :ALL])
+    scores = np.zeros((len(p), 2))
+    _fit_starts(level, p, scores)
+    return np.column_stack([p, scores, np.full(len(p), depth)])[scores[:, 0] > 0.0]
