@@ -7,8 +7,9 @@ in the scene does not move.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
@@ -30,7 +31,7 @@ from stereocal.intrinsics.proposed_board import (
 )
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
-from stereocal.system.photograph import PhotographFile, read_colours, read_photograph
+from stereocal.system.photograph import GreyImage, PhotographFile, read_colours, read_photograph
 from stereocal.system.sampling import evenly_spread
 
 LOOKED_AT = 5
@@ -50,16 +51,26 @@ Seen = tuple[Mapping[str, FloatArray], ...]
 """For each camera, by photograph: points (n, 2) px on the object."""
 
 
+class Patterns(NamedTuple):
+    """What is printed on the objects in one photograph."""
+
+    board: tuple[ProposedBoard, FloatArray] | None
+    bar: tuple[Corner, Corner] | None
+    tags: dict[tuple[str, int], FloatArray]
+    """By dictionary and number."""
+
+
+Once = Callable[[str, Callable[[], Patterns]], Patterns]
+"""Returns what is kept of the named photograph, or makes it."""
+
+
 class _Look(NamedTuple):
     """What one photograph shows, of each kind of object."""
 
     name: str
     file: PhotographFile
     diagonal: float
-    board: tuple[ProposedBoard, FloatArray] | None
-    bar: tuple[Corner, Corner] | None
-    tags: dict[tuple[str, int], FloatArray]
-    """By dictionary and number."""
+    patterns: Patterns
     small: Colours
     scale: float
     """Pixels of the photograph for one of `small`."""
@@ -113,16 +124,20 @@ class HeldObject:
         )
 
 
-def held_object(cameras: Sequence[Mapping[str, PhotographFile]]) -> HeldObject | None:
+def held_object(
+    cameras: Sequence[Mapping[str, PhotographFile]], once: Once = lambda _, make: make()
+) -> HeldObject | None:
     """The object that moves before both cameras.
 
     Args:
         cameras: the photographs of the primary and of the secondary, in the order of their frames.
+        once: the patterns of a named photograph, as kept or else made: an earlier call with others
+            may have looked at it.
 
     Returns:
         None if nothing is found in most photographs of both, or several objects are.
     """
-    looks = [[*_looks(photographs)] for photographs in cameras]
+    looks = [[*_looks(photographs, once)] for photographs in cameras]
     found = [*_boards(looks), *_bar(looks), *_tags(looks)] or [*_balls(looks)]
     if len(found) != 1:
         return None
@@ -135,29 +150,27 @@ def spread(every: Sequence[T]) -> list[T]:
     return [every[at] for at in evenly_spread(len(every), LOOKED_AT)]
 
 
-def _looks(photographs: Mapping[str, PhotographFile]) -> Iterator[_Look]:
+def _looks(photographs: Mapping[str, PhotographFile], once: Once) -> Iterator[_Look]:
     for name in spread([*photographs]):
         file = photographs[name]
         try:
             grey, small = read_photograph(file, name), reduced(read_colours(file, name))
         except StereocalError:  # reported by the search
             continue
-        plain = eight_bits(grey)
-        markers = markers_in(plain)
-        yield _Look(
-            name,
-            file,
-            float(np.hypot(*grey.shape)),
-            charuco_of(markers) or chessboard_in(plain),
-            detect_targets(grey).targets,
-            {
-                (dictionary, int(number)): four.mean(axis=0, keepdims=True)
-                for dictionary, own in markers.items()
-                for number, four in zip(*own, strict=True)
-            },
-            small,
-            grey.shape[0] / small.shape[0],
-        )
+        patterns = once(name, partial(_patterns, grey))
+        scale = grey.shape[0] / small.shape[0]
+        yield _Look(name, file, float(np.hypot(*grey.shape)), patterns, small, scale)
+
+
+def _patterns(grey: GreyImage) -> Patterns:
+    plain = eight_bits(grey)
+    markers = markers_in(plain)
+    tags = {
+        (dictionary, int(number)): four.mean(axis=0, keepdims=True)
+        for dictionary, own in markers.items()
+        for number, four in zip(*own, strict=True)
+    }
+    return Patterns(charuco_of(markers) or chessboard_in(plain), detect_targets(grey).targets, tags)
 
 
 def _places(seen: Mapping[str, FloatArray], looks: Sequence[_Look]) -> int:
@@ -183,7 +196,9 @@ def _moves(seen: Seen, looks: Sequence[Sequence[_Look]]) -> bool:
 def _boards(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
     """Boards whose size is seen at several places of an image, searched for in all others: only a
     board of known size is found where its outer squares are narrow or something hides them."""
-    known = [{look.name: look.board for look in own if look.board} for own in looks]
+    known = [
+        {look.name: look.patterns.board for look in own if look.patterns.board} for own in looks
+    ]
     every = [board for own in known for board, _ in own.values()]
     for size in {board.size for board in every}:
         alike = [board for board in every if board.size == size]
@@ -217,7 +232,11 @@ def _found(board: ProposedBoard, looks: Sequence[_Look]) -> Iterator[tuple[str, 
 
 def _bar(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
     seen = tuple(
-        {look.name: np.array([corner.centre for corner in look.bar]) for look in own if look.bar}
+        {
+            look.name: np.array([corner.centre for corner in look.patterns.bar])
+            for look in own
+            if look.patterns.bar
+        }
         for own in looks
     )
     if _moves(seen, looks):
@@ -228,9 +247,10 @@ def _tags(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
     """Two tags of one dictionary that move; with more of them it is a board."""
     by_dictionary: dict[str, dict[int, Seen]] = {}
     others: Counter[str] = Counter()
-    for tag in sorted({tag for own in looks for look in own for tag in look.tags}):
+    for tag in sorted({tag for own in looks for look in own for tag in look.patterns.tags}):
         seen = tuple(
-            {look.name: look.tags[tag] for look in own if tag in look.tags} for own in looks
+            {look.name: own[tag] for look in of if tag in (own := look.patterns.tags)}
+            for of in looks
         )
         if _moves(seen, looks):
             by_dictionary.setdefault(tag[0], {})[tag[1]] = seen

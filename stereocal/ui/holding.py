@@ -2,7 +2,7 @@
 photographs show it, with its picture, until the user answers."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -27,7 +27,7 @@ from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.frames.frame import Centre, CentrePair
 from stereocal.frames.pairing import Pair
-from stereocal.intrinsics.held_object import HeldObject, held_object, spread
+from stereocal.intrinsics.held_object import HeldObject, Patterns, held_object, spread
 from stereocal.intrinsics.proposed_board import ProposedBoard
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
@@ -92,8 +92,12 @@ def _look(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
     if isinstance(said, dict) and said.get("of") == of:
         return
     cameras = [{name: files[name] for name in own if name in files} for own in names]
+
+    def looked(name: str, make: Callable[[], Patterns]) -> Patterns:
+        return _PATTERNS.once(files[name].name, make)
+
     with st.spinner("Looking at the first photographs ..."):
-        held = _HELD.once(f"{names} {of}", lambda: held_object(cameras))
+        held = _HELD.once(f"{names} {of}", lambda: held_object(cameras, looked))
     settings: dict[str, Any] = {PROPOSAL: {"of": of}}
     if held is not None:
         settings = {PROPOSAL: {"of": of, **_told(held, first)}, **_values(held)}
@@ -159,6 +163,8 @@ USUAL_TAGS, TAGS_TITLE = "4X4_50:0,1", "Dictionary, and the numbers of A and B"
 _SIGHTINGS: Latest[Sighting] = Latest(8)
 _HELD: Latest[HeldObject | None] = Latest(8)
 """By the photographs that were looked at, which may be given again, or to another project."""
+_PATTERNS: Latest[Patterns] = Latest(64)
+"""By the content of a photograph, which is looked at again when further ones are given."""
 CALLED: dict[type, str] = {Bar2x2: "fitted corner", Balls: "ball", Tags: "tag"}
 """What a click moves a centre to."""
 

@@ -36,7 +36,7 @@ def grey_of(image: ColourPhotograph) -> npt.NDArray[np.uint8]:
 def test_the_object_that_moves_before_both_cameras(kind: Kind, seed: int) -> None:
     """Of 100 renderings of each kind none was taken for another (`benchmarks.held`).
 
-    A bar, balls and a board are proposed on the page (tests/pages/test_held.py).
+    A bar, balls and a board are proposed on the page (tests/pages/test_photographs.py).
     """
     held = proposed(kind, seed)
     assert held is not None
