@@ -116,7 +116,7 @@ def test_a_rig_is_calibrated_matched_and_checked() -> None:
     assert isinstance(recording, stereocal.Recording)
     with pytest.raises(stereocal.StereocalError, match=r"3 cameras.*stereocal\.rig"):
         stereocal.calibrate(recording)
-    some = recording.where(recording.frame % 6 == 0)
+    some = recording.where(recording.frame % 12 == 0)
     found = stereocal.rig(some)
     assert len(repr(found).splitlines()) <= MOST_LINES
     assert "<table" in found._repr_html_()

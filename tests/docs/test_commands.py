@@ -32,7 +32,12 @@ NOT_RUN = {
 """Beginnings of commands that are not run here, and why."""
 QUOTED = {"docs/tutorial.md": ("0.91 px", "0.39 %", "0.64 %", "3.9 mm", "407")}
 """Figures that a page quotes and its commands print."""
-FEWER = {"calibrate": ["--runs", "6"], "intrinsics": ["--repeats", "4"]}
+FEWER = {
+    "calibrate": ["--runs", "6"],
+    "evaluate": ["--runs", "6"],
+    "intrinsics": ["--repeats", "4"],
+    "plan": ["--rigs", "16"],
+}
 """Options that make a command quick, on pages that quote no figures: the files are the same.
 
 Samples are thinned there too.
@@ -104,7 +109,7 @@ def test_its_commands_run(page: Path, folder: Path, capsys: pytest.CaptureFixtur
     for command in filter(is_run, commands_of(page)):
         assert command.startswith("stereocal "), f"run it here, or say why not: {command}"
         words, quoted = as_command(command), name_of(page) in QUOTED
-        if not quoted and not {"--runs", "--repeats"} & {*words}:
+        if not quoted and not {"--runs", "--repeats", "--rigs"} & {*words}:
             words += FEWER.get(words[0], [])
         assert main(words) == 0, command
         if words[0] == "sample" and not quoted:
