@@ -1,5 +1,9 @@
 """What is held, as proposed from a few photographs of both cameras."""
 
+import copy
+from collections.abc import Mapping, Sequence
+from functools import cache
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -20,9 +24,15 @@ LAST_ROW = SQUARES[0] * (SQUARES[1] - 1) // 2
 """The first marker there."""
 
 
+@cache
+def renderings(kind: Kind, seed: int) -> Sequence[Mapping[str, ColourPhotograph]]:
+    """Of both cameras, with the other objects lying about; not to be changed."""
+    return photographs_of(kind, np.random.default_rng(seed))
+
+
 def proposed(kind: Kind, seed: int) -> HeldObject | None:
-    """From renderings with the other objects lying about."""
-    photographs = photographs_of(kind, np.random.default_rng(seed))
+    """From renderings."""
+    photographs = renderings(kind, seed)
     return held_object([{name: encoded(own[name]) for name in own} for own in photographs])
 
 
@@ -54,7 +64,7 @@ def test_the_object_that_moves_before_both_cameras(kind: Kind, seed: int) -> Non
 
 def test_a_photograph_is_read_alike_each_time() -> None:
     """OpenCV's finder alone finds the board of this one in every second search."""
-    photograph = photographs_of("board", np.random.default_rng(2))[0]["primary/0004"]
+    photograph = renderings("board", 2)[0]["primary/0004"]
     grey = grey_of(photograph)
     seen = set()
     for earlier in range(5):
@@ -72,7 +82,7 @@ def test_markers_too_small_to_be_read_make_no_chessboard() -> None:
 
 def test_a_hand_on_the_last_row_makes_no_smaller_board() -> None:
     """Of a ChArUco board, which is recognised so too."""
-    cameras = photographs_of("charuco", np.random.default_rng(2))
+    cameras = copy.deepcopy(renderings("charuco", 2))
     words = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     for own in cameras:
         for image in (own[name] for name in sorted(own)[::2]):

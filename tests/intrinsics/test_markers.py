@@ -5,13 +5,14 @@ import numpy as np
 import pytest
 
 from stereocal.intrinsics.markers import DICTIONARIES, markers_in
-from tools.photographs.objects import Kind, photographs_of
+from tests.intrinsics.test_held_object import renderings
+from tools.photographs.objects import Kind
 
 
 @pytest.mark.parametrize("kind", ["board", "charuco", "tags"])
 def test_as_opencv_reads_them_in_all_dictionaries(kind: Kind) -> None:
     """Also of 78 photographs of all kinds and of the sample data."""
-    own, _ = photographs_of(kind, np.random.default_rng(2))
+    own, _ = renderings(kind, 2)
     grey = np.asarray(cv2.cvtColor(next(iter(own.values())), cv2.COLOR_BGR2GRAY), np.uint8)
     found = markers_in(grey)
     assert kind == "board" or "4X4_250" in found
