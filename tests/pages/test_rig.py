@@ -392,13 +392,14 @@ def test_photographs_of_a_bar_to_the_rig(app: AppTest, home: Path) -> None:
 
 
 def _check_with_photographs(app: AppTest, store: ProjectRecording, rig: RigFile) -> None:
-    """The photographs again: as new ones of the rig, then of a pair by its parameter file."""
+    """Half of the photographs again: as new ones of the rig, then of a pair by its file."""
     place = "upload_check_images"
-    files = {name.replace("/", "_"): each for name, each in photographed_bars()[0].items()}
+    half = [name for name in photographed_bars()[0] if int(name[-6:-4]) % 2]
+    files = {name.replace("/", "_"): photographed_bars()[0][name] for name in half}
     drop(go(app, "check"), files, place)
-    assert "36 photographs, 12 frames" in told(app, "markdown")
+    assert "18 photographs, 6 frames" in told(app, "markdown")
     _find_new(app, store.project)
-    assert "targets found in 12 frames" in told(app, "caption")
+    assert "targets found in 6 frames" in told(app, "caption")
     assert "no camera has moved" in told(app) or "no movement is seen" in told(app)
     # Photographs of the data are left alone.
     assert len(ProjectPhotographs(store.project).photographs) == 36
@@ -408,7 +409,7 @@ def _check_with_photographs(app: AppTest, store: ProjectRecording, rig: RigFile)
     of_pair.file_uploader(key="upload_check_parameters").upload("p.json", pair).run()
     drop(of_pair, {name: files[name] for name in files if not name.startswith("mid_")}, place)
     _find_new(of_pair, Project.open(default_home(), of_pair.session_state["project_id"]))
-    assert "targets found in 12 frames" in told(of_pair, "caption")
+    assert "targets found in 6 frames" in told(of_pair, "caption")
     assert not of_pair.warning and "Still missing" not in told(of_pair)
 
 
