@@ -209,7 +209,7 @@ def spread_over_runs(fit: RefinedResult) -> float:
     for run in np.array_split(used, RUNS):
         rest = fit.dataset.of_frames(np.setdiff1d(used, run))
         with suppress(StereocalError):
-            offsets.append(refine(rest, fit.settings, fit.pose, near=fit).time_offset.frames)
+            offsets.append(refine(rest, fit.settings, fit.pose).time_offset.frames)
     return float((RUNS - 1) ** 0.5 * np.std(offsets)) if len(offsets) == RUNS else 0.0
 
 
