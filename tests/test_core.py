@@ -86,6 +86,7 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> Core:
     done = script(commands, as_script(COMMANDS) + LIBRARY + elsewhere + as_script(NEEDED))
     assert done.returncode == 0, done.stderr
     told = re.findall(r"(?s).*?ended \d+\n", done.stderr)
+    assert "".join(told) == done.stderr
     return Core(commands, extra, told, done.stdout.partition("of the library\n")[2])
 
 

@@ -95,6 +95,7 @@ def test_calibrations_judged_together_are_judged_as_alone() -> None:
     for files, judged in zip(several, together, strict=True):
         alone = draw_forecast(found.model, files, draws=6, bars=20)
         assert judged.methods == alone.methods
+        assert len({own.tobytes() for own in np.moveaxis(judged.lengths, 2, 0)}) == len(files)
         np.testing.assert_array_equal(judged.counts, alone.counts)
         assert_allclose(judged.lengths, alone.lengths, rtol=1e-9)
         assert_allclose(judged.correct_px, alone.correct_px, rtol=1e-9)
