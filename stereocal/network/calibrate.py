@@ -124,7 +124,7 @@ def _of_pairs(
     start = Start(fused.poses, fused.unknowns.named(fused.p), noise)
     screening, _ = joint_fit(kept, start, wide)
     moved = ""
-    if (found := movement(screening, partial(fitted_to, screening))) is not None:
+    if (found := movement(screening, partial(fitted_to, screening, near=False))) is not None:
         moved = moved_in_words(found, [names[number] for number in found.cameras], settings)
         if found.is_far:
             raise MovedError(moved)

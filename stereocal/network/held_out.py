@@ -112,11 +112,20 @@ def held_out(fit: RigFit, by: Groups) -> HeldOut | None:
     return _errors(fit, np.random.default_rng(SEED).permutation(count) % PARTS)
 
 
-def fitted_to(fit: RigFit, frames: IntArray) -> RigFit | None:
-    """A fit of some frames from the end of one; None if it fails."""
+def fitted_to(fit: RigFit, frames: IntArray, near: bool) -> RigFit | None:
+    """A fit of some frames from the end of one; None if it fails.
+
+    Args:
+        near: begin with the frames that `fit` leaves out, and its noise. Not where these are in
+            question: frames after a camera moved by 2 degrees are left out so, and stay it.
+    """
     settings = replace(fit.rig_settings, time_offsets=False)  # the points are in step already
     again = RigFit(fit.recording.where(np.isin(fit.recording.frame, frames)), fit.poses, settings)
-    again.start_near(fit.unknowns.named(fit.p), fit.sigma_px, fit.scatter)
+    known = fit.unknowns.named(fit.p)
+    if near:
+        again.start_near(known, fit.sigma_px, fit.scatter)
+    else:
+        again.start_at(known, fit.sigma_px)
     return again if again.run() else None
 
 
@@ -126,7 +135,7 @@ def _errors(fit: RigFit, parts: IntArray) -> HeldOut | None:
     pixels, lengths, apart = list[FloatArray](), list[FloatArray](), list[FloatArray]()
     for part in range(PARTS):
         out = used[parts == part]
-        again = fitted_to(fit, seen.frames[used[parts != part]])
+        again = fitted_to(fit, seen.frames[used[parts != part]], near=True)
         if again is None:
             return None
         units = np.flatnonzero(np.isin(seen.frame_of, out))
