@@ -266,9 +266,11 @@ def refine(
     settings = settings_for(dataset, settings or RefineSettings())
     started = clock()
     found: RobustFit | None = None
+    tried = list[RobustFit]()
     for solve, is_only in _solves(dataset, settings, start, rows, near):
-        if solve.run() and (found is None or solve.better_than(found)):
+        if solve.run(tried) and (found is None or solve.better_than(found)):
             found = solve
+        tried.append(solve)
         if found is not None and not found.outlying.any() and is_only:
             break
     if found is None or found.sigma_px > MAXIMUM_NOISE_PX:

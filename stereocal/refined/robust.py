@@ -6,7 +6,7 @@ and the others are adjusted by plain least squares. Noise that is not given is e
 the rounds.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -51,6 +51,8 @@ SMALLEST_SCATTER = 1e-5
 MAXIMUM_ROUNDS = 8
 TOLERANCE = 1e-9
 """A solve ends when a step is predicted to lower the cost by less: 3e-5 standard errors."""
+UNTAKEN = 1e-3
+"""Of the tolerance: steps that are predicted to gain less are not taken."""
 ROUGH_TOLERANCE = 1e-2
 """The same while the limit is still being lowered: a tenth of a standard error."""
 ROUGH_STEPS = 15
@@ -123,6 +125,7 @@ class RobustFit:
         self.outlying = np.zeros(len(self.frames), dtype=np.bool_)
         self.is_near = False
         self.cost, self.steps, self.converged = np.inf, 0, False
+        self.begun: tuple[FloatArray, FloatArray, BoolArray] | None = None
 
     @classmethod
     def of_pair(
@@ -249,7 +252,8 @@ class RobustFit:
             damped.flat[:: len(b) + 1] *= 1.0 + damping
             _, d, failed = dposv(damped, b)
             gain = float(b @ d)  # the predicted decrease
-            if failed or not gain >= 0.0:
+            self.converged = 0.0 <= gain < UNTAKEN * tolerance and not failed
+            if self.converged or failed or not gain >= 0.0:
                 step += 1
                 break
             p = self.p - d
@@ -337,12 +341,16 @@ class RobustFit:
         _, self.H[:], _ = self.sum_at(self.q, 1 / self.scatter, limits, self.points, self.of_units)
         self.chi_squares[:] = self.by_frame(self.of_units)
 
-    def run(self) -> bool:
-        """Solve; return False if there is no solution with a frame that fits."""
+    def run(self, others: Iterable["RobustFit"] = ()) -> bool:
+        """Solve; return False if there is no solution with a frame that fits, or it would be that
+        of one of the others."""
         if not self.is_near and not (
             self._anneal() if self.settings.loss == "robust" else self._estimate_noise(True)
         ):
             return False
+        if any(map(self._begins_like, others)):
+            return False
+        self.begun = self.q, self.H.copy(), self.outlying
         for _ in range(MAXIMUM_ROUNDS):
             before = (self.sigma_px, self.scatter, self.outlying)
             self._solve(np.where(self.outlying, 0.0, np.inf))
@@ -359,13 +367,21 @@ class RobustFit:
         self._solve(np.where(self.outlying, 0.0, np.inf))
         return bool(np.isfinite(self.cost)) and not self.outlying.all()
 
+    def _begins_like(self, other: "RobustFit") -> bool:
+        """Whether annealing ended within a standard error of where that of another fit did."""
+        if other.begun is None:
+            return False
+        q, H, outlying = other.begun
+        d = self.q - q
+        return bool(d @ H @ d < 1.0) and bool((outlying == self.outlying).all())
+
     def _anneal(self) -> bool:
         """Lower the limit of the biweight in steps; noise from robust scales."""
         for _ in range(MAXIMUM_ROUNDS):
             before = (self.sigma_px, self.scatter, self.outlying)
             if not self._estimate_noise(robust=True):
                 return False
-            self.evaluate(self.limit)
+            self.evaluate(np.zeros(len(self.frames)))  # chi-squares alone
             scale = lower_third(self.chi_squares / thirds_of(self.degrees_of_freedom))
             if not np.isfinite(scale):
                 return False
@@ -398,7 +414,7 @@ class RobustFit:
         if ESTIMATED not in (self.source_px, self.source_scatter):
             return True
         points, of_units = self.points.copy(), np.empty(len(self.points))
-        limits = np.where(self.outlying, 0.0, np.inf)[self.frame_of]
+        limits = np.where(self.outlying | robust, 0.0, np.inf)[self.frame_of]
         _, H, _ = self.sum_at(self.q, 0.0, limits, points, of_units)
         chi_squares = self.by_frame(of_units)
         spent_px, spent_m = (0.0, 0.0) if robust else self._spent(H)
