@@ -1,6 +1,6 @@
 """What is random, long or repeated; `make soak` runs those that are marked `soak`.
 
-With STEREOCAL_SOAK=short there are fewer repeats, for about three minutes in all.
+With STEREOCAL_SOAK=short there are fewer repeats: it takes less time than the other tests.
 """
 
 import os

@@ -34,6 +34,7 @@ from tests import known_rig as rig
 from tests.fisheye_rig import recording
 from tests.rigs.population import CASES, one_rig, population
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
+from tests.soak import repeats
 
 FIGURES = ("fcp_reprojection", "mean_reprojection_px", "median_error_3d", "p95_error_3d")
 
@@ -240,7 +241,7 @@ def test_only_noise_across_the_lines_moves_a_pair_off_them() -> None:
 
 @pytest.mark.soak
 @pytest.mark.parametrize("k1", [0.0, 0.004])
-def test_sigmas_of_points_are_honest(k1: float, rigs: int = 60) -> None:
+def test_sigmas_of_points_are_honest(k1: float, rigs: int = repeats(30, 60)) -> None:
     """z of points of rigs with unlike lens errors, stated; also of k1.
 
     Points of a rig share its errors, so that the rms of n rigs scatters by about 0.6 / sqrt(n).
