@@ -35,7 +35,8 @@ def main() -> int:
         if _threads_at_work():  # in compiled code: Python would wait for them
             os._exit(INTERRUPTED)
         status = INTERRUPTED
-    return _flushed(sys.stdout) or _flushed(sys.stderr) or status
+    ended = [_flushed(stream) for stream in (sys.stdout, sys.stderr)]  # both, whatever the first
+    return next(filter(None, ended), status)
 
 
 def _run() -> int:

@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -94,6 +95,23 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(name: str, given: Path, tmp_path:
             return
         time.sleep(0.05)
     pytest.fail("A process of the command stays.")
+
+
+def test_a_pipe_that_nobody_reads_after_a_line_to_each_stream() -> None:
+    """Python ended with its own status, 120, where stderr kept a line that could not be written."""
+    run = "main._run = lambda: print('found') or say('told') or 0"
+    code = (
+        "import sys; from stereocal import __main__ as main; "
+        f"from stereocal.commands.console import say; {run}; sys.exit(main.main())"
+    )
+    reader, writer = os.pipe()
+    os.close(reader)
+    env = {**os.environ, "PYTHONUNBUFFERED": ""}
+    how: dict[str, Any] = {"cwd": ROOT, "env": env, "timeout": LONGEST_S}
+    words = [sys.executable, "-c", code]
+    ended = subprocess.run(words, stdout=writer, stderr=writer, check=False, **how)
+    os.close(writer)
+    assert ended.returncode == CLOSED_PIPE
 
 
 @pytest.mark.parametrize("both", [True, False])
