@@ -236,6 +236,8 @@ FOCUS = "document.activeElement.matches('[data-testid=stMain]')"
 def test_the_first_button_is_a_few_stops_away(page: Page, app_url: str, finished: str) -> None:
     page.goto(f"{app_url}?project={finished}")
     settle(page)
+    # Buttons are drawn by a script that comes later where many projects are listed.
+    page.locator(".st-key-recording button").wait_for()
     page.wait_for_timeout(1000)  # Plotly draws its toolbars after the page is settled
     page.keyboard.press("Tab")
     page.keyboard.press("Enter")
