@@ -252,9 +252,11 @@ class RobustFit:
             damped.flat[:: len(b) + 1] *= 1.0 + damping
             _, d, failed = dposv(damped, b)
             gain = float(b @ d)  # the predicted decrease
-            self.converged = 0.0 <= gain < UNTAKEN * tolerance and not failed
-            if self.converged or failed or not gain >= 0.0:
+            if failed or not gain >= 0.0:
                 step += 1
+                break
+            if gain < UNTAKEN * tolerance:
+                self.converged = True
                 break
             p = self.p - d
         self.chi_squares[:] = self.by_frame(self.of_units)
@@ -348,9 +350,10 @@ class RobustFit:
             self._anneal() if self.settings.loss == "robust" else self._estimate_noise(True)
         ):
             return False
-        if any(map(self._begins_like, others)):
-            return False
-        self.begun = self.q, self.H.copy(), self.outlying
+        if self.settings.loss == "robust":  # else nothing is fitted yet
+            if any(map(self._begins_like, others)):
+                return False
+            self.begun = self.q, self.H.copy(), self.outlying
         for _ in range(MAXIMUM_ROUNDS):
             before = (self.sigma_px, self.scatter, self.outlying)
             self._solve(np.where(self.outlying, 0.0, np.inf))
@@ -368,7 +371,8 @@ class RobustFit:
         return bool(np.isfinite(self.cost)) and not self.outlying.all()
 
     def _begins_like(self, other: "RobustFit") -> bool:
-        """Whether annealing ended within a standard error of where that of another fit did."""
+        """Whether it is within a standard error of where another fit began, with the same frames
+        left out."""
         if other.begun is None:
             return False
         q, H, outlying = other.begun

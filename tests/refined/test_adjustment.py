@@ -1,5 +1,7 @@
 """The compiled adjustment against finite differences, OpenCV and SciPy."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -185,3 +187,14 @@ def test_the_baseline_s_derivatives_are_those_of_finite_differences() -> None:
             # the gradient is half the derivative; measured: 1e-7
             assert g[EACH * c + i] == pytest.approx((found[0] - found[1]) / 4e-6, abs=1e-5)
     np.testing.assert_allclose(np.linalg.matrix_rank(H), 2)
+
+
+@pytest.mark.parametrize(("loss", "is_followed"), [("robust", False), ("squares", True)])
+def test_a_second_start_is_left_only_where_it_is_known_to_lead_to_the_first(
+    loss: Literal["robust", "squares"], is_followed: bool
+) -> None:
+    """Plain least squares have fitted nothing when they begin: two starts are not alike then."""
+    settings = RefineSettings(loss=loss)
+    first, second = (RobustFit.of_pair(rig.dataset(20, 0.2), rig.RIG, settings) for _ in range(2))
+    assert first.run()
+    assert second.run([first]) == is_followed
