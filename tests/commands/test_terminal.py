@@ -97,6 +97,18 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(name: str, given: Path, tmp_path:
     pytest.fail("A process of the command stays.")
 
 
+def read_by_nobody(words: list[str], both: bool = True) -> "subprocess.CompletedProcess[bytes]":
+    """A process with its output in a pipe that nobody reads, and its messages too or kept."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    errors, env = writer if both else subprocess.PIPE, {**os.environ, "PYTHONUNBUFFERED": ""}
+    how: dict[str, Any] = {"cwd": ROOT, "env": env, "check": False, "timeout": LONGEST_S}
+    ended = subprocess.run(words, stdout=writer, stderr=errors, **how)
+    os.close(writer)
+    assert ended.returncode == CLOSED_PIPE, ended.stderr
+    return ended
+
+
 def test_a_pipe_that_nobody_reads_after_a_line_to_each_stream() -> None:
     """Python ended with its own status, 120, where stderr kept a line that could not be written."""
     run = "main._run = lambda: print('found') or say('told') or 0"
@@ -104,14 +116,7 @@ def test_a_pipe_that_nobody_reads_after_a_line_to_each_stream() -> None:
         "import sys; from stereocal import __main__ as main; "
         f"from stereocal.commands.console import say; {run}; sys.exit(main.main())"
     )
-    reader, writer = os.pipe()
-    os.close(reader)
-    env = {**os.environ, "PYTHONUNBUFFERED": ""}
-    how: dict[str, Any] = {"cwd": ROOT, "env": env, "timeout": LONGEST_S}
-    words = [sys.executable, "-c", code]
-    ended = subprocess.run(words, stdout=writer, stderr=writer, check=False, **how)
-    os.close(writer)
-    assert ended.returncode == CLOSED_PIPE
+    read_by_nobody([sys.executable, "-c", code])
 
 
 @pytest.mark.parametrize("both", [True, False])
@@ -120,13 +125,7 @@ def test_a_pipe_that_nobody_reads(arguments: str, both: bool, tmp_path: Path) ->
     words = ["--help"]
     if arguments == "calibrate":
         words = ["calibrate", f"{FIELD}", "--out", f"{tmp_path}", "--runs", "0"]
-    reader, writer = os.pipe()
-    os.close(reader)
-    errors, env = writer if both else subprocess.PIPE, {**os.environ, "PYTHONUNBUFFERED": ""}
-    how: dict[str, Any] = {"cwd": ROOT, "env": env, "check": False, "timeout": LONGEST_S}
-    ended = subprocess.run(command(*words), stdout=writer, stderr=errors, **how)
-    os.close(writer)
-    assert ended.returncode == CLOSED_PIPE, ended.stderr
+    ended = read_by_nobody(command(*words), both)
     assert sentences((ended.stderr or b"").decode()) == []
     names = ["parameters_2d.json", "parameters_3d.json", "parameters_refined.json"]
     assert sorted(path.name for path in files_below(tmp_path)) == names * (words != ["--help"])
