@@ -132,7 +132,8 @@ def _so_far(job: jobs.Job, datasets: Sequence[Dataset], refined: bool) -> Shown 
     count = sum(map(len, evaluation.runs))
     if before is not None and before.runs <= count < min(1.5 * before.runs, total):
         return before
-    words = f"{count} of {total} runs" if count < total else f"{total} runs, not yet all refined"
+    all_runs = f"{total} runs{', not yet all refined' * refined}"
+    words = f"{count} of {total} runs" if count < total else all_runs
     shown = Shown(evaluation, f"{job.work.digest} {refined} {count}", words)
     _KEPT.keep(kept, shown)
     return shown
