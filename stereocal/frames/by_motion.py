@@ -7,15 +7,13 @@ checked by the images where they do not.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.frames.pairing import ByHand, Motion
-from stereocal.network.offset_of_pair import STANDS_OUT, OffsetOfPair, offset_of_pair
-from stereocal.network.started_by_hand import BroughtIntoStep, bring_into_step
+from stereocal.network.started_by_hand import bring_into_step
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
@@ -50,13 +48,13 @@ def found_by_motion(
                 f"In none of the {len(by_hand.counts[name])} photographs of the camera {name} was "
                 "a target found. Is the kind of target the one that was filmed?"
             )
-    first, heard, told = next(iter(followed)), by_hand.heard, list[str]()
+    recording, heard, told = _recording(followed, cameras, held), by_hand.heard, list[str]()
     try:
-        sides, found = _in_step(followed, cameras, held, orders, {})
+        found = bring_into_step(recording, orders=orders)
     except StereocalError:
         if not heard:
             raise
-        sides, found = _in_step(followed, cameras, held, orders, {first: 0.0, **heard})
+        found = bring_into_step(recording, {next(iter(followed)): 0.0, **heard}, orders)
         if any(abs(found.offsets[name][0] - said) > ALIKE for name, said in heard.items()):
             raise
         told = ["Of several offsets that fit, it is the one that the sound of all says."]
@@ -70,9 +68,9 @@ def found_by_motion(
     late = {name: offset - later[name] for name, (offset, _) in found.offsets.items()}
     exchanged = frozenset(
         name
-        for side in sides.values()
-        for name, order in zip(side.names, side.orders, strict=True)
-        if order[0]
+        for camera, own in followed.items()
+        for name, first in zip(own.names, own.orders[:, found.orders[camera][0]], strict=True)
+        if first
     )
     return Motion(later, late, exchanged, " ".join([*found.answer, *told]))
 
@@ -107,39 +105,6 @@ class _Followed:
         return cls(names, np.array([counts[name] for name in names]), every, chosen)
 
 
-def _in_step(
-    left: Mapping[str, _Followed],
-    cameras: Mapping[str, Camera],
-    held: RigidObject,
-    orders: Sequence[IntArray],
-    near: Mapping[str, float],
-) -> tuple[dict[str, _Followed], BroughtIntoStep]:
-    """The cameras with one order of the targets, and in step.
-
-    One camera after the other gets the order in which its points fit one that has it already.
-    """
-    left = dict(left)
-    first = next(iter(left))
-    placed = {first: left.pop(first)}
-    while left:
-        failed = list[StereocalError]()
-        for name, known in product(left, placed):
-            tries = [replace(left[name], orders=order[left[name].orders]) for order in orders]
-            both = ({known: placed[known], name: each} for each in tries)
-            try:
-                best = _best([_recording(each, cameras, held) for each in both], near)
-            except StereocalError as error:
-                failed.append(error)
-                continue
-            placed[name] = tries[best]
-            del left[name]
-            break
-        else:
-            raise failed[0]
-    in_order = {name: placed[name] for name in cameras if name in placed}
-    return in_order, bring_into_step(_recording(in_order, cameras, held), near)
-
-
 def _recording(
     sides: Mapping[str, _Followed], cameras: Mapping[str, Camera], held: RigidObject
 ) -> Recording:
@@ -155,27 +120,3 @@ def _recording(
     named = {name: cameras[name] for name in sides}
     unknown = np.full(len(rows), np.nan)
     return Recording("", named, held, frame, camera_of, target_of, rows[:, 3:], unknown)
-
-
-def _best(tries: Sequence[Recording], near: Mapping[str, float]) -> int:
-    """Which try's points, of two cameras, fit best; an error if another fits nearly as well."""
-    if len(tries) == 1:
-        return 0
-    found, failed = dict[int, OffsetOfPair](), list[StereocalError]()
-    for number, each in enumerate(tries):
-        try:
-            found[number] = offset_of_pair(each, each.pairs[0], near)
-        except StereocalError as error:
-            failed.append(error)
-    if not found:
-        raise failed[0]
-    number, *others = sorted(found, key=lambda each: found[each].px)
-    best = found[number]
-    for other in map(found.__getitem__, others):
-        same = round(other.measured.frames) == round(best.measured.frames)
-        if not same and other.px < STANDS_OUT * best.px:
-            raise StereocalError(
-                "Which end of the object is which decides when the cameras were started, and is "
-                f"open: {best.sentence()} Or: {other.sentence()}"
-            )
-    return number

@@ -6,9 +6,9 @@ fraction of the one that stands out.
 """
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -82,6 +82,8 @@ class OffsetOfPair:
     offsets: FloatArray
     """(m,): the offsets scanned, and the distance at each."""
     errors_px: FloatArray
+    order: int = 0
+    """In which of the orders of the targets the second's fit the first's."""
 
     def sentence(self) -> str:
         """In words that a person can check."""
@@ -105,7 +107,10 @@ def in_frames(frames: float, sigma: float) -> str:
 
 
 def offset_of_pair(
-    recording: Recording, pair: CameraPair, near: Mapping[str, float] = MappingProxyType({})
+    recording: Recording,
+    pair: CameraPair,
+    near: Mapping[str, float] = MappingProxyType({}),
+    orders: Sequence[IntArray] = (),
 ) -> OffsetOfPair:
     """The offset of two cameras that counted their own frames; what was found is kept for the
     pairs asked about last.
@@ -113,17 +118,24 @@ def offset_of_pair(
     Args:
         near: by how much later cameras were started than one of them, by what else tells it: with
             both cameras of the pair, only offsets within `AROUND` of that are tried.
+        orders: of the targets with which the object looks the same, its own first, if a camera may
+            have its targets in any of them.
 
     Raises:
         StereocalError: the data do not tell it.
     """
-    shown = np.unique(recording.target)
-    few = shown[evenly_spread(len(shown), TARGETS)]
-    two = recording.where(np.isin(recording.target, few)).of_cameras(pair)
-    search = _Search(two, near[pair[1]] - near[pair[0]] if {*pair} <= near.keys() else None)
-    columns = two.frame, two.camera, two.target, two.points
-    content = repr([search.near, *two.cameras.items()]).encode(), *map(bytes, columns)
-    return once_or_refused(KEPT, hashlib.sha256(b"".join(content)).hexdigest(), search.offset)
+    two, searches = recording.of_cameras(pair), list[_Search]()
+    about = near[pair[1]] - near[pair[0]] if {*pair} <= near.keys() else None
+    content = [repr([about, *two.cameras.items()]).encode()]
+    for number, order in enumerate(orders or [np.arange(len(recording.object.names))]):
+        named = two.in_order({pair[1]: order})
+        shown = np.unique(named.target)
+        few = shown[evenly_spread(len(shown), TARGETS)]
+        own = named.where(np.isin(named.target, few))
+        searches.append(_Search(own, about, number))
+        content += map(bytes, (own.frame, own.camera, own.target, own.points))
+    found = partial(_offset, searches)
+    return once_or_refused(KEPT, hashlib.sha256(b"".join(content)).hexdigest(), found)
 
 
 class _Candidate(NamedTuple):
@@ -140,6 +152,7 @@ class _Candidate(NamedTuple):
     frames: IntArray = np.empty(0, dtype=np.int64)
     """The moments that tell it: numbers of frames of the first camera."""
     pose: Pose | None = None
+    order: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +162,8 @@ class _Search:
     recording: Recording
     near: float | None
     """About which offset, if something else tells that."""
+    order: int
+    """Which of the orders of the targets the second camera has."""
 
     @cached_property
     def tracks(self) -> tuple[Track, Track]:
@@ -206,7 +221,8 @@ class _Search:
         score = px * (1.0 + float(np.nan_to_num(off, posinf=1e9)) / LENGTHS_AGREE)
         differing = min(len(np.unique(places[:, camera])) for camera in (2, 3))
         evidence = (differing - FREEDOM) * float(np.log(self.usual_px / max(score, LEAST_PX)))
-        return _Candidate(offset, px, score, evidence, off < ALIKE, frames + one.first, pose)
+        agree, frames = off < ALIKE, frames + one.first
+        return _Candidate(offset, px, score, evidence, agree, frames, pose, self.order)
 
     def nearby(self, candidate: _Candidate) -> _Candidate:
         """The best at parts of a frame next to it."""
@@ -214,62 +230,6 @@ class _Search:
             beside = [self.at(candidate.offset + way * step) for way in (-1, 1)]
             candidate = _best([candidate, *beside])
         return candidate
-
-    def offset(self) -> OffsetOfPair:
-        """The offset that stands out, with its fraction.
-
-        Raises:
-            StereocalError: none does.
-        """
-        (pair,), (offsets, errors) = self.recording.pairs, self.scanned
-        with naming(f"The offset of the cameras {pair[0]} and {pair[1]} cannot be told"):
-            best, other = self.two_best()
-            beside = min(self.at(best.offset + way).px for way in (-1, 1))
-            measured = self.measured(best)
-            if abs(measured.frames - best.offset) > NEAR + 5 * measured.sigma:
-                raise StereocalError(
-                    f"the best offset, {best.offset:g} frames, and the one that fits the motion "
-                    f"there, {measured.frames:.2f}, contradict each other."
-                )
-        found = best.px, beside, other.px, other.offset
-        return OffsetOfPair(pair, measured, *found, offsets, errors)
-
-    def two_best(self) -> tuple[_Candidate, _Candidate]:
-        """The offset that stands out, and the best of the others."""
-        judged = [each for each in map(self.at, self.valleys()) if each.px < np.inf]
-        if len(judged) < FEWEST_OTHERS:
-            raise StereocalError(
-                f"at no more than {len(judged)} offsets do both cameras see {FEWEST} moments of a "
-                "motion, so none stands out. Record both cameras for longer while the object moves "
-                "through what both see; one at rest tells nothing."
-            )
-        # Short arcs of a motion fit well at wrong offsets too, near the ends of the recordings.
-        likely = sorted(judged, key=lambda each: -each.evidence)[:FINALISTS]
-        near = sorted(judged, key=lambda each: each.score)[:FINALISTS]
-        finalists = {each.offset: each for each in (*likely, *near)}
-        judged += map(self.nearby, finalists.values())
-        best = max(judged, key=lambda each: each.evidence)
-        low, high = self.valley(best.offset)
-        others = [each for each in judged if not low <= each.offset <= high]
-        least = RIVAL * best.evidence if best.evidence > ENOUGH else -np.inf
-        rival = _best(each for each in others if each.evidence > least)
-        if best.px > fitting_px(self.recording):
-            raise StereocalError(
-                f"at no offset do their points fit together; at the best, {best.offset:g} frames, "
-                f"they lie {rounded(best.px)} px from their epipolar lines. Check that both saw "
-                "the same motion at the same time, with as many frames a second, and their camera "
-                "files."
-            )
-        further = FURTHER_WITH_LENGTHS if best.lengths_agree else FURTHER
-        need = STANDS_OUT * (1.0 + further / (len(best.frames) - TOO_FEW))
-        if not rival.score >= need * best.score:
-            raise StereocalError(
-                f"two offsets fit nearly as well, {best.offset:g} frames ({rounded(best.px)} px "
-                f"from the epipolar lines) and {rival.offset:g} ({rounded(rival.px)} px): the "
-                "motion repeats itself, or is too short. A longer recording of an irregular motion "
-                "decides, or an offset that you know to a few frames."
-            )
-        return best, _best(others)
 
     def valleys(self) -> list[float]:
         """The offsets with the smallest errors, each some frames from the others."""
@@ -307,6 +267,67 @@ class _Search:
             raise StereocalError(note)
         sigma = max(fit.time_offset.sigma, spread_over_runs(fit))
         return replace(fit.time_offset, frames=whole + fit.time_offset.frames, sigma=sigma)
+
+
+def _offset(searches: Sequence[_Search]) -> OffsetOfPair:
+    """The offset that stands out, with its fraction.
+
+    Raises:
+        StereocalError: none does.
+    """
+    ((first, second),) = searches[0].recording.pairs
+    with naming(f"The offset of the cameras {first} and {second} cannot be told"):
+        best, other = _two_best(searches)
+        search = searches[best.order]
+        beside = min(search.at(best.offset + way).px for way in (-1, 1))
+        measured = search.measured(best)
+        if abs(measured.frames - best.offset) > NEAR + 5 * measured.sigma:
+            raise StereocalError(
+                f"the best offset, {best.offset:g} frames, and the one that fits the motion "
+                f"there, {measured.frames:.2f}, contradict each other."
+            )
+    found = best.px, beside, other.px, other.offset
+    return OffsetOfPair((first, second), measured, *found, *search.scanned, best.order)
+
+
+def _two_best(searches: Sequence[_Search]) -> tuple[_Candidate, _Candidate]:
+    """The offset that stands out, and the best of the others."""
+    every = (search.at(offset) for search in searches for offset in search.valleys())
+    judged = [each for each in every if each.px < np.inf]
+    if (places := len({each.offset for each in judged})) < FEWEST_OTHERS:
+        raise StereocalError(
+            f"at no more than {places} offsets do both cameras see {FEWEST} moments of a "
+            "motion, so none stands out. Record both cameras for longer while the object moves "
+            "through what both see; one at rest tells nothing."
+        )
+    # Short arcs of a motion fit well at wrong offsets too, near the ends of the recordings.
+    likely = sorted(judged, key=lambda each: -each.evidence)[:FINALISTS]
+    near = sorted(judged, key=lambda each: each.score)[:FINALISTS]
+    finalists = {(each.offset, each.order): each for each in (*likely, *near)}
+    judged += (searches[each.order].nearby(each) for each in finalists.values())
+    best = max(judged, key=lambda each: each.evidence)
+    low, high = searches[best.order].valley(best.offset)
+    others = [each for each in judged if not low <= each.offset <= high]
+    least = RIVAL * best.evidence if best.evidence > ENOUGH else -np.inf
+    rival = _best(each for each in others if each.evidence > least)
+    if best.px > fitting_px(searches[0].recording):
+        raise StereocalError(
+            f"at no offset do their points fit together; at the best, {best.offset:g} frames, "
+            f"they lie {rounded(best.px)} px from their epipolar lines. Check that both saw "
+            "the same motion at the same time, with as many frames a second, and their camera "
+            "files."
+        )
+    further = FURTHER_WITH_LENGTHS if best.lengths_agree else FURTHER
+    need = STANDS_OUT * (1.0 + further / (len(best.frames) - TOO_FEW))
+    if not rival.score >= need * best.score:
+        which = "" if rival.order == best.order else " with its ends the other way round"
+        raise StereocalError(
+            f"two offsets fit nearly as well, {best.offset:g} frames ({rounded(best.px)} px "
+            f"from the epipolar lines) and {rival.offset:g} ({rounded(rival.px)} px{which}): the "
+            "motion repeats itself, or is too short. A longer recording of an irregular motion "
+            "decides, or an offset that you know to a few frames."
+        )
+    return best, _best(others)
 
 
 def _named_alike(dataset: Dataset, pose: Pose, near: float) -> Dataset:

@@ -15,7 +15,7 @@ from stereocal.network.pairs import reached
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.answers import TableAnswer
-from stereocal.system.array_types import FloatArray
+from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 
 LEAST_SIGMA, CLOSED = 0.005, 0.25
@@ -32,6 +32,8 @@ class BroughtIntoStep(TableAnswer):
     """Of each camera, by how many frames of the first it was started later, with the standard
     error."""
     pairs: Mapping[CameraPair, OffsetOfPair]
+    orders: Mapping[str, IntArray]
+    """Of each camera, the order in which its targets are those of the first; empty if as named."""
 
     @property
     def answer(self) -> list[str]:
@@ -63,13 +65,15 @@ class BroughtIntoStep(TableAnswer):
 
 
 def bring_into_step(
-    recording: Recording, near: Mapping[str, float] = MappingProxyType({})
+    recording: Recording,
+    near: Mapping[str, float] = MappingProxyType({}),
+    orders: Sequence[IntArray] = (),
 ) -> BroughtIntoStep:
     """Find by how much later than the first each camera was started, from all pairs.
 
     Args:
         recording: whose cameras count their own frames.
-        near: as for `offset_of_pair`.
+        near, orders: as for `offset_of_pair`.
 
     Raises:
         StereocalError: the data do not tell it, or pairs contradict each other.
@@ -78,23 +82,39 @@ def bring_into_step(
     found, failed = dict[CameraPair, OffsetOfPair](), dict[CameraPair, str]()
     for pair in recording.pairs:
         try:
-            found[pair] = offset_of_pair(recording, pair, near)
+            found[pair] = offset_of_pair(recording, pair, near, orders)
         except StereocalError as error:
             failed[pair] = str(error)
     lost = [name for name in names if name not in reached(names, found)]
     if lost or not found:
         told = failed[pair := next(pair for pair in failed if not lost or {*pair} & {*lost})]
-        raise StereocalError(told + _rates_that_fit(recording, pair))
+        raise StereocalError(told + _what_fits(recording, pair))
     advice = "One of them is wrong: record an irregular motion that all cameras see."
     measured = {pair: own.measured for pair, own in found.items()}
     starts, covariance = closed(names, measured, advice)
     errors = np.sqrt(np.diag(covariance)).tolist()
     offsets = dict(zip(names, zip(starts.tolist(), errors, strict=True), strict=True))
     whole = {name: round(value) for name, (value, _) in offsets.items()}
-    counted = replace(recording.counted_from(whole), start_frames=whole)
-    brought = BroughtIntoStep(counted, offsets, found)
+    in_order = _in_order(names, found, orders) if orders else {}
+    counted = replace(recording.counted_from(whole).in_order(in_order), start_frames=whole)
+    brought = BroughtIntoStep(counted, offsets, found, in_order)
     notes = (*recording.step_notes, *brought.answer)
     return replace(brought, recording=replace(counted, step_notes=notes))
+
+
+def _in_order(
+    names: Sequence[str], pairs: Mapping[CameraPair, OffsetOfPair], orders: Sequence[IntArray]
+) -> dict[str, IntArray]:
+    """Of each camera, the order in which its targets are those of the first, by pairs that reach
+    all."""
+    known = {names[0]: orders[0]}
+    while len(known) < len(names):
+        for (a, b), own in pairs.items():
+            if a in known:
+                known.setdefault(b, orders[own.order][known[a]])
+            elif b in known:
+                known[a] = np.argsort(orders[own.order])[known[b]]
+    return known
 
 
 def closed(
@@ -130,8 +150,9 @@ def fused_values(
     return np.array([0.0, *found]), np.pad(covariance, ((1, 0), (1, 0))), off
 
 
-def _rates_that_fit(recording: Recording, pair: CameraPair) -> str:
-    """A sentence, if an offset stands out where a camera takes two frames for each of the other."""
+def _what_fits(recording: Recording, pair: CameraPair) -> str:
+    """A sentence, if an offset stands out where a camera takes two frames for each of the other, or
+    has the ends of the object exchanged."""
     two = recording.of_cameras(pair)
     for slow, fast in (pair, pair[::-1]):
         rates = {slow: 30, fast: 60}
@@ -143,4 +164,11 @@ def _rates_that_fit(recording: Recording, pair: CameraPair) -> str:
                 f"{rounded(found.px)} px from their lines: state the frame rates in dataset.json, "
                 f'such as "frame_rates": {{{stated}}}.'
             )
+    with suppress(StereocalError):
+        found = offset_of_pair(two, pair, orders=[two.object.half_turn])
+        one, other = (two.object.names[at] for at in two.object.longest)
+        return (
+            f" With {one} and {other} exchanged in one of the two, in all frames, the points do "
+            f"fit, {rounded(found.px)} px from their lines: exchange them in its table."
+        )
     return ""

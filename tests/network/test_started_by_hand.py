@@ -81,6 +81,19 @@ def test_a_camera_of_half_the_rate_is_brought_into_step_by_the_stated_rates() ->
     assert abs(value - 150.5) < 4 * sigma < 0.1
 
 
+def test_ends_exchanged_in_one_camera_throughout_are_named() -> None:
+    named = _window(300, 420, later=25)
+    ends = named.object.half_turn[named.target]
+    exchanged = replace(named, target=np.where(named.camera == 1, ends, named.target))
+    one, other = (named.object.names[at] for at in named.object.longest)
+    with pytest.raises(StereocalError, match=f"With {one} and {other} exchanged"):
+        bring_into_step(exchanged)
+    orders = [np.arange(3), named.object.half_turn]
+    in_step = bring_into_step(exchanged, orders=orders)
+    assert abs(in_step.offsets["2"][0]) < 0.02
+    assert (in_step.recording.target == named.target).all()
+
+
 def test_points_at_the_frames_of_the_slowest_camera_are_where_they_were_then() -> None:
     two = _window(300, 360)
     even = replace(two, points=np.column_stack([two.frame, 1.5 * two.frame + 50.0]))
