@@ -28,7 +28,7 @@ from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset, exchanged_ends
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.latest import Latest, once_or_refused
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import count, rounded
 from stereocal.system.sampling import evenly_spread
 
 STANDS_OUT = 1.5
@@ -296,7 +296,7 @@ def _two_best(searches: Sequence[_Search]) -> tuple[_Candidate, _Candidate]:
     judged = [each for each in every if each.px < np.inf]
     if (places := len({each.offset for each in judged})) < FEWEST_OTHERS:
         raise StereocalError(
-            f"at no more than {places} offsets do both cameras see {FEWEST} moments of a "
+            f"at no more than {count(places, 'offset')} do both cameras see {FEWEST} moments of a "
             "motion, so none stands out. Record both cameras for longer while the object moves "
             "through what both see; one at rest tells nothing."
         )
