@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import product
 from types import MappingProxyType
 
 import numpy as np
@@ -20,6 +21,9 @@ from stereocal.system.numbers import rounded
 
 LEAST_SIGMA, CLOSED = 0.005, 0.25
 """Frames: the least error that a pair's offset may weigh, and by how much pairs may disagree."""
+
+USUAL_RATES = (30, 60), (59.94, 60)
+"""Frames a second of two cameras that are tried where none are stated."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -151,16 +155,16 @@ def fused_values(
 
 
 def _what_fits(recording: Recording, pair: CameraPair) -> str:
-    """A sentence, if an offset stands out where a camera takes two frames for each of the other, or
-    has the ends of the object exchanged."""
+    """A sentence, if an offset stands out at other frame rates, or with the ends of the object
+    exchanged in a camera."""
     two = recording.of_cameras(pair)
-    for slow, fast in (pair, pair[::-1]):
-        rates = {slow: 30, fast: 60}
+    for (slow, fast), (low, high) in product((pair, pair[::-1]), USUAL_RATES):
+        rates = {slow: low, fast: high}
         with suppress(StereocalError):
             found = offset_of_pair(at_slowest(two, rates), pair)
             stated = ", ".join(f'"{name}": {rates[name]}' for name in pair)
             return (
-                f" With two frames of {fast} for each of {slow}, the points do fit, "
+                f" With {high} frames of {fast} for {low} of {slow}, the points do fit, "
                 f"{rounded(found.px)} px from their lines: state the frame rates in dataset.json, "
                 f'such as "frame_rates": {{{stated}}}.'
             )

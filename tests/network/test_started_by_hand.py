@@ -81,6 +81,19 @@ def test_a_camera_of_half_the_rate_is_brought_into_step_by_the_stated_rates() ->
     assert abs(value - 150.5) < 4 * sigma < 0.1
 
 
+@pytest.mark.soak  # twice as many frames are above
+def test_rates_a_thousandth_apart_are_named() -> None:
+    """In 5,000 frames the cameras are five frames further apart at the end."""
+    rng = np.random.default_rng(7)
+    bar = move_bar(field_rig(), rng, 5000, 0.9)
+    data = record(bar, rng, 0.3, "long", TimeOffset(0.3, 60 / 59.94 - 1.0))
+    own = replace(
+        Recording.of_pair(data), frame=np.tile(data.correspondences.time_frame, len(CAMERAS))
+    )
+    with pytest.raises(StereocalError, match=r'"primary": 60, "secondary": 59\.94'):
+        bring_into_step(own)
+
+
 def test_ends_exchanged_in_one_camera_throughout_are_named() -> None:
     named = _window(300, 420, later=25)
     ends = named.object.half_turn[named.target]
