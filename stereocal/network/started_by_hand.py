@@ -92,7 +92,8 @@ def bring_into_step(
     lost = [name for name in names if name not in reached(names, found)]
     if lost or not found:
         told = failed[pair := next(pair for pair in failed if not lost or {*pair} & {*lost})]
-        raise StereocalError(told + _what_fits(recording, pair))
+        # Of photographs, which have orders, the rates are known.
+        raise StereocalError(told if orders else told + _what_fits(recording, pair))
     advice = "One of them is wrong: record an irregular motion that all cameras see."
     measured = {pair: own.measured for pair, own in found.items()}
     starts, covariance = closed(names, measured, advice)
