@@ -15,13 +15,12 @@ import pandas as pd
 
 from stereocal.errors import StereocalError
 from stereocal.matching.matching import ANY_DEPTH, Matches, match_points
-from stereocal.matching.point_table import SIGMA
+from stereocal.matching.point_table import POINT, SIGMA, pixels_of
 from stereocal.matching.threshold import FramePixels
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import plural, rounded
 
-UV = ["u", "v"]
 PARTS: tuple[str, ...] = ("point", "bodypart", "bodyparts", "body_part", "body part", "part")
 PARTS += ("node", "keypoint", "landmark", "joint", "marker", "name", "label")
 TRACKS = ("track", "track_id", "track id", "trackid", "id", "individual", "animal")
@@ -67,8 +66,8 @@ class Names:
 
     def samples(self, first: pd.DataFrame, second: pd.DataFrame) -> list[FramePixels]:
         """Pixels of one frame by group, with standard deviations if both tables have them."""
-        columns = [*UV, *([SIGMA] if SIGMA in first and SIGMA in second else [])]
-        one, two = (each[columns].to_numpy(dtype=np.float64) for each in (first, second))
+        columns = [*POINT, *([SIGMA] if SIGMA in first and SIGMA in second else [])]
+        one, two = (pixels_of(each, columns) for each in (first, second))
         if not self.columns:
             return [(one, two)]
         groups = self.groups(first, second)
@@ -174,7 +173,7 @@ def _contradiction(cameras: TwoCameras, names: Names) -> str:
             continue
         one, two = np.array(pairs).T
         i, j = np.meshgrid(one, two, indexing="ij")
-        pixels = first[UV].to_numpy(float)[i.ravel()], second[UV].to_numpy(float)[j.ravel()]
+        pixels = pixels_of(first)[i.ravel()], pixels_of(second)[j.ravel()]
         errors = cameras.rig.reprojection_errors(*pixels).mean(axis=1).reshape(i.shape)
         errors = np.nan_to_num(errors, nan=np.inf)  # behind a camera
         of_names = np.diag(errors)

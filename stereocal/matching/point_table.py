@@ -279,9 +279,12 @@ class PointTable:
         return pd.DataFrame({"frame": frames, **numbers, **further}, index=raw.index)
 
 
-def pixels_of(table: pd.DataFrame) -> FloatArray:
-    """(n, 2) raw pixels of a table of points."""
-    return table[list(POINT)].to_numpy(dtype=np.float64)
+def pixels_of(table: pd.DataFrame, columns: Sequence[str] = POINT) -> FloatArray:
+    """(n, 2) raw pixels of a table of points, or (n, k) other columns of numbers.
+
+    Column by column: a table of the columns takes ten times as long to make, for each frame.
+    """
+    return np.array([table[name].to_numpy(dtype=np.float64) for name in columns]).T
 
 
 class _OutOfOrderError(Exception):
