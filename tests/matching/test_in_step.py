@@ -22,7 +22,7 @@ from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
-from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.unknowns import RefineSettings
@@ -132,16 +132,18 @@ def test_points_in_step_but_for_their_noise_get_no_offset_of_their_own(late: Rig
 
 @cache
 def _bars(first: int, last: int, later: int = 0) -> Dataset:
-    """Bars of the real recording; the second camera's frames are numbered `later` too high."""
+    """Bars of the real recording; the second camera's frames are numbered `later` too high. Their
+    baseline is free: the lengths of those in `_parameters` give it."""
     whole = read_recording("sample_data/rig").of_cameras(PAIR)
     kept = whole.where((whole.frame >= first) & (whole.frame < last))
-    return with_baseline_found(kept.counted_from({"2": later}).pair(*PAIR))
+    return kept.counted_from({"2": later}).pair(*PAIR)
 
 
 @cache
 def _parameters() -> RigParameters:
     """Of bars whose second camera was numbered one too high."""
-    fit, _ = with_offset_if_out_of_step(_bars(0, 150, later=1), RefineSettings())
+    bars = with_rough_baseline(_bars(0, 150, later=1))
+    fit, _ = with_offset_if_out_of_step(bars, RefineSettings())
     return refined_parameters(fit)
 
 
