@@ -45,11 +45,12 @@ class BroughtIntoStep(TableAnswer):
         told = [found.sentence() for found in self.pairs.values()]
         first, *others = self.offsets
         each = [
-            f"{name} {in_frames(abs(value), sigma)} frames {'later' if value >= 0 else 'earlier'}"
+            f"{name} was started {in_frames(abs(value), sigma)} frames "
+            f"{'later' if value >= 0 else 'earlier'} than {first}"
             for name, (value, sigma) in self.offsets.items()
             if name != first
         ]
-        together = f"All pairs together: {', '.join(each)} than {first} was started."
+        together = f"All pairs together: {', '.join(each)}."
         return [*told, together] if len(others) > 1 else told
 
     def to_dataframe(self) -> pd.DataFrame:
