@@ -13,7 +13,7 @@ from stereocal.errors import StereocalError
 from stereocal.matching.in_step import tables_in_step
 from stereocal.matching.pairs import PairMatching, Stated
 from stereocal.matching.point_table import PointTable, open_table, together
-from stereocal.matching.tables_by_camera import Frame, Report, TablesByCamera
+from stereocal.matching.tables_by_camera import Frame, Report, TablesByCamera, without_partner
 from stereocal.matching.tracks import TrackMatching
 from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.field_of_view import beyond_in_words
@@ -65,8 +65,10 @@ def match_tables(
         columns = matching.columns
     else:
         matching = PairMatching.of_tables(rig, given, stated)
+    lonely_of = None if unmatched is None else tuple(tables)
     tasks = (
-        Task(_match_block, (matching, block), len(block)) for block in _blocks(given.side_by_side())
+        Task(_match_block, (matching, block, lonely_of), len(block))
+        for block in _blocks(given.side_by_side())
     )
     matched = run_tasks(tasks, executor, len(given.frames), progress, ahead=AHEAD)
     tallies: list[Any] = []
@@ -78,7 +80,7 @@ def match_tables(
             lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
         for _, (found, lonely) in stack.enter_context(closing(matched)):
             writer.add(found)
-            if lost is not None:
+            if lost is not None and lonely is not None:
                 lost.add(lonely)
             tallies.append(matching.tally(found))
     report = matching.report(tallies, given)
@@ -100,7 +102,18 @@ def _blocks(frames: Iterator[Frame]) -> Iterator[list[Frame]]:
         yield block
 
 
-def _match_block(matching: Matching, block: list[Frame]) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """What belongs together in a block, and the points without a partner."""
-    found, lonely = zip(*(matching.match_frame(*frame) for frame in block), strict=True)
+def _match_block(
+    matching: Matching, block: list[Frame], lonely_of: tuple[str, ...] | None
+) -> tuple[pd.DataFrame, pd.DataFrame | None]:
+    """What belongs together in a block, and the points without a partner.
+
+    Args:
+        lonely_of: the names of the cameras; None: nobody asks for points without a partner.
+    """
+    found, left = zip(*(matching.match_frame(*frame) for frame in block), strict=True)
+    if lonely_of is None:
+        return together(found), None
+    lonely = [
+        without_partner(rows, lonely_of, own) for (_, rows), own in zip(block, left, strict=True)
+    ]
     return together(found), together(lonely)

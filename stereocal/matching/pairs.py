@@ -25,11 +25,12 @@ from stereocal.matching.names import (
 )
 from stereocal.matching.point_noise import noise_of_calibration, on_far
 from stereocal.matching.point_table import PAIR_SIGMAS, POINT, SIGMA, SIGMAS, pixels_of
-from stereocal.matching.tables_by_camera import Report, TablesByCamera, without_partner
+from stereocal.matching.tables_by_camera import Report, TablesByCamera
 from stereocal.matching.threshold import ThresholdChoice, choose_threshold, sample_of
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.array_types import IntArray
 from stereocal.system.numbers import count, rounded
 
 PAIR_COLUMNS = ("frame", *PIXELS, "error_px", "runner_up_px", "ambiguous")
@@ -141,9 +142,9 @@ class PairMatching:
 
     def match_frame(
         self, frame: int, rows: Sequence[pd.DataFrame]
-    ) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Pairs and points without a partner of one frame; with `PAIR_SIGMAS` if the noise is that
-        of the points, and with `WITHIN` if the points have names.
+    ) -> tuple[pd.DataFrame, list[IntArray]]:
+        """Pairs of one frame, with `PAIR_SIGMAS` if the noise is that of the points, and with
+        `WITHIN` if the points have names; and the rows (n,) of each camera without a partner.
 
         Args:
             rows: of the primary and of the secondary camera.
@@ -174,9 +175,7 @@ class PairMatching:
         further = further_names(tuple(first), tuple(second))
         for names, table, at in zip(further, rows, (i, j), strict=True):
             columns |= {new: table[name].array[at] for name, new in names.items()}
-        left = found.unmatched_primary, found.unmatched_secondary
-        alone = map(without_partner, rows, CAMERAS, left)
-        return pd.DataFrame(columns), pd.concat(list(alone))
+        return pd.DataFrame(columns), [found.unmatched_primary, found.unmatched_secondary]
 
     def tally(self, pairs: pd.DataFrame) -> tuple[int, int, Counter[str]]:
         """Of pairs found: their number, that of ambiguous ones, and names above the threshold."""

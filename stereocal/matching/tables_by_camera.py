@@ -1,7 +1,7 @@
 """The tables of points of two cameras or more, checked once, then read frame by frame; and the
 report of what was found in them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from heapq import merge
@@ -146,8 +146,15 @@ def pixel_columns(rig: PlacedCameras) -> list[str]:
     return [f"{axis}_{name}" for name in rig.placed for axis in POINT]
 
 
-def without_partner(table: pd.DataFrame, camera: str, rows: IntArray) -> pd.DataFrame:
-    """The rows of a camera in one frame that have no partner, with the camera's name."""
-    alone = table.iloc[rows].copy()
-    alone.insert(0, "camera", camera)
-    return alone
+def without_partner(
+    rows: Sequence[pd.DataFrame], cameras: Iterable[str], left: Sequence[IntArray]
+) -> pd.DataFrame:
+    """The rows of each camera in one frame that have no partner, with the camera's name.
+
+    Args:
+        left: (n,) of each camera: which rows.
+    """
+    lonely = [table.iloc[own] for table, own in zip(rows, left, strict=True)]
+    for camera, alone in zip(cameras, lonely, strict=True):
+        alone.insert(0, "camera", camera)
+    return pd.concat(lonely)

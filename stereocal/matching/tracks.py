@@ -12,12 +12,7 @@ from stereocal.matching.names import AUTO, Names, TwoCameras, choose_names
 from stereocal.matching.pairs import ERROR_DECIMALS, Stated, further_of
 from stereocal.matching.point_noise import PointNoise, check_sigma, on_far
 from stereocal.matching.point_table import POINT, pixels_of, together
-from stereocal.matching.tables_by_camera import (
-    Report,
-    TablesByCamera,
-    pixel_columns,
-    without_partner,
-)
+from stereocal.matching.tables_by_camera import Report, TablesByCamera, pixel_columns
 from stereocal.matching.threshold import choose_threshold
 from stereocal.matching.view_groups import ViewFitter, expected_wrong, images_of_groups, match_views
 from stereocal.network.rig_file import RigFile
@@ -83,8 +78,8 @@ class TrackMatching:
 
     def match_frame(
         self, frame: int, rows: Sequence[pd.DataFrame]
-    ) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Tracks and points without a partner of one frame.
+    ) -> tuple[pd.DataFrame, list[IntArray]]:
+        """Tracks of one frame, and the rows (n,) of each camera without a partner.
 
         Args:
             rows: of the cameras whose points are given.
@@ -99,15 +94,14 @@ class TrackMatching:
         tracks["views"], tracks["ambiguous"] = found.views, found.ambiguous
         tracks["error_px"] = found.error_px.round(ERROR_DECIMALS)
         tracks[CHI_SQUARE] = found.chi_square
-        lonely = []
+        left = []
         for name, table in by_camera.items():
             image = found.images[:, self.rig.names.index(name)]
-            left = np.setdiff1d(np.arange(len(table)), image)
-            lonely.append(without_partner(table, name, left))
+            left.append(np.setdiff1d(np.arange(len(table)), image))
             for column in further_of(table):
                 values = table[column].tolist()
                 tracks[f"{column}_{name}"] = [None if k < 0 else values[k] for k in image.tolist()]
-        return tracks, pd.concat(lonely)
+        return tracks, left
 
     def tally(self, tracks: pd.DataFrame) -> pd.DataFrame:
         """What the report needs of tracks."""
