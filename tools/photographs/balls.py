@@ -115,10 +115,13 @@ def paint_ball(
     near = along - np.sqrt(np.maximum(inside, 0.0))
     normal = (rays * near[..., None] - centre) / radius
     lit = settings.ambient + settings.direct * np.maximum(normal @ settings.light, 0.0)
-    between = settings.light - rays
-    between /= np.linalg.norm(between, axis=-1, keepdims=True)
-    shine = settings.gloss * np.maximum((normal * between).sum(axis=-1), 0.0) ** 40
-    colours = np.where(hit[..., None], lit[..., None] * np.asarray(colour) + shine[..., None], 0.0)
+    colours = lit[..., None] * np.asarray(colour)
+    if settings.gloss:
+        between = settings.light - rays
+        between /= np.linalg.norm(between, axis=-1, keepdims=True)
+        shine = settings.gloss * np.maximum((normal * between).sum(axis=-1), 0.0) ** 40
+        colours += shine[..., None]
+    colours[~hit] = 0.0
     shape = (bottom - top, PARTS, right - left, PARTS)
     cover = hit.reshape(shape).mean(axis=(1, 3))[..., None]
     seen = colours.reshape(*shape, 3).mean(axis=(1, 3))
