@@ -42,6 +42,8 @@ from stereocal.verdict.tradeoff import trade_off
 
 FUNCTIONS = 98
 """About as many are compiled with an empty cache; test_warming.py counts them."""
+FEW_DRAWS, FEW_FRAMES = 4, 20
+"""What is only loaded from the cache need not do much: more took 1.4 of 2.6 s."""
 PACKAGE = Path(__file__).parents[2]
 
 
@@ -143,14 +145,14 @@ def _use_refined() -> None:
     RobustFit.of_pair(both[0], scene.rig.pose, RefineSettings()).run()
     calibration = calibrate(both[0], refined=RefineSettings())
     assert calibration.refined is not None
-    forecast_files(calibration)
+    forecast_files(calibration, draws=FEW_DRAWS)
     accuracy_map(calibration.refined, size=4)
     trade_off(both[0], RefineSettings(), points=3)
     rows = both[0].correspondences
     match_points(calibration.parameters("2d"), rows.primary, rows.secondary, 1.0)
     for dataset in both:
         evaluate_runs(dataset, EvaluationSettings(), 0, [0])
-    scene_of_rig = simulated_rig(np.random.default_rng(0), 3, 60)
+    scene_of_rig = simulated_rig(np.random.default_rng(0), 3, FEW_FRAMES)
     rig, points = rig_file(calibrate_rig(scene_of_rig.recording)), scene_of_rig.recording.points
     match_views(ViewFitter(rig), [points[:1]] * len(rig.names), 1.0)
 

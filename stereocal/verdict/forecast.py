@@ -29,7 +29,7 @@ from stereocal.rig.parameters import ForecastEntries
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.numbers import digits, rounded
-from stereocal.verdict.forecast_draws import ForecastDraws, draw_forecast
+from stereocal.verdict.forecast_draws import DRAWS, ForecastDraws, draw_forecast
 from stereocal.verdict.intervals import TAILS
 from stereocal.verdict.model_check import ModelCheck, check_model
 
@@ -210,8 +210,11 @@ class Forecast:
         return carried(model.covariance + np.outer(away, away), model.q, own)
 
 
-def forecast_files(calibration: Calibration) -> Forecast:
+def forecast_files(calibration: Calibration, draws: int = DRAWS) -> Forecast:
     """Forecast the files of a calibration with its refined set.
+
+    Args:
+        draws: of the truth.
 
     Raises:
         StereocalError: there is no refined set, or it is too uncertain for one.
@@ -225,16 +228,16 @@ def forecast_files(calibration: Calibration) -> Forecast:
         for method, found in calibration.methods.items()
     }
     files["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
-    draws = draw_forecast(comparison.model, files)
-    if np.isfinite(draws.correct_px).all(axis=(1, 2)).mean() < LEAST_KNOWN:
+    drawn = draw_forecast(comparison.model, files, draws=draws)
+    if np.isfinite(drawn.correct_px).all(axis=(1, 2)).mean() < LEAST_KNOWN:
         raise StereocalError(
             "The lenses are so uncertain that most of those within their standard errors image "
             "nothing where the bars were."
         )
-    check = check_model(refined, comparison.model, draws)
+    check = check_model(refined, comparison.model, drawn)
     if check is not None and not check.holds:
-        draws = replace(draws, excess=check.excess)
-    return Forecast(files, refined, comparison.model, draws, check)
+        drawn = replace(drawn, excess=check.excess)
+    return Forecast(files, refined, comparison.model, drawn, check)
 
 
 def improvements(model: RefinedResult) -> dict[str, float]:
