@@ -4,12 +4,14 @@ import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pytest
 from streamlit.components.v2.component_manager import BidiComponentManager
+from streamlit.runtime import Runtime
 from streamlit.runtime.pages_manager import PagesManager
 from streamlit.runtime.scriptrunner.script_cache import ScriptCache
-from streamlit.testing.v1 import AppTest, local_script_runner
+from streamlit.testing.v1 import AppTest, app_test, local_script_runner
 from streamlit.testing.v1.local_script_runner import LocalScriptRunner, require_widgets_deltas
 
 from stereocal.projects.home import find_projects
@@ -18,6 +20,9 @@ from tests.pages.stored_projects import dashboard, page_of
 
 SCRIPTS = ScriptCache()
 """Pages that have been compiled; a server keeps them too."""
+SERVER = MagicMock(spec=Runtime)
+"""What AppTest has in place of a server, and makes anew for every run: 5 ms, and as much for each
+of its attributes."""
 
 
 @pytest.fixture
@@ -95,4 +100,5 @@ def as_in_a_server(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(PagesManager, "__init__", begin_with_navigation)
     patch.setattr(local_script_runner, "require_widgets_deltas", drawn)
     patch.setattr(local_script_runner, "ScriptCache", lambda: SCRIPTS)
+    patch.setattr(app_test, "MagicMock", lambda **_: SERVER)
     patch.setattr(BidiComponentManager, "discover_and_register_components", lambda *_, **__: None)
