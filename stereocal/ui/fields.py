@@ -52,6 +52,14 @@ class Values(Protocol):
         """Store values; others stay."""
 
 
+class AsRead:
+    """The values as they are stored now, read once for many fields."""
+
+    def __init__(self, values: Values) -> None:
+        self.settings = values.settings
+        self.keep_settings = values.keep_settings
+
+
 @dataclass(frozen=True)
 class Field:
     """A widget's value, and where it is stored."""

@@ -18,7 +18,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.dataset import Dataset
 from stereocal.system.settings import About, asked, descriptions
-from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
+from stereocal.ui.fields import AsRead, Field, Number, Values, one_of, setting, yes_or_no
 from stereocal.ui.lengths import describe_uncertainties
 from stereocal.ui.texts import REFINED_SET, escape_markdown
 
@@ -68,7 +68,7 @@ def _frames_field(project: Project, frames: int) -> Field:
     return setting(project, "calibration_frames", frames, Number(1, frames))
 
 
-def field_of(project: Project, key: str, about: About) -> Field:
+def field_of(project: Values, key: str, about: About) -> Field:
     """The field of a described setting: a choice, a switch, or a number within its bounds."""
     kind = type(about.default)
     if about.choices:
@@ -79,7 +79,7 @@ def field_of(project: Project, key: str, about: About) -> Field:
     return setting(project, key, about.default, fit)
 
 
-def _search_fields(project: Project) -> dict[str, Field]:
+def _search_fields(project: Values) -> dict[str, Field]:
     return {
         name: field_of(project, name, about)
         for name, about in ASKED.items()
@@ -89,7 +89,7 @@ def _search_fields(project: Project) -> dict[str, Field]:
 
 def search_values(project: Project) -> dict[str, Any]:
     """The settings of the search, also for pages that do not show the form."""
-    values = {key: field.value() for key, field in _search_fields(project).items()}
+    values = {key: field.value() for key, field in _search_fields(AsRead(project)).items()}
     values["time_drift"] = values["time_offset"] and values["time_drift"]
     inputs = project.inputs
     return values | {"frames_put_back": inputs.put_back, "frames_left_out": inputs.left_out}
