@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -39,6 +40,8 @@ PRINT_TWICE = "Print this sheet twice: one target for each end of the bar"
 GAP_MM = 3.0
 """White paper between a board and the text below it."""
 SMALLEST_SQUARE_MM = 1.0
+KEPT = 8
+"""Sheets that are laid out once: a page that offers one asks for it on every draw."""
 
 
 def _sheet(
@@ -89,6 +92,7 @@ def _fitting(make: Callable[[Paper], object]) -> str:
     return next((name for name, paper in PAPERS.items() if make(paper)), "")
 
 
+@lru_cache(KEPT)
 def print_targets(side_m: float, paper: Paper) -> Sheet:
     """A sheet with both targets if they fit, else with one, which is printed twice.
 
@@ -179,6 +183,7 @@ def print_tags(tags: Tags, side_m: float, paper: Paper) -> Sheet:
     )
 
 
+@lru_cache(KEPT)
 def print_board(pattern: BoardPattern, paper: Paper) -> Sheet:
     """The board for the lens calibration on a sheet of paper."""
     side, columns, rows = 1e3 * pattern.square_m, pattern.columns + 1, pattern.rows + 1
