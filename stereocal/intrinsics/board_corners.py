@@ -1,5 +1,6 @@
 """Find the corners of a board in a photograph with OpenCV, order them and refine them."""
 
+import hashlib
 import itertools
 from dataclasses import dataclass
 
@@ -8,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
+from stereocal.system.latest import Latest
 from stereocal.system.photograph import GreyImage
 
 LARGE_PX = 1400
@@ -54,6 +56,9 @@ class Chessboard:
     do not. When asked for one row too many, the finder returns points on the board's edge."""
 
 
+_FOUND: Latest[Chessboard | None] = Latest(1000)
+
+
 def halved(grey: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     """The photograph at half the size."""
     half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
@@ -73,7 +78,19 @@ def find_chessboard(
     full size of a photograph of 2336x1728 px. A thorough search ends with the classical finder,
     which finds some boards at the rim of a fisheye that the other does not; it took 70 s on noise
     of that size, 0.4 s at half the size with its quick check first.
+
+    What was found is kept: the corners of a proposed board are asked for again by its search, and
+    by each search with squares of another size.
     """
+    content = hashlib.sha256(grey.tobytes()).hexdigest()
+    key = f"{content} {grey.shape} {columns}x{rows} {thorough}"
+    return _FOUND.once(key, lambda: _find_chessboard(grey, columns, rows, thorough))
+
+
+def _find_chessboard(
+    grey: npt.NDArray[np.uint8], columns: int, rows: int, thorough: bool
+) -> Chessboard | None:
+    """As `find_chessboard`, searched."""
     small, scaled = (halved(grey), 2.0) if max(grey.shape) > LARGE_PX else (grey, 1.0)
     sector, classic = cv2.findChessboardCornersSB, cv2.findChessboardCorners
     tries = [(sector, grey, 1.0, 0)]
