@@ -21,6 +21,8 @@ from tests.rigs.population import figures_on
 from tests.rigs.refined_rigs import Misjudged, waved
 
 RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
+FEW = 4
+"""Draws of a forecast of which nothing drawn is looked at."""
 FIGURES = ("mean_reprojection_px", "median_error_3d", "p95_error_3d", "fcp_reprojection")
 
 
@@ -81,7 +83,7 @@ def test_the_fcp_of_a_waved_bar_differs_between_places_by_more_than_errors_do() 
     """A bar that stays at five places: wrong pairs of one place are close together."""
     off = Misjudged(0.0, 0.0, 0.0, 0.0, 0.2)
     _, data = waved(np.random.default_rng([3, 27]), 200, 40, off)
-    found = forecast_files(calibrate(data, refined=RefineSettings())).draws.further["2d"]
+    found = forecast_files(calibrate(data, refined=RefineSettings()), FEW).draws.further["2d"]
     assert found.of("fcp_reprojection") > 2 * found.of("mean_reprojection_px") > 0
     assert found.of("wrong_let_in_at_threshold") == found.of("fcp_reprojection")
 
@@ -112,10 +114,8 @@ def test_boards_whose_corners_share_errors_have_wider_intervals() -> None:
     pair, rng = sound(0, frames=12, baseline=True), np.random.default_rng(2)
     levels = np.where(np.arange(12) % 2, 0.1, 0.8)[:, None, None, None]
     blurred = replace(pair, points=pair.points + levels * rng.standard_normal(pair.points.shape))
-    even, uneven = (
-        forecast_files(calibrate(own.recording.pair("primary", "secondary"))).draws.further["2d"]
-        for own in (pair, blurred)
-    )
+    pairs = [own.recording.pair("primary", "secondary") for own in (pair, blurred)]
+    even, uneven = (forecast_files(calibrate(own), FEW).draws.further["2d"] for own in pairs)
     # Measured: 0.10 and 0.63.
     assert 0.0 < even.in_images < 0.3 < uneven.in_images
     assert uneven.of_pairs >= uneven.in_images
@@ -124,7 +124,7 @@ def test_boards_whose_corners_share_errors_have_wider_intervals() -> None:
 def test_boards_of_single_corners_have_no_lengths_to_draw() -> None:
     pair = sound(0, frames=16, baseline=True)
     pair.points[3:, 1:] = np.nan
-    forecast = forecast_files(calibrate(pair.dataset, refined=RefineSettings()))
+    forecast = forecast_files(calibrate(pair.dataset, refined=RefineSettings()), FEW)
     assert not forecast.draws.further
 
 
