@@ -379,7 +379,7 @@ class TestFisheye:
         assert len(found.ids) == 48
         assert min(own.max() for own in apart) < 0.4
 
-    @pytest.mark.parametrize("name", ["left01.jpg", "left03.jpg"])
+    @pytest.mark.parametrize("name", ["left01.jpg", *further("left03.jpg")])
     def test_a_part_of_a_board_is_no_board(self, name: str) -> None:
         """Of 9x6 corners; the classical finder alone takes a part of 8x6 for a board."""
         path = ROOT / "sample_data" / "boards" / name

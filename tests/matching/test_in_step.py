@@ -142,7 +142,7 @@ def _bars(first: int, last: int, later: int = 0) -> Dataset:
 @cache
 def _parameters() -> RigParameters:
     """Of bars whose second camera was numbered one too high."""
-    bars = with_rough_baseline(_bars(0, 150, later=1))
+    bars = with_rough_baseline(_bars(0, 100, later=1))
     fit, _ = with_offset_if_out_of_step(bars, RefineSettings())
     return refined_parameters(fit)
 
