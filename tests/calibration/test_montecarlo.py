@@ -72,8 +72,9 @@ def test_a_given_sequence_goes_before_the_seed() -> None:
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.parametrize("minimum_moves", [1, 20])
 def test_the_path_is_that_of_plain_python(name: str, minimum_moves: int) -> None:
-    """For 1 the rule is the paper's to the letter."""
-    chosen = replace(SETTINGS, minimum_moves=minimum_moves)
+    """For 1 the rule is the paper's to the letter. Of 300 to 11,000 moves; with the usual smallest
+    step known points take 39,000."""
+    chosen = replace(SETTINGS, minimum_moves=minimum_moves, delta_min=1e-5)
     moves, angles = search_in_python(PROBLEMS[name], START, chosen)
     found = minimise(PROBLEMS[name], START, chosen, trace=True)
     assert found.trace is not None
