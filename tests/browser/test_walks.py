@@ -12,7 +12,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.ui.menu import TITLES
 from tests.bar_photographs import bar_set
-from tests.browser.conftest import LONGEST_MS, download, results_shown, serve, settle
+from tests.browser.conftest import LONGEST_MS, download, open_page, results_shown, serve, settle
 from tests.files import write
 
 pytestmark = pytest.mark.browser
@@ -23,13 +23,10 @@ def test_frames_play_and_stop_by_keyboard(page: Page, app_url: str) -> None:
     settle(page)
     page.locator(".st-key-recording button").click()
     page.wait_for_url("**/data*")
-    settle(page)
-    page.get_by_test_id("stSidebar").get_by_role("link", name="Calibrate").click()
-    settle(page)
+    open_page(page, "Calibrate")
     page.get_by_role("button", name="Calibrate", exact=True).click()
     results_shown(page)
-    settle(page)
-    page.get_by_test_id("stSidebar").get_by_role("link", name="Apply").click()
+    open_page(page, "Apply")
     expect(page.get_by_text(re.compile(r"^\d+ pairs in \d+ frames, none")).first).to_be_visible(
         timeout=LONGEST_MS
     )
