@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stereocal.calibration.corrections import fitting_px
+from stereocal.calibration.corrections import fitting_px, with_targets
 from stereocal.calibration.offset_scan import FEWEST, Track, common_points, scan
 from stereocal.errors import StereocalError, naming
 from stereocal.refined.free_baseline import with_rough_baseline
@@ -128,7 +128,7 @@ def offset_of_pair(
     about = near[pair[1]] - near[pair[0]] if {*pair} <= near.keys() else None
     content = [repr([about, *two.cameras.items()]).encode()]
     for number, order in enumerate(orders or [np.arange(len(recording.object.names))]):
-        named = two.in_order({pair[1]: order})
+        named = with_targets(two, pair[1], order)
         shown = np.unique(named.target)
         few = shown[evenly_spread(len(shown), TARGETS)]
         own = named.where(np.isin(named.target, few))

@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 
+from stereocal.calibration.corrections import with_targets
 from stereocal.errors import StereocalError
 from stereocal.network.frame_rates import at_slowest
 from stereocal.network.offset_of_pair import OffsetOfPair, in_frames, offset_of_pair
@@ -102,7 +103,9 @@ def bring_into_step(
     offsets = dict(zip(names, zip(starts.tolist(), errors, strict=True), strict=True))
     whole = {name: round(value) for name, (value, _) in offsets.items()}
     in_order = _in_order(names, found, orders) if orders else {}
-    counted = replace(recording.counted_from(whole).in_order(in_order), start_frames=whole)
+    counted = replace(recording.counted_from(whole), start_frames=whole)
+    for name, order in in_order.items():
+        counted = with_targets(counted, name, order)
     brought = BroughtIntoStep(counted, offsets, found, in_order)
     notes = (*recording.step_notes, *brought.answer)
     return replace(brought, recording=replace(counted, step_notes=notes))

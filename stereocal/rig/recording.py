@@ -260,15 +260,6 @@ class Recording(TableAnswer):
         added = np.array([starts.get(name, 0) for name in self.cameras])
         return replace(self, frame=self.frame + added[self.camera])
 
-    def in_order(self, orders: Mapping[str, IntArray]) -> "Recording":
-        """The recording with the targets of some cameras renamed: number `order[k]` becomes k."""
-        target = self.target.copy()
-        for number, name in enumerate(self.cameras):
-            if name in orders:
-                own = self.camera == number
-                target[own] = np.argsort(orders[name])[target[own]]
-        return replace(self, target=target)
-
     def of_cameras(self, names: Sequence[str]) -> "Recording":
         """The recording with some of its cameras only, in the order of all."""
         every = list(self.cameras)
