@@ -54,11 +54,12 @@ from stereocal.rig.parameters import ForecastEntries, RigParameters
 from stereocal.system.array_types import IntArray
 from stereocal.system.latest import is_made, step
 from stereocal.system.tasks import Progress
+from stereocal.verdict.file_figures import Validated
 from stereocal.verdict.forecast import Forecast, advice_on_improvements, forecast_files
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line
 from stereocal.verdict.other_seeds import conclusions_of_seeds
-from stereocal.verdict.recommendation import Recommendation, Validated, recommend
+from stereocal.verdict.recommendation import Recommendation, recommend
 from stereocal.verdict.tradeoff import TradeOff, trade_off
 
 STEPS = ("screening", "essential", "2d", "3d", "refined", "forecast")

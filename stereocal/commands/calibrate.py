@@ -148,10 +148,13 @@ def _forecast_lines(
 ) -> list[str]:
     lines = [f"Forecast for {of} (95 % intervals), with the threshold in each file:"]
     for method, found in draws.figures.items():
-        fcp, length = found.fcp_reprojection, found.p95_error_3d
+        fcp, length, metric = (
+            in_percent(each)
+            for each in (found.fcp_reprojection, found.p95_error_3d, found.p95_metric_error_3d)
+        )
         lines.append(
-            f"{method:<10} overlap of correct and wrong pairs {in_percent(fcp)}, "
-            f"95 % of lengths within {in_percent(length)}"
+            f"{method:<10} overlap of correct and wrong pairs {fcp}, 95 % of lengths within "
+            f"{length} relative to the bar, in metres within {metric}"
             + (f", threshold {digits(own, 2)} px" if (own := thresholds_px.get(method)) else "")
         )
     return lines

@@ -35,8 +35,15 @@ FORECAST_ROWS = {
     "Reprojection error, mean (px)": "mean_reprojection_px",
     THRESHOLD_ROW: "threshold_px",
     "Length error, median (%)": "median_error_3d",
-    "95 % of lengths within (%)": "p95_error_3d",
+    "95 % of lengths, relative to the bar, within (%)": "p95_error_3d",
+    "95 % of lengths in metres within (%)": "p95_metric_error_3d",
 }
+PLAN_ROWS = {
+    row: name if name != "p95_metric_error_3d" else "p95_error_3d"
+    for row, name in FORECAST_ROWS.items()
+    if name != "p95_error_3d"
+}
+"""Of a plan all length errors are of lengths in metres."""
 
 
 def errors_table(calibration: Calibration) -> pd.DataFrame:
@@ -150,8 +157,7 @@ def plan_table(found: PlanForecast) -> pd.DataFrame:
     """What each file of a planned field day will do; a row for each figure."""
     columns = {
         METHOD_NAMES[method]: {
-            row: _forecast(found.estimate(method, name), name)
-            for row, name in FORECAST_ROWS.items()
+            row: _forecast(found.estimate(method, name), name) for row, name in PLAN_ROWS.items()
         }
         for method in FILE_METHODS
     }

@@ -20,9 +20,21 @@ class RigFigures:
     independent_frames: int = 0
     design_effect: float = 1.0
     length_scatter_m: float = 0.0
+    metric_error_p95: float | None = None
+    """95 % of lengths in metres are within this fraction: with the error of the object, which all
+    lengths share; None without known lengths, and in files of earlier versions."""
+    object_sigma: float | None = None
+    """Standard deviation of the object's lengths, a fraction, as stated or assumed."""
+    object_sigma_stated: bool = False
     weakest_camera: str
     held_out: Mapping[str, HeldOutErrors] = field(default_factory=dict)
     """On frames not fitted: as of `held_out.held_out`."""
+
+    @property
+    def to_expect(self) -> "RigFigures | HeldOutErrors":
+        """The errors on whole runs of frames not fitted; of a recording without such, on frames not
+        fitted; and if it is too short for that, on those fitted."""
+        return self.held_out.get("runs") or self.held_out.get("frames") or self
 
 
 @dataclass(frozen=True)

@@ -87,13 +87,19 @@ def unknowns_of_rig(
             (f"{name} time drift", drift, [first + DRIFT]),
         ]
         blocks.append((times, None))
-    stated = recording.object.sigma_m
-    longest = recording.object.longest_m
-    sigma = DEFAULT_DISTANCE if stated is None else stated / longest
-    if settings.object_sigma is not None:
-        sigma = settings.object_sigma
+    sigma, _ = object_sigma(recording, settings)
     blocks.append(([("object", sigma * bars, [count - 1])], None))
     return free_parameters(blocks, origin, focal_lengths)
+
+
+def object_sigma(recording: Recording, settings: RigSettings) -> tuple[float, bool]:
+    """Standard deviation of the object's lengths, a fraction, and whether it was stated."""
+    stated = recording.object.sigma_m
+    if settings.object_sigma is not None:
+        return settings.object_sigma, True
+    if stated is not None:
+        return stated / recording.object.longest_m, True
+    return DEFAULT_DISTANCE, False
 
 
 def baselines_of(recording: Recording, settings: RigSettings) -> FloatArray:

@@ -8,6 +8,7 @@ from stereocal.network.about_rig import PairOfRig, RigFigures
 from stereocal.network.held_out import HeldOutErrors
 from stereocal.network.rig_file import RigFile
 from stereocal.network.screening import WrongImage
+from stereocal.refined.length_in_metres import length_in_words
 from stereocal.rig.lengths_in_words import are_on_a_line, side_in_words
 from stereocal.system.numbers import count as counted
 from stereocal.system.numbers import rounded
@@ -33,11 +34,20 @@ def rig_sentence(rig: RigFile) -> str:
         known = f": half of its images lie within {rounded(error)} px of where others see the point"
     partner, bars = _best_partner(rig.about.pairs, weakest)
     return (
-        f"One rig of {count} cameras: {_accuracy(figures)}. "
+        f"{_length_in_words(rig, figures)}One rig of {count} cameras: {_accuracy(figures)}. "
         f"The weakest camera is {weakest}{known}; it shares {counted(bars, 'bar')} with {partner}. "
         "More bars that both see, at other places and in other directions, would help most."
         f"{_sides(rig)}"
     )
+
+
+def _length_in_words(rig: RigFile, figures: RigFigures) -> str:
+    """The error of a length in metres; empty if unknown."""
+    known, total = rig.object_known, figures.metric_error_p95
+    if known is None or total is None:
+        return ""
+    scatter = figures.to_expect.length_error_p95
+    return f"{length_in_words(total, scatter, known, [known.length_m])} "
 
 
 def _sides(rig: RigFile) -> str:
@@ -67,10 +77,8 @@ def _accuracy(figures: RigFigures) -> str:
 
 
 def rig_errors_in_words(figures: RigFigures) -> str:
-    """The errors of a rig: on whole runs of frames not fitted; for a recording without such, on
-    frames not fitted; and if it is too short for that, on those fitted."""
-    held_out = figures.held_out
-    return _errors(held_out.get("runs") or held_out.get("frames") or figures)
+    """The errors of a rig that are to be expected, relative to the object."""
+    return _errors(figures.to_expect)
 
 
 def _errors(figures: RigFigures | HeldOutErrors) -> str:

@@ -12,10 +12,11 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.network.about_rig import AboutRig, PairOfRig, RigFigures
-from stereocal.network.fit import camera_at, lens_places
+from stereocal.network.fit import camera_at, lens_places, object_sigma
 from stereocal.network.fuse import Fused, PairFit, pair_covariance
 from stereocal.network.pairs import pair_name
 from stereocal.network.result import RigCalibration, third_cameras
+from stereocal.refined.length_in_metres import NORMAL_95, BarKnown
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
 from stereocal.rig.camera import Camera
@@ -90,6 +91,16 @@ class RigFile(ResultFile):
         points = dict(self.about.object)
         points.pop("factor", None)
         return RigidObject(tuple(points), np.array([*points.values()])) if points else None
+
+    @property
+    def object_known(self) -> BarKnown | None:
+        """How well the object's lengths are known; None if the file does not say."""
+        figures, own = self.about.figures, self.object
+        if own is None or figures is None or figures.object_sigma is None:
+            return None
+        stated = figures.object_sigma * own.longest_m if figures.object_sigma_stated else None
+        p95 = NORMAL_95 * math.sqrt(max(self.covariance[-1, -1], 0.0)) / self.q[-1]
+        return BarKnown.of(own.word, own.longest_m, stated, p95)
 
     @property
     def placed(self) -> dict[str, PlacedCamera]:
@@ -267,18 +278,7 @@ def rig_file(rig: RigCalibration) -> RigFile:
     late = dict(zip(rig.names, rig.time_offsets.tolist(), strict=True))
     about = AboutRig(
         object={**places, "factor": float(rig.fit.q[-1])},
-        figures=RigFigures(
-            reprojection_px=float(np.sqrt(np.nanmean(np.square(rig.reprojection_px)))),
-            length_error_p95=float(np.quantile(np.abs(rig.length_errors), 0.95))
-            if len(rig.length_errors)
-            else None,
-            frames=len(rig.fit.used),
-            independent_frames=rig.clusters.count,
-            design_effect=rig.design_effect,
-            length_scatter_m=rig.fit.scatter,
-            weakest_camera=rig.weakest,
-            held_out={name: found.errors for name, found in rig.held_out.items()},
-        ),
+        figures=_figures_of(rig),
         image_errors_px={
             name: px if np.isfinite(px) else None for name, px in rig.image_px.items()
         },
@@ -312,6 +312,32 @@ def rig_file(rig: RigCalibration) -> RigFile:
         Volume.of_bars(points) if sighted else None,
         {name: own for name, own in zip(rig.names, rig.offsets, strict=True) if own.drift},
         starts if any(starts.values()) else {},
+    )
+
+
+def _figures_of(rig: RigCalibration) -> RigFigures:
+    fit, settings = rig.fit, rig.fit.rig_settings
+    known = len(rig.length_errors) > 0
+    found = RigFigures(
+        reprojection_px=float(np.sqrt(np.nanmean(np.square(rig.reprojection_px)))),
+        length_error_p95=float(np.quantile(np.abs(rig.length_errors), 0.95)) if known else None,
+        frames=len(fit.used),
+        independent_frames=rig.clusters.count,
+        design_effect=rig.design_effect,
+        length_scatter_m=fit.scatter,
+        weakest_camera=rig.weakest,
+        held_out={name: own.errors for name, own in rig.held_out.items()},
+    )
+    scatter = found.to_expect.length_error_p95
+    if scatter is None:
+        return found
+    of_object = NORMAL_95 * math.sqrt(rig.covariance[-1, -1]) / float(fit.q[-1])
+    sigma, is_stated = object_sigma(rig.recording, settings)
+    return replace(
+        found,
+        metric_error_p95=math.hypot(scatter, of_object),
+        object_sigma=sigma,
+        object_sigma_stated=is_stated,
     )
 
 

@@ -39,8 +39,8 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import check_quota
 from stereocal.system.atomic_files import flush_folder
 from stereocal.system.numbers import count, rounded
+from stereocal.verdict.file_figures import figures_of
 from stereocal.verdict.in_words import percent
-from stereocal.verdict.recommendation import figures_of
 
 DAY_S = 86_400.0
 AGAIN = "This project was brought back already, or it was removed for good."
@@ -240,7 +240,9 @@ def _rig_of(recording: ProjectRecording) -> str:
     noise = [(own.noise_px, name) for name, own in pairs.items() if own.noise_px is not None]
     worst, name = max(noise, default=(0.0, ""))
     last = f", worst pair {name} with {rounded(worst)} px" if name else ""
-    return f"One rig: {rig_errors_in_words(figures)}{last}"
+    metric = figures.metric_error_p95
+    metres = "" if metric is None else f", lengths in metres to {percent(metric)} % (95 %)"
+    return f"One rig: {rig_errors_in_words(figures)}{metres}{last}"
 
 
 def title_of(project: Project) -> str:
@@ -273,10 +275,13 @@ def _result_of(project: Project) -> str:
     if run.evaluation is None:
         return "calibrated, not validated"
     to_use = project.recommended or PAPER_SETS
-    match, measure = (figures_of(method, None, run.validation) for method in to_use)
+    match, measure = (
+        figures_of(method, run.calibration, None, run.validation) for method in to_use
+    )
     lengths, wrong = (
         "unknown" if value is None else f"{percent(value)} %"
-        for value in (measure.length_p95.held_out, match.wrong_let_in.held_out)
+        for value in (measure.metric_p95.held_out, match.wrong_let_in.held_out)
     )
     names = " and ".join(dict.fromkeys(METHOD_NAMES[each.method] for each in (match, measure)))
-    return f"{names}, held out: 95 % of lengths within {lengths}, {wrong} of wrong pairs accepted"
+    within = f"95 % of lengths in metres within {lengths}"
+    return f"{names}, held out: {within}, {wrong} of wrong pairs accepted"

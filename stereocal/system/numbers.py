@@ -23,6 +23,13 @@ def rounded(value: float, significant: int = 2) -> str:
     return mantissa + exponent + power
 
 
+def distance(metres: float) -> str:
+    """A length in the unit that suits it."""
+    if metres < 0.01:
+        return f"{rounded(1000 * metres)} mm"
+    return f"{rounded(100 * metres)} cm" if metres < 1 else f"{rounded(metres)} m"
+
+
 SINGULAR = {"are": "is", "were": "was", "have": "has", "do": "does", "lie": "lies"}
 
 

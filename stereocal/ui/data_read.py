@@ -6,6 +6,7 @@ from functools import partial
 import plotly.graph_objects as go
 import streamlit as st
 
+from stereocal.calibration.essential import MINIMUM_PAIRS
 from stereocal.figures.coverage import describe_coverage, plot_coverage
 from stereocal.figures.started_by_hand import describe_offsets, plot_offsets
 from stereocal.figures.tables import contents_table
@@ -23,6 +24,8 @@ from stereocal.ui.prerequisites import is_asked
 from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
 from stereocal.ui.texts import escape_markdown
 
+FEW_FRAMES = 10
+RECOMMENDED = "20 frames of the bar or more are recommended"
 _DRAWN: Latest[go.Figure] = Latest(8)
 """The figures of the data shown last, by their digest: every act on the page draws it again."""
 
@@ -42,10 +45,7 @@ def show_what_was_read(project: Project | None) -> None:
     if dataset is None:
         end_here()
     st.header("What was read", divider="gray")
-    st.success(
-        f"Complete: {count(len(dataset.correspondences), 'pair')} of points in "
-        f"{count(len(dataset.correspondences.frames), 'frame')}."
-    )
+    _say_how_many(len(dataset.correspondences), len(dataset.correspondences.frames))
     show_rig(project, dataset)
     narrow, clicked = is_narrow(), partial(open_clicked_frame, project)
     figure = _DRAWN.once(f"{dataset.sha256} {narrow}", lambda: plot_coverage(dataset, narrow))
@@ -54,6 +54,20 @@ def show_what_was_read(project: Project | None) -> None:
     st.caption("A click on a point opens its frame.")
     st.table(contents_table(dataset))
     dataset_download(dataset)
+
+
+def _say_how_many(pairs: int, frames: int) -> None:
+    """How many points there are; green if they are enough."""
+    there = f"{count(pairs, 'pair')} of points in {count(frames, 'frame')}"
+    if pairs < MINIMUM_PAIRS:
+        st.warning(f"{there}: at least {MINIMUM_PAIRS} pairs are needed, {RECOMMENDED}.")
+    elif frames < FEW_FRAMES:
+        st.info(
+            f"Complete, but few: {there}. Calibrations of few frames are uncertain: record "
+            f"more, {RECOMMENDED}."
+        )
+    else:
+        st.success(f"Complete: {there}.")
 
 
 def show_in_step(project: Project) -> None:

@@ -32,10 +32,13 @@ BOTH: tuple[str, ...] = ("baseline_m", "target_distance_m")
 PAIRS = 500
 """Pairs of points from which the depths are estimated."""
 NOT_STATED, TYPED, OWN, FREE = "Not stated", "Typed", "own", "Not measured"
-PRESETS_MM = {"Laser range finder": 2.0, "Tape": 5.0, "Total station": 1.0}
+PRINTED = "Printer"
+PRESETS_MM = {"Laser range finder": 2.0, "Tape": 5.0, "Total station": 1.0, "Caliper": 0.1}
+OF_PRINTER = 0.003
+"""Standard deviation of a printed length, a fraction: printers and paper stretch by so much."""
 TITLES = {
-    NOT_STATED: NOT_STATED,
     **{name: f"{name}: ± {mm:g} mm" for name, mm in PRESETS_MM.items()},
+    PRINTED: f"As printed, not measured: ± {100 * OF_PRINTER:g} %",
     TYPED: "Typed, in mm",
     FREE: "Not measured: left free",
 }
@@ -104,10 +107,12 @@ def _length_field(project: Project | None, name: str, label: str) -> None:
 
     def take(number: float | None, unit: str) -> None:
         metres = None if number is None else float(number) * words.METRES_PER[unit]
-        ways = {}
+        given, ways = {name: metres}, {}
+        if project is not None and project.settings.get(f"{name}_known") == PRINTED:
+            given |= {_sigma_of(name): metres and OF_PRINTER * metres}
         if unit != "mm" and metres is not None and metres > LONGEST_PLAUSIBLE_M:
             ways[f"It is {number:.10g} mm"] = partial(take, number, "mm")
-        _give({kept.key: unit}, {name: metres}, ways)
+        _give({kept.key: unit}, given, ways)
 
     number = Field(
         key, key, read, lambda value: take(value, kept.value()), fit=Number(0.0, or_none=True)
@@ -147,7 +152,7 @@ def _length_uncertainty(project: Project | None, name: str, assumed: str) -> Non
     if project is not None and project.pair is not None:
         return
     key, baseline = f"{name}_known", name == "baseline_m"
-    sigma = f"{name.removesuffix('_m')}_sigma_m"
+    sigma = _sigma_of(name)
 
     def mm() -> float | None:
         return _scaled(getattr(project.inputs, sigma) if project else None, 1000)
@@ -157,12 +162,12 @@ def _length_uncertainty(project: Project | None, name: str, assumed: str) -> Non
             return FREE
         chosen = project and project.settings.get(key)
         if (stated := mm()) is None:
-            return TYPED if chosen == TYPED else NOT_STATED
-        return str(chosen) if PRESETS_MM.get(str(chosen)) == stated else TYPED
+            return str(chosen) if chosen in (TYPED, PRINTED) else NOT_STATED
+        return str(chosen) if _preset_mm(project, name, str(chosen)) == stated else TYPED
 
     def choose(option: str) -> None:
         free = {"baseline_free": option == FREE} if FREE in (option, read()) else {}
-        preset = PRESETS_MM.get(option)
+        preset = _preset_mm(project, name, option)
         stated = {} if option == TYPED else {sigma: preset and preset / 1000}
         _give({key: option}, {**stated, **free})
 
@@ -170,12 +175,26 @@ def _length_uncertainty(project: Project | None, name: str, assumed: str) -> Non
         _give({key: TYPED}, {sigma: stated and stated / 1000})
 
     left, right = st.columns([3, 2], vertical_alignment="bottom")
-    titles = {option: title for option, title in TITLES.items() if option != FREE or baseline}
+    titles = {NOT_STATED: f"Not known: {assumed} assumed"} | TITLES
+    del titles[PRINTED if baseline else FREE]
     told = HELP.format(assumed=assumed) + HELP_ON_FREE * baseline
     known = Field(key, key, read, choose, fit=one_of(titles))
     named = titles.__getitem__
     if known.menu("How well is it known?", left, format_func=named, help=told) == TYPED:
         _ask_number("± mm", f"{name}_sigma_mm", mm, take, right, least=LEAST_MM)
+
+
+def _preset_mm(project: Project | None, name: str, option: str) -> float | None:
+    """What an option says of a length; None if it says nothing."""
+    if option != PRINTED:
+        return PRESETS_MM.get(option)
+    length = getattr(project.inputs, name) if project else None
+    return _scaled(length and OF_PRINTER * length, 1000)
+
+
+def _sigma_of(name: str) -> str:
+    """The name of the standard deviation of a length."""
+    return f"{name.removesuffix('_m')}_sigma_m"
 
 
 def _ask_number(

@@ -138,7 +138,8 @@ def _take_focus(page: StreamlitPage) -> None:
 
 
 def _show_next(page: StreamlitPage, states: Mapping[str, PageState]) -> None:
-    """The button to the next page; none on Start, which has its own, and on the last page.
+    """The button to the next page; none on Start, which has its own, on the last page, and on Data
+    while points are missing.
 
     It stands out unless something on this page is to be pressed first.
     """
@@ -146,7 +147,8 @@ def _show_next(page: StreamlitPage, states: Mapping[str, PageState]) -> None:
     titles = {n: title for own in pages_shown(states).values() for n, title in own.items()}
     order = [name for name in titles if name != "help"]
     following = dict(pairwise(order)).get(OTHER_ADDRESSES.get(page.url_path, page.url_path))
-    if following is not None:
+    data = states.get(page.url_path) if page.url_path == "data" else None
+    if following is not None and (data is None or data.mark != "missing"):
         label = f"Next: {titles[following]}"
         button(label, "next", go_to, following, first=not first, icon="arrow_forward")
 

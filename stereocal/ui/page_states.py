@@ -4,6 +4,7 @@ import logging
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
+from stereocal.calibration.essential import MINIMUM_PAIRS
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.network.rig_file import RIG
@@ -90,16 +91,17 @@ def _of_two(project: Project) -> dict[str, PageState]:
     if dataset is None:
         missing = PageState("missing", f"Missing: {', '.join(inputs.missing)}")
         return found | dict.fromkeys(("data", "calibrate", "validate"), missing)
+    points = dataset.correspondences
+    data = PageState("done", count(len(points.frames), "frame"))
+    if len(points) < MINIMUM_PAIRS:
+        data = PageState(
+            "missing", f"{count(len(points), 'pair')}, at least {MINIMUM_PAIRS} needed"
+        )
     calibrate = _calibrate(project, dataset)
     own = project.settings.get("apply_sets") != "Parameter files"
     if found["apply"].mark == "done" and own and calibrate.mark == "stale":
         found["apply"] = calibrate
-    return {
-        **found,
-        "data": PageState("done", count(len(dataset.correspondences.frames), "frame")),
-        "calibrate": calibrate,
-        "validate": _validate(project, dataset),
-    }
+    return {**found, "data": data, "calibrate": calibrate, "validate": _validate(project, dataset)}
 
 
 def _calibrate(project: Project, dataset: Dataset) -> PageState:

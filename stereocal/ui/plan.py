@@ -20,7 +20,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.system.latest import Latest
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import distance, rounded
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, setting
 from stereocal.ui.figure import show_figure
@@ -33,7 +33,7 @@ from stereocal.ui.plan_fields import LONGEST_NAME, plan_field, show_plan
 from stereocal.ui.print_downloads import field_sheet_to_print, planned_targets_to_print
 from stereocal.ui.project import open_project
 from stereocal.ui.texts import escape_markdown
-from stereocal.verdict.in_words import distance, percent
+from stereocal.verdict.in_words import percent
 
 MOST_PLANS = 3
 INSTANT_FRAMES = 60

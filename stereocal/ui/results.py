@@ -34,11 +34,12 @@ from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import FILES, other_formats, parameter_downloads
 from stereocal.ui.review import look_closely
 from stereocal.ui.texts import escape_markdown
+from stereocal.verdict.file_figures import Figure
 from stereocal.verdict.in_words import digits, interval, percent
-from stereocal.verdict.recommendation import Figure, frames_to_come
+from stereocal.verdict.recommendation import frames_to_come, in_percent
 from stereocal.workflow import Run
 
-TILES = ("Wrong pairs let in", "95 % of lengths within", "Threshold")
+TILES = ("Wrong pairs let in", "95 % of lengths in metres within", "Threshold")
 FRAMES = "Errors by frame"
 CHART, OPENED = "frames", "opened_frame"
 COVERAGE = "coverage"
@@ -76,7 +77,8 @@ def show_result(project: Project, run: Run, answer: Run | None) -> None:
 
 
 def show_recommendation(answer: Run) -> None:
-    """What to use; green if it may be relied on, and no input contradicts the images."""
+    """What to use; green if it may be relied on, and no input contradicts the images; yellow if
+    held-out frames contradict the forecast."""
     recommendation = answer.recommendation
     if recommendation.caution:
         st.error(escape_markdown(f"Do not rely on this result: {recommendation.caution}"))
@@ -84,7 +86,9 @@ def show_recommendation(answer: Run) -> None:
     first, *others = (escape_markdown(as_held(s, dataset)) for s in recommendation.sentences)
     accused = any(item.accused for item in answer.inputs)
     sound = recommendation.forecast_holds and not recommendation.caution and not accused
-    (st.success if sound else st.info)("\n\n".join([f"**{first}**", *others]))
+    doubted = recommendation.verdict is not None and not recommendation.forecast_holds
+    show = st.warning if doubted else st.success if sound else st.info
+    show("\n\n".join([f"**{first}**", *others]))
 
 
 def _tile(title: str, answer: Run) -> tuple[str, str]:
@@ -92,7 +96,11 @@ def _tile(title: str, answer: Run) -> tuple[str, str]:
     if title == TILES[0]:
         return _expected(match.wrong_let_in, answer, f" of {match.wrong_pairs:,} wrong pairs")
     if title == TILES[1]:
-        return _expected(answer.recommendation.measure.length_p95, answer)
+        measure = answer.recommendation.measure
+        shown, words = _expected(measure.metric_p95, answer)
+        scatter = measure.length_p95.best(answer.recommendation.forecast_holds)
+        alone = "" if scatter is None else f"  \nrelative to the bar: {in_percent(scatter)}"
+        return shown, as_held(f"{words}{alone}", calibration.dataset)
     value, frames = match.threshold_px, len(calibration.dataset.correspondences.frames)
     source = "from frames held out here" if answer.validation else "forecast"
     left_out = f"{len(calibration.screening.left_out):,} of {frames:,} frames left out"
@@ -111,8 +119,12 @@ def _expected(figure: Figure, answer: Run, counted: str = "") -> tuple[str, str]
         return f"{percent(ahead.value)} %", f"forecast for {of}  \nheld out here: {tested}"
     if held_out is None:
         return "unknown", "no forecast, no held-out frames"
-    doubted = f"  \nforecast, which does not hold: {percent(ahead.value)} %" if ahead else ""
-    return f"{percent(held_out)} %", f"held out here{doubted}"
+    if ahead is None:
+        return f"{percent(held_out)} %", "held out here"
+    forecast = f"forecast, which does not hold: {percent(ahead.value)} %"
+    if ahead.value > held_out:
+        return f"{percent(ahead.value)} %", f"{forecast}  \nheld out here: {tested}"
+    return f"{percent(held_out)} %", f"held out here  \n{forecast}"
 
 
 def _offer_kit(project: Project, answer: Run | None) -> None:

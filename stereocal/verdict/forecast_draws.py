@@ -4,7 +4,9 @@ Given the data, the truth is distributed as the refined fit says: normal, with i
 each draw of it come fresh bars and noise (`fresh_frames`), and every written set
 is judged on the same images. No calibration is repeated. The intervals are those of the figure of
 the population, for bars and frames like the recorded ones, without the scatter of a finite test.
-Length errors are those of the paper: relative to distances measured as the bar was.
+Length errors are those of the paper, relative to distances measured as the bar was; `metric` ones
+are of lengths in metres, which have the error of the bar as well. All lengths share that, so that
+no held-out bar shows it.
 """
 
 import math
@@ -49,6 +51,8 @@ class ForecastFigures:
     median_error_3d: Estimate
     p95_error_3d: Estimate
     mean_error_3d: Estimate
+    p95_metric_error_3d: Estimate
+    """Of lengths in metres: 95 % of all draws and bars together, with the error of the bar."""
 
     def to_json(self) -> dict[str, dict[str, float | None]]:
         """Each figure as `{"value", "low", "high"}`; errors are fractions."""
@@ -96,6 +100,8 @@ class ForecastDraws:
     """(draws, halves, bars): the mean of `image_radii` of its ends."""
     recorded: int
     """Bars of the recording."""
+    bar_factors: FloatArray
+    """(draws,): the true over the stated length of the bar."""
     further: Mapping[Method, Further] = field(default_factory=dict)
     """What differs on a further recording; empty for frames taken one by one."""
     excess: tuple[float, float] = (1.0, 1.0)
@@ -106,6 +112,11 @@ class ForecastDraws:
     def errors_3d(self) -> FloatArray:
         """(draws, halves, methods, bars): |D - D^R| / D."""
         return np.abs(self.lengths - 1.0)
+
+    @cached_property
+    def bar_p95(self) -> float:
+        """The error of the bar that 95 % of the draws are within, a fraction: of all lengths."""
+        return float(np.percentile(np.abs(1.0 / self.bar_factors - 1.0), 95))
 
     @cached_property
     def figures(self) -> Mapping[Method, ForecastFigures]:
@@ -170,8 +181,21 @@ class ForecastDraws:
             median_error_3d=intervals.quantile_interval(errors, 0.5),
             p95_error_3d=intervals.quantile_interval(errors, 0.95),
             mean_error_3d=intervals.interval_of(whole, intervals.mean_of(errors), intervals.LENGTH),
+            p95_metric_error_3d=Estimate(math.nan, math.nan, math.nan),
         )
-        return found.further(self.further.get(method, Further())).raised(*self.excess)
+        found = found.further(self.further.get(method, Further())).raised(*self.excess)
+        return replace(found, p95_metric_error_3d=self._metric_p95(at, found.p95_error_3d))
+
+    def _metric_p95(self, at: int, of_bar: Estimate) -> Estimate:
+        """95 % of the errors of lengths in metres, of one file.
+
+        Args:
+            of_bar: the same relative to the bar, whose interval the error of the bar widens.
+        """
+        lengths = self.lengths[:, :, at] / self.bar_factors[:, None, None]
+        value = float(intervals.quantile_of(np.abs(lengths - 1.0).ravel(), 0.95))
+        low, high = (float(np.hypot(end, self.bar_p95)) for end in (of_bar.low, of_bar.high))
+        return Estimate(value, min(low, value), max(high, value))
 
 
 def image_radii(rig: RefinedResult, pixels: FloatArray) -> FloatArray:
@@ -257,7 +281,8 @@ def judge_on_draws(
     for files in every:
         at = [rigs.index(rig) for rig in files.values()]
         of_files = narrow[:, :, at], correct_px[:, :, at], lengths[:, :, at]
-        found.append(ForecastDraws(tuple(files), *of_files, depths, radii, recorded))
+        own = ForecastDraws(tuple(files), *of_files, depths, radii, recorded, truths[:, BAR])
+        found.append(own)
     return found
 
 

@@ -7,7 +7,7 @@ from stereocal.calibration.methods import POOR_LENGTH, errors_of
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
-from stereocal.system.numbers import count, plural, rounded
+from stereocal.system.numbers import count, plural
 from stereocal.system.numbers import digits as digits
 
 
@@ -86,10 +86,3 @@ def percent(fraction: float) -> str:
 def interval(estimate: Estimate) -> str:
     """The interval of a fraction, in percent: `0.18 to 0.51`."""
     return f"{percent(estimate.low)} to {percent(estimate.high)}"
-
-
-def distance(metres: float) -> str:
-    """A length in the unit that suits it."""
-    if metres < 0.01:
-        return f"{rounded(1000 * metres)} mm"
-    return f"{rounded(100 * metres)} cm" if metres < 1 else f"{rounded(metres)} m"

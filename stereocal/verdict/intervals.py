@@ -77,8 +77,8 @@ def interval_of(
 
 def quantile_interval(values: FloatArray, share: float) -> Estimate:
     """A quantile of the values (draws, halves, n) of each draw, those that are not NaN."""
-    whole = _quantile_of(values.reshape(len(values), -1), share)
-    return interval_of(whole, _quantile_of(values, share), LENGTH)
+    whole = quantile_of(values.reshape(len(values), -1), share)
+    return interval_of(whole, quantile_of(values, share), LENGTH)
 
 
 def mean_of(values: FloatArray) -> FloatArray:
@@ -89,7 +89,7 @@ def mean_of(values: FloatArray) -> FloatArray:
     return np.asarray(mean, dtype=np.float64)
 
 
-def _quantile_of(values: FloatArray, share: float) -> FloatArray:
+def quantile_of(values: FloatArray, share: float) -> FloatArray:
     """(...): `np.nanquantile` of (..., n), which takes ten times as long."""
     ordered = np.sort(values, axis=-1)
     place = share * (np.isfinite(ordered).sum(axis=-1) - 1)

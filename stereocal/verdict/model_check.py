@@ -249,13 +249,24 @@ def notes_on_noise(model: RefinedResult, bars: Innovations) -> list[str]:
             f"The lengths of the bar vary by {rounded(1000 * model.scatter_m.value)} mm more than "
             f"the noise of the images explains: {cause}."
         )
-    table, rows = model.dataset.correspondences, model.used_rows
-    sigmas = np.concatenate([table.sigma_primary_px[rows], table.sigma_secondary_px[rows]])
-    stated = float(np.sqrt(np.nanmean(np.square(sigmas)))) if np.isfinite(sigmas).any() else np.nan
-    if model.sigma_px.source == ESTIMATED and model.sigma_px.value > NOISE_EXCESS * stated:
+    if exceeds_detection(model):
         found.append(
             f"The points scatter by {rounded(model.sigma_px.value)} px, detection states "
-            f"{rounded(stated)} px: the rest is what the model lacks (distortion, vibration, "
-            "cameras out of step)."
+            f"{rounded(_stated_noise(model))} px: the rest is what the model lacks (distortion, "
+            "vibration, cameras out of step)."
         )
     return found
+
+
+def exceeds_detection(model: RefinedResult) -> bool:
+    """Whether points scatter more than their detection states."""
+    return model.sigma_px.source == ESTIMATED and (
+        model.sigma_px.value > NOISE_EXCESS * _stated_noise(model)
+    )
+
+
+def _stated_noise(model: RefinedResult) -> float:
+    """Root mean square of what the detection of the points states, px; NaN if it states nothing."""
+    table, rows = model.dataset.correspondences, model.used_rows
+    sigmas = np.concatenate([table.sigma_primary_px[rows], table.sigma_secondary_px[rows]])
+    return float(np.sqrt(np.nanmean(np.square(sigmas)))) if np.isfinite(sigmas).any() else np.nan

@@ -11,27 +11,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-
-from stereocal.calibration.methods import Method
+from stereocal.calibration.methods import PAPER_SETS, Method
 from stereocal.evaluation.summary import Estimate
+from stereocal.refined.length_in_metres import length_in_words
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import far_off
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import word_of
 from stereocal.system.answers import Answer
+from stereocal.verdict.file_figures import FileFigures, Validated, bar_known, figures_of
 from stereocal.verdict.forecast import Forecast, Verdict, sure
-from stereocal.verdict.forecast_draws import ForecastFigures
 from stereocal.verdict.further_recording import sentence_on_runs
 from stereocal.verdict.in_words import (
-    digits,
-    distance,
     interval,
     left_out_line,
     percent,
     why_held_out_not_trusted,
     why_not_trusted,
 )
+from stereocal.verdict.model_check import MINIMUM_FRAMES, exceeds_detection
 
 NAMES: Mapping[Method, str] = {
     "essential": "the essential matrix",
@@ -41,43 +38,8 @@ NAMES: Mapping[Method, str] = {
 }
 NO_FORECAST = "There is no forecast."
 NO_REFINED = "There is no forecast, because there is no refined set."
-Validated = Mapping[str, Any]
-"""The entry of a parameter file on its validation."""
-
-
-@dataclass(frozen=True)
-class Figure:
-    """One figure of a file: forecast for frames to come, and on held-out frames."""
-
-    forecast: Estimate | None
-    held_out: float | None
-    """None without a validation, or if no value could be computed."""
-
-    def best(self, forecast_holds: bool) -> Estimate | float | None:
-        """The forecast if it holds, else the held-out value; None if unknown."""
-        if self.forecast is not None and (forecast_holds or self.held_out is None):
-            return self.forecast
-        return self.held_out
-
-
-@dataclass(frozen=True)
-class FileFigures:
-    """What one parameter file does."""
-
-    method: Method
-    threshold_px: float | None
-    """Matching threshold in the file: of the validation, else of the forecast."""
-    wrong_let_in: Figure
-    """Share of the wrong pairs below `threshold_px`."""
-    wrong_pairs: int
-    """Number of wrong pairs of the validation."""
-    length_p95: Figure
-    """Relative length error of 95 % of the bars."""
-
-    @property
-    def below(self) -> str:
-        """The threshold in a sentence."""
-        return "" if self.threshold_px is None else f" below {digits(self.threshold_px, 2)} px"
+MANY_LEFT_OUT = 0.1
+"""Share of the frames."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -92,6 +54,8 @@ class Recommendation(Answer):
     """For the user: what to use, how sure that is, and what was left out."""
     caution: str
     """Why the result is not to be relied on; else empty."""
+    contradiction: str = ""
+    """Where held-out frames contradict the forecast beyond chance, and why; else empty."""
 
     @property
     def use(self) -> Mapping[Literal["matching", "measuring"], Method]:
@@ -101,7 +65,7 @@ class Recommendation(Answer):
     @property
     def forecast_holds(self) -> bool:
         """Whether there is a forecast that held-out frames do not contradict."""
-        return self.verdict is not None and self.verdict.holds
+        return self.verdict is not None and self.verdict.holds and not self.contradiction
 
     @property
     def answer(self) -> list[str]:
@@ -140,19 +104,24 @@ def recommend(
     """
     validation = validation or {}
     found = None if forecast is None else forecast.verdict
-    match = figures_of(found.match_with if found else "2d", forecast, validation)
-    measure = figures_of(found.measure_with if found else "3d", forecast, validation)
+    match, measure = (
+        figures_of(method, calibration, forecast, validation)
+        for method in ((found.match_with, found.measure_with) if found else PAPER_SETS)
+    )
     certainty = (
         NO_REFINED if calibration.refined is None else f"{NO_FORECAST} {no_forecast}".rstrip()
     )
-    in_runs = ""
+    contradiction = in_runs = ""
     if forecast is not None and found is not None:
-        certainty = _how_sure(found, forecast, validation)
+        if found.holds:  # else the check of the model has said it
+            contradiction = _contradiction(calibration, forecast, match, measure)
+        certainty = contradiction or _how_sure(found, calibration, forecast, validation)
         if forecast.draws.further:
             in_runs = sentence_on_runs(forecast.refined)
     holds, left_out = found is not None and found.holds, left_out_line(calibration.screening)
-    lengths = _length_in_words(calibration.dataset, measure.length_p95, holds)
-    use = " ".join(filter(None, (lengths, _use(match, measure))))
+    holds = holds and not contradiction
+    lengths = _length_in_words(calibration, forecast, measure, holds)
+    use = " ".join(filter(None, (lengths, _use(match, measure, found))))
     ahead = frames_to_come(calibration, forecast)
     figures = _figures_in_words(match, measure, ahead, holds)
     errors = [own["p95_error_3d"] for own in validation.values()]
@@ -162,38 +131,35 @@ def recommend(
         caution = why_not_trusted(calibration)
     caution = " ".join(filter(None, (caution, far_off(calibration.inputs))))
     sentences = tuple(filter(None, (use, *figures, certainty, left_out, in_runs)))
-    return Recommendation(match, measure, found, sentences, caution)
+    return Recommendation(match, measure, found, sentences, caution, contradiction)
 
 
-def figures_of(
-    method: Method, forecast: Forecast | None, validation: Mapping[Any, Validated]
-) -> FileFigures:
-    """What the file of a method does, by forecast and validation."""
-    own: Validated = validation.get(method, {})
-    limit = _finite(own.get("threshold_px"))
-    usual = at_limit = None
-    if forecast is not None and method in forecast.files:
-        usual = forecast.draws.figures[method]
-        limit = _finite(usual.threshold_px.value) if limit is None else limit
-        at_limit = forecast.draws.figures_of(method, _finite(own.get("threshold_px")))
-
-    def figure(name: str, figures: ForecastFigures | None) -> Figure:
-        found = None if figures is None else getattr(figures, name)
-        known = found is not None and math.isfinite(found.value)
-        return Figure(found if known else None, _finite(own.get(name)))
-
-    return FileFigures(
-        method,
-        limit,
-        figure("wrong_let_in_at_threshold", at_limit),
-        int(own.get("wrong_pairs", 0)),
-        figure("p95_error_3d", usual),
+def _contradiction(
+    calibration: Calibration, forecast: Forecast, match: FileFigures, measure: FileFigures
+) -> str:
+    """Where held-out frames contradict the forecast beyond chance, and the likely reason."""
+    found = [
+        f"{in_percent(own.held_out)} of {what} instead of {in_percent(own.forecast)}"
+        for own, what in (
+            (match.wrong_let_in, "wrong pairs were accepted"),
+            (measure.length_p95, "length error, below which 95 % lie,"),
+        )
+        if not own.agrees and own.held_out is not None and own.forecast is not None
+    ]
+    if not found:
+        return ""
+    screening, refined = calibration.screening, forecast.refined
+    frames = len(screening.dataset.correspondences.frames)
+    reasons = [
+        f"few frames ({frames})" * (frames < MINIMUM_FRAMES),
+        "many frames that contradict the others" * (screening.share > MANY_LEFT_OUT),
+        "targets that are found less well than stated" * exceeds_detection(refined),
+    ]
+    likely = ", ".join(filter(None, reasons)) or "what the model lacks, as a wrong distortion"
+    return (
+        f"Held-out frames contradict the forecast: {'; '.join(found)}. The worse figures are "
+        f"shown. The likely reason: {likely}."
     )
-
-
-def _finite(value: float | None) -> float | None:
-    """The value; None if it could not be computed."""
-    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def frames_to_come(calibration: Calibration, forecast: Forecast | None) -> str:
@@ -202,27 +168,29 @@ def frames_to_come(calibration: Calibration, forecast: Forecast | None) -> str:
     return "a further recording" if in_runs else f"similar {word_of(calibration.dataset)}s"
 
 
-def _length_in_words(dataset: Dataset, within: Figure, holds: bool) -> str:
-    """The error of a length in its own unit; empty if unknown.
-
-    Of the power of ten next to the known distances, because the share that image noise has in a
-    relative error depends on the length.
-    """
-    best = within.best(holds)
-    share = best.value if isinstance(best, Estimate) else best
-    if share is None:
+def _length_in_words(
+    calibration: Calibration, forecast: Forecast | None, measure: FileFigures, holds: bool
+) -> str:
+    """The error of a length in metres; empty if unknown."""
+    total, scatter = (
+        own.value if isinstance(own, Estimate) else own
+        for own in (measure.metric_p95.best(holds), measure.length_p95.best(holds))
+    )
+    if total is None:
         return ""
-    length = 10.0 ** round(math.log10(float(np.median(dataset.bar_distances_m))))
-    right_to = distance(share * length)
-    return f"A length of {distance(length)} is right to {right_to}, 95 % of the time."
+    lengths = calibration.dataset.bar_distances_m
+    return length_in_words(total, scatter, bar_known(calibration, forecast), lengths)
 
 
-def _use(match: FileFigures, measure: FileFigures) -> str:
-    """What to use."""
+def _use(match: FileFigures, measure: FileFigures, found: Verdict | None) -> str:
+    """What to use; for now, where it is not decided."""
     if match.method == measure.method:
-        return f"Use {NAMES[match.method]} for both: match{match.below}, and measure."
-    matching = f"Match with {NAMES[match.method]}{match.below}"
-    return f"{matching}, and measure with {NAMES[measure.method]}."
+        use = f"Use {NAMES[match.method]} for both: match{match.below}, and measure."
+    else:
+        matching = f"Match with {NAMES[match.method]}{match.below}"
+        use = f"{matching}, and measure with {NAMES[measure.method]}."
+    undecided = found is not None and found.kind == "level"
+    return f"For now, {use[0].lower()}{use[1:]}" if undecided else use
 
 
 def _figures_in_words(
@@ -241,7 +209,7 @@ def _sentence(of: str, wrong: Estimate | float | None, within: Estimate | float 
     if wrong is not None:
         parts.append(f"{in_percent(wrong)} of wrong pairs are accepted")
     if within is not None:
-        parts.append(f"95 % of lengths are within {in_percent(within)}")
+        parts.append(f"95 % of lengths are within {in_percent(within)} relative to the bar")
     return f"{of}: {', and '.join(parts)}." if parts else ""
 
 
@@ -253,7 +221,12 @@ def in_percent(figure: Estimate | float) -> str:
     return f"{percent(figure.value)} %" + (f" ({interval(figure)})" if known else "")
 
 
-def _how_sure(found: Verdict, forecast: Forecast, validation: Mapping[Any, Validated]) -> str:
+def _how_sure(
+    found: Verdict,
+    calibration: Calibration,
+    forecast: Forecast,
+    validation: Mapping[Any, Validated],
+) -> str:
     """How sure the verdict is, and what the alternative does."""
     two = f"Two sets are worth it here ({sure(1 - found.chance_of_one)} sure). "
     if found.check is not None and not found.check.holds:
@@ -265,12 +238,12 @@ def _how_sure(found: Verdict, forecast: Forecast, validation: Mapping[Any, Valid
             "3D set."
         )
     if found.kind == "one":
-        lengths = figures_of("3d", forecast, validation).length_p95.forecast
+        paper = [figures_of(own, calibration, forecast, validation) for own in PAPER_SETS]
+        lengths = paper[1].length_p95.forecast
         within = lengths and f", 95 % of lengths within {in_percent(lengths)} by the forecast"
-        below = figures_of("2d", forecast, validation).below
         return (
             f"One set does both jobs here ({sure(found.chance_of_one)} sure). Or the paper's two: "
-            f"match with the 2D set{below}, measure with the 3D set{within or ''}."
+            f"match with the 2D set{paper[0].below}, measure with the 3D set{within or ''}."
         )
     more = (
         f"About {found.frames_to_add} more frames would decide it."

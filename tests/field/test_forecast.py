@@ -72,7 +72,7 @@ def test_two_sets_do_what_the_paper_says() -> None:
 
 def test_the_file_has_every_figure_with_its_interval() -> None:
     content = json.loads(whole().dumps())
-    of_lengths = {"mean_length_error", "median_error_3d", "p95_error_3d"}
+    of_lengths = {"mean_length_error", "median_error_3d", "p95_error_3d", "p95_metric_error_3d"}
     of_pairs = {"fcp_reprojection", "threshold_px", "mean_reprojection_px"}
     assert set(content["methods"]) == {"2d", "3d", "refined"}
     for figures in content["methods"].values():

@@ -14,6 +14,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.numbers import rounded
 from stereocal.verdict.forecast import Forecast, forecast_files, verdict
 from stereocal.verdict.forecast_draws import ForecastDraws
 from stereocal.verdict.in_words import percent
@@ -63,6 +64,11 @@ def entry(threshold: float, **more: Any) -> dict[str, Any]:
     }
 
 
+WITHIN: dict[Method, dict[str, Any]] = {
+    method: {"threshold_px": 0.4, "wrong_let_in_at_threshold": 0.0, "wrong_pairs": 9000}
+    | {"median_error_3d": 0.001, "p95_error_3d": 0.002}
+    for method in ("2d", "3d", "refined")
+}
 VALIDATION: dict[Method, dict[str, Any]] = {
     "2d": entry(0.4),
     "3d": entry(9.0),
@@ -94,6 +100,7 @@ def test_not_decided(calibration: Calibration, forecast: Forecast) -> None:
     found = told(calibration, forecast, forecast_with(0.9, 0.9, 0.15))
     assert found.verdict is not None and found.verdict.kind == "level"
     assert "One set or two is not decided" in found.text
+    assert "For now, use the refined set for both" in found.text
     assert f"About {found.verdict.frames_to_add} more frames would decide it." in found.text
 
 
@@ -129,8 +136,8 @@ def test_a_doubted_model_lets_held_out_frames_speak(
     found = told(calibration, forecast, forecast_with(0.8, 0.9, 0.02), VALIDATION, doubted)
     assert not found.forecast_holds
     of_length, held_out_here, ahead = found.sentences[0], *found.sentences[1:3]
-    assert of_length.startswith("A length of 1 m is right to 6 mm, 95 % of the time.")
-    assert held_out_here.endswith("95 % of lengths are within 0.60 %.")
+    assert "is right to 6 mm, 95 % of the time" in of_length
+    assert "95 % of lengths are within 0.60 %" in held_out_here
     assert ahead.startswith("Forecast for similar bars, which does not hold: ")
     assert "The model does not explain these images" in found.text
 
@@ -138,16 +145,59 @@ def test_a_doubted_model_lets_held_out_frames_speak(
 def test_without_a_forecast_the_papers_two(calibration: Calibration) -> None:
     found = recommend(calibration, None, VALIDATION)
     assert (found.match.method, found.measure.method) == ("2d", "3d")
-    assert found.sentences == (
-        "A length of 1 m is right to 6 mm, 95 % of the time. Match with the 2D set below 0.40 px, "
-        "and measure with the 3D set.",
-        "Held out here: 0.40 % of wrong pairs are accepted, and 95 % of lengths are within 0.60 %.",
-        NO_FORECAST,
-    )
+    # 0.6 % of scatter, and a bar that is taken as known to 0.1 %, 95 % within 0.196 %.
+    first, held_out_here, last = found.sentences
+    assert "is right to 6.3 mm" in first and "Relative to the bar it is right to 6 mm" in first
+    assert "Match with the 2D set below 0.40 px" in first
+    assert "0.40 % of wrong pairs" in held_out_here and "within 0.60 %" in held_out_here
+    assert last == NO_FORECAST
     because = recommend(calibration, None, VALIDATION, "The draws are too wide.")
     assert because.sentences[-1] == f"{NO_FORECAST} The draws are too wide."
     nothing = recommend(replace(calibration, refined=None), None)
     assert nothing.sentences == ("Match with the 2D set, and measure with the 3D set.", NO_REFINED)
+
+
+def test_the_headline_has_the_error_of_the_bar() -> None:
+    """Sharp images of a bar whose length is known to 0.1 %, or to 0.02 %: 1.96 of these, and the
+    scatter, make the error of a length in metres; the scatter alone is the same."""
+    data = rig.dataset(25, 0.005)
+    bar = data.target_distance_m
+    assumed, careful = (
+        Run(replace(data, target_distance_sigma_m=sigma)).recommendation
+        for sigma in (None, 0.0002 * bar)
+    )
+    scatter = [found.measure.length_p95.forecast for found in (assumed, careful)]
+    metric = [found.measure.metric_p95.forecast for found in (assumed, careful)]
+    assert all(metric) and all(scatter)
+    for own, of_bar, known in zip(metric, scatter, (0.001, 0.0002), strict=True):
+        assert own is not None and of_bar is not None
+        # 128 draws of the bar: a twelfth of it is their noise.
+        assert own.value == pytest.approx(np.hypot(of_bar.value, 1.96 * known), rel=0.12)
+        assert own.low <= own.value <= own.high
+    assert "from the bar" in assumed.sentences[0]
+    assert f"± {rounded(1000 * 0.001 * bar)} mm" in assumed.sentences[0]
+    assert "how it was measured" in assumed.sentences[0]
+    assert careful.sentences[0].count("how it was measured") == 0
+
+
+def test_held_out_frames_that_contradict_the_forecast_are_the_headline(
+    calibration: Calibration, forecast: Forecast
+) -> None:
+    """0.055 % of wrong pairs by the forecast, 2.1 % on held-out frames."""
+    draws = forecast_with(0.8, 0.9, 0.02)
+    agreeing = told(calibration, forecast, draws)
+    ahead = agreeing.match.wrong_let_in.forecast
+    assert ahead is not None and not agreeing.contradiction and agreeing.forecast_holds
+    worse = {method: {**own, "wrong_let_in_at_threshold": 0.021} for method, own in WITHIN.items()}
+    found = told(calibration, forecast, draws, worse)
+    assert found.contradiction and not found.forecast_holds
+    assert "2.1 %" in found.contradiction
+    assert found.match.wrong_let_in.best(found.forecast_holds) == 0.021
+    assert found.contradiction in found.to_json()["text"]
+    assert not told(calibration, forecast, draws, WITHIN).contradiction
+    # One of 45 distinct pairs is chance.
+    few = {method: {**own, "wrong_pairs": 90} for method, own in worse.items()}
+    assert not told(calibration, forecast, draws, few).contradiction
 
 
 def test_files_carry_it(calibration: Calibration, forecast: Forecast) -> None:
@@ -174,7 +224,8 @@ def forecast_with(
     error[:, :, 2] *= measuring * noise[1]
     lengths = 1.0 + np.repeat(error[..., None], 20, axis=3)
     depths, radii = rng.uniform(4, 10, (draws, 2, 20)), rng.uniform(0, 1, (draws, 2, 20))
-    return ForecastDraws(SETS, counts, px, lengths, depths, radii, recorded=25)
+    bar = np.ones(draws)
+    return ForecastDraws(SETS, counts, px, lengths, depths, radii, 25, bar)
 
 
 def held_out(px: float, length: float) -> ModelCheck:

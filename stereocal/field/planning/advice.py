@@ -12,8 +12,8 @@ from stereocal.field.planning.plan import LARGEST_TOE_IN_DEG, AimedPose, Plan
 from stereocal.refined.uncertainty import point_covariances
 from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import FloatArray
-from stereocal.system.numbers import rounded
-from stereocal.verdict.in_words import digits, distance, percent
+from stereocal.system.numbers import distance, rounded
+from stereocal.verdict.in_words import digits, percent
 
 BASELINES = 2.0 ** np.arange(-1.5, 2.01, 0.5)
 """Factors of the planned baseline that are tried: 0.35 to 4."""

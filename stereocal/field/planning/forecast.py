@@ -20,10 +20,11 @@ from stereocal.field.planning.advice import LIMITS, Advice, advise
 from stereocal.field.planning.drawn_rigs import FIGURES, DrawnRigs, draw_rigs
 from stereocal.field.planning.expected import ExpectedFit, expect
 from stereocal.field.planning.plan import Plan
+from stereocal.refined.length_in_metres import BarKnown, length_in_words
 from stereocal.system.array_types import FloatArray
-from stereocal.system.numbers import rounded, without_nan
+from stereocal.system.numbers import distance, rounded, without_nan
 from stereocal.system.tasks import Progress, Task, run_tasks
-from stereocal.verdict.in_words import distance, percent
+from stereocal.verdict.in_words import percent
 
 FORECAST_FORMAT = "stereocal-forecast/1"
 RIGS, FEWEST_RIGS, MOST_RIGS = 128, 64, 10_000
@@ -120,7 +121,11 @@ class PlanForecast:
             "format": FORECAST_FORMAT,
             "plan": self.plan.name,
             "methods": {
-                method: {figure: vars(self.estimate(method, figure)) for figure in STATED}
+                method: {
+                    **{figure: vars(self.estimate(method, figure)) for figure in STATED},
+                    # All length errors of a plan are of lengths in metres.
+                    "p95_metric_error_3d": vars(self.estimate(method, "p95_error_3d")),
+                }
                 for method in FILE_METHODS
             },
             "position_error_m": vars(self.position_error_m),
@@ -192,14 +197,24 @@ def plan_answer(forecast: PlanForecast) -> str:
     depths, length, position = forecast.fit.by_depth
     known = np.flatnonzero(np.isfinite(length))
     middle, far = known[len(known) // 2], known[-1]
+    first = f"{_about_needed(forecast)}{_length_in_words(forecast)}"
     return (
-        f"{_about_needed(forecast)}Lengths to {percent(length[middle])} % at "
-        f"{rounded(depths[middle], 3)} m and {percent(length[far])} % at "
-        f"{rounded(depths[far], 3)} m, positions to "
+        f"{first}Lengths to {percent(length[middle])} % at {rounded(depths[middle], 3)} m and "
+        f"{percent(length[far])} % at {rounded(depths[far], 3)} m, positions to "
         f"{distance(float(position[middle]))} and {distance(float(position[far]))} (mean errors of "
         f"the refined set). About {points_per_frame(forecast)} points of a frame can be matched. "
         f"Limited by {LIMITS[forecast.advice.limited_by]}."
     )
+
+
+def _length_in_words(forecast: PlanForecast) -> str:
+    """How well a length in metres will be known, and what of that is the bar."""
+    plan = forecast.plan
+    total = forecast.estimate(forecast.measure_with, "p95_error_3d").value
+    if not total > 0:
+        return ""
+    bar = BarKnown.of("bar", plan.bar_m, plan.uncertainty.bar_m, None)
+    return f"{length_in_words(total, None, bar, [plan.bar_m])} "
 
 
 def _about_needed(forecast: PlanForecast) -> str:
