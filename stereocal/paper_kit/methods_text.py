@@ -20,7 +20,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import count, rounded
 from stereocal.verdict.forecast import sure
 from stereocal.verdict.in_words import digits, interval, listed, named_frames, percent
-from stereocal.verdict.recommendation import NAMES, in_percent
+from stereocal.verdict.recommendation import NAMES
 from stereocal.version import __version__
 from stereocal.workflow import Run
 
@@ -246,13 +246,7 @@ def _recommended(run: Run) -> Iterator[str]:
     if share is not None:
         let_in = f", a threshold that {percent(share)} % of wrong pairs passed {where}"
     yield f"To match points, {NAMES[match.method]}{match.below} is recommended{let_in}."
-    within = ""
-    # Else the held-out figures have said it.
-    ahead = measure.length_p95.forecast
-    if measure.length_p95.held_out is None and found.forecast_holds and ahead is not None:
-        within = in_percent(ahead)
-    words = f"To reconstruct positions and lengths, {NAMES[measure.method]} is recommended"
-    yield f"{words}{f'; by the forecast, 95 % of lengths are within {within}' if within else ''}."
+    yield f"To reconstruct positions and lengths, {NAMES[measure.method]} is recommended."
 
 
 def _verdict(run: Run) -> Iterator[str]:

@@ -2,13 +2,19 @@
 
 import hashlib
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import combinations
 
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.all_cameras import cameras_in
 from stereocal.formats.archives.gather import is_table
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.recording_files import DESCRIPTION, find_description, parse_recording
+from stereocal.formats.recording_files import (
+    DESCRIPTION,
+    find_description,
+    pack_recording,
+    parse_recording,
+)
 from stereocal.network.pair_of_rig import data_of_pair, settings_of_pair
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RIG, RigFile
@@ -113,6 +119,25 @@ class ProjectRecording(ProjectPart):
             self.database.forget_pairs()
             self.database.keep_values(INPUT, {"name": recording.name})
         KEPT[Recording].keep(" ".join(self.digest), recording)
+
+    def know_object(self, sigma_m: float | None) -> None:
+        """Store how well the lengths of the object are known: a rig found before goes, and what was
+        corrected in its pairs stays.
+
+        Args:
+            sigma_m: standard deviation of the longest length; None: not known.
+        """
+        if (recording := self.read()) is None or recording.object.sigma_m == sigma_m:
+            return
+        known = replace(recording, object=replace(recording.object, sigma_m=sigma_m))
+        kept = {
+            name: self.database.keep_file(content, name)
+            for name, content in pack_recording(known).items()
+        }
+        with self.database.transaction():
+            self.database.replace_files(RECORDING, kept)
+            self.database.forget_files(RIG_FILES)
+        KEPT[Recording].keep(" ".join(self.digest), known)
 
     def read(self) -> Recording | None:
         """The recording; None if the project holds none."""

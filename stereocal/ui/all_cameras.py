@@ -35,6 +35,7 @@ from stereocal.ui import jobs
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.holding import ask_what_is_held, holds_board, settle
 from stereocal.ui.intake import give_pair
+from stereocal.ui.length_known import OBJECT_KNOWN, ask_object_known, object_sigma_m
 from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import button, readable, show_stale, show_with_button
 from stereocal.ui.navigation import go_to
@@ -55,6 +56,7 @@ def show_recording(project: Project) -> None:
         "This project holds a recording of three cameras or more. The page Rig calibrates them "
         "together."
     )
+    ask_object_known(project)
     if ProjectRecording(project).parts:
         show_files(project)
 
@@ -85,6 +87,8 @@ def show_files(project: Project) -> None:
         st.warning(escape_markdown(str(error)))
         return
     _show(found)
+    if not store.is_given:
+        ask_object_known(project)
     title = "Calibrate all" if len(found.recording.cameras) > 2 else "Use these points"
     # Of what is in use already, the next thing to do is on the page Rig.
     digests = (hashlib.sha256(content).hexdigest() for content in found.files.values())
@@ -124,10 +128,17 @@ def _read(project: Project, parts: dict[str, StoredFile], options: ExchangeOptio
         if is_table(table, part.read_bytes()):
             lengths |= _lengths(project, targets_in(part.read_bytes(), table))
     about = [(each, file.sha256) for each, file in parts.items()]
-    return GATHERED.once(
-        repr((about, options, lengths, name)),
-        lambda: gather_all(_contents(parts), options, name, lengths),
-    )
+    known = project.settings.get(OBJECT_KNOWN)
+
+    def gathered() -> Gathered:
+        found = gather_all(_contents(parts), options, name, lengths)
+        held = found.recording.object
+        if (sigma := object_sigma_m(project, held.longest_m)) is None:
+            return found
+        held = replace(held, sigma_m=sigma)
+        return replace(found, recording=replace(found.recording, object=held))
+
+    return GATHERED.once(repr((about, options, lengths, name, known)), gathered)
 
 
 def _lengths(project: Project, targets: Sequence[str]) -> dict[str, float]:

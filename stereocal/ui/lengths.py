@@ -1,16 +1,14 @@
 """The measured lengths and the lenses on the Data page: values, units, how well they are known."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 
-from stereocal.errors import StereocalError
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.inputs import LENGTHS
 from stereocal.projects.project import Project
@@ -21,8 +19,21 @@ from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.dataset import LONGEST_PLAUSIBLE_M, Dataset
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Number, one_of, setting
-from stereocal.ui.messages import button, clear_refusal, readable, set_refusal
-from stereocal.ui.project import current_project, project_to_write
+from stereocal.ui.length_known import (
+    HELP,
+    NOT_STATED,
+    OF_PRINTER,
+    OWN,
+    PRINTED,
+    TYPED,
+    ask_known,
+    ask_number,
+    give_lengths,
+    scaled,
+    sigma_of,
+)
+from stereocal.ui.messages import button, readable
+from stereocal.ui.project import current_project
 from stereocal.ui.texts import escape_markdown
 
 KEPT_ANSWER = "lengths_in_metres"
@@ -31,42 +42,7 @@ KEPT_ANSWER = "lengths_in_metres"
 BOTH: tuple[str, ...] = ("baseline_m", "target_distance_m")
 PAIRS = 500
 """Pairs of points from which the depths are estimated."""
-NOT_STATED, TYPED, OWN, FREE = "Not stated", "Typed", "own", "Not measured"
-PRINTED = "Printer"
-PRESETS_MM = {"Laser range finder": 2.0, "Tape": 5.0, "Total station": 1.0, "Caliper": 0.1}
-OF_PRINTER = 0.003
-"""Standard deviation of a printed length, a fraction: printers and paper stretch by so much."""
-TITLES = {
-    **{name: f"{name}: ± {mm:g} mm" for name, mm in PRESETS_MM.items()},
-    PRINTED: f"As printed, not measured: ± {100 * OF_PRINTER:g} %",
-    TYPED: "Typed, in mm",
-    FREE: "Not measured: left free",
-}
-LEAST_MM = 0.001
 ASSUMED = " (not stated, assumed)"
-HELP = (
-    "One standard deviation. With it, stereocal can tell which of the numbers that you gave "
-    "disagrees with the images; where nothing is stated it assumes {assumed}, and cannot blame it."
-)
-HELP_ON_FREE = (
-    " A baseline that nobody measured can be left free: then the lengths of the bars alone give "
-    "the scale."
-)
-
-
-def _give(
-    settings: Mapping[str, Any],
-    given: Mapping[str, Any],
-    ways: Mapping[str, Callable[[], None]] | None = None,
-) -> None:
-    """Store inputs, and how they are stated; if they are refused, offer other ways."""
-    try:
-        project = project_to_write()
-        project.give({}, **given)
-        project.keep_settings({**settings})
-        clear_refusal()
-    except StereocalError as error:
-        set_refusal(error, ways=ways)
 
 
 def ask_lengths(project: Project | None, of_board: bool) -> None:
@@ -80,7 +56,7 @@ def ask_lengths(project: Project | None, of_board: bool) -> None:
         _length_field(project, "baseline_m", "Baseline: distance between the cameras")
         if project is not None and project.pair is None:
             _offer_nominal_baseline(project)
-        _length_uncertainty(project, "baseline_m", "± 1 %")
+        ask_known(project, "baseline_m", "± 1 %")
     with right:
         if of_board:
             st.markdown("The squares of the board are the measured lengths.")
@@ -88,7 +64,7 @@ def ask_lengths(project: Project | None, of_board: bool) -> None:
             st.markdown(about)
         else:
             _length_field(project, "target_distance_m", "Distance between targets A and B")
-        _length_uncertainty(project, "target_distance_m", "± 0.1 %")
+        ask_known(project, "target_distance_m", "± 0.1 %")
     if project is not None:
         ask_if_measured(project)
     _lens_uncertainties(project)
@@ -109,10 +85,10 @@ def _length_field(project: Project | None, name: str, label: str) -> None:
         metres = None if number is None else float(number) * words.METRES_PER[unit]
         given, ways = {name: metres}, {}
         if project is not None and project.settings.get(f"{name}_known") == PRINTED:
-            given |= {_sigma_of(name): metres and OF_PRINTER * metres}
+            given |= {sigma_of(name): metres and OF_PRINTER * metres}
         if unit != "mm" and metres is not None and metres > LONGEST_PLAUSIBLE_M:
             ways[f"It is {number:.10g} mm"] = partial(take, number, "mm")
-        _give({kept.key: unit}, given, ways)
+        give_lengths({kept.key: unit}, given, ways)
 
     number = Field(
         key, key, read, lambda value: take(value, kept.value()), fit=Number(0.0, or_none=True)
@@ -139,80 +115,7 @@ def _offer_nominal_baseline(project: Project) -> None:
     )
     stated = {"baseline_m": metres, "baseline_sigma_m": sigma}
     label = f"Use {rounded(metres, 4)} m ± {rounded(100 * sigma / metres)} %"
-    button(label, "use_nominal_baseline", _give, {}, stated)
-
-
-def _length_uncertainty(project: Project | None, name: str, assumed: str) -> None:
-    """The fields of a length's uncertainty: a preset, or a typed value; not of a pair of a rig.
-
-    Args:
-        name: `baseline_m` or `target_distance_m`.
-        assumed: the default, in words.
-    """
-    if project is not None and project.pair is not None:
-        return
-    key, baseline = f"{name}_known", name == "baseline_m"
-    sigma = _sigma_of(name)
-
-    def mm() -> float | None:
-        return _scaled(getattr(project.inputs, sigma) if project else None, 1000)
-
-    def read() -> str:
-        if baseline and project is not None and project.inputs.baseline_free:
-            return FREE
-        chosen = project and project.settings.get(key)
-        if (stated := mm()) is None:
-            return str(chosen) if chosen in (TYPED, PRINTED) else NOT_STATED
-        return str(chosen) if _preset_mm(project, name, str(chosen)) == stated else TYPED
-
-    def choose(option: str) -> None:
-        free = {"baseline_free": option == FREE} if FREE in (option, read()) else {}
-        preset = _preset_mm(project, name, option)
-        stated = {} if option == TYPED else {sigma: preset and preset / 1000}
-        _give({key: option}, {**stated, **free})
-
-    def take(stated: float | None) -> None:
-        _give({key: TYPED}, {sigma: stated and stated / 1000})
-
-    left, right = st.columns([3, 2], vertical_alignment="bottom")
-    titles = {NOT_STATED: f"Not known: {assumed} assumed"} | TITLES
-    del titles[PRINTED if baseline else FREE]
-    told = HELP.format(assumed=assumed) + HELP_ON_FREE * baseline
-    known = Field(key, key, read, choose, fit=one_of(titles))
-    named = titles.__getitem__
-    if known.menu("How well is it known?", left, format_func=named, help=told) == TYPED:
-        _ask_number("± mm", f"{name}_sigma_mm", mm, take, right, least=LEAST_MM)
-
-
-def _preset_mm(project: Project | None, name: str, option: str) -> float | None:
-    """What an option says of a length; None if it says nothing."""
-    if option != PRINTED:
-        return PRESETS_MM.get(option)
-    length = getattr(project.inputs, name) if project else None
-    return _scaled(length and OF_PRINTER * length, 1000)
-
-
-def _sigma_of(name: str) -> str:
-    """The name of the standard deviation of a length."""
-    return f"{name.removesuffix('_m')}_sigma_m"
-
-
-def _ask_number(
-    title: str,
-    key: str,
-    read: Callable[[], float | None],
-    take: Callable[[float | None], None],
-    place: DeltaGenerator,
-    least: float = 0.0,
-    told: str | None = None,
-) -> None:
-    own = Field(key, key, read, take, fit=Number(least, or_none=True))
-    own.number_input(title, place, format="%.6g", placeholder="not stated", help=told)
-
-
-def _scaled(value: float | None, scale: float) -> float | None:
-    """As shown, to six digits."""
-    return None if value is None else float(f"{scale * value:.6g}")
+    button(label, "use_nominal_baseline", give_lengths, {}, stated)
 
 
 def _lens_uncertainties(project: Project | None) -> None:
@@ -243,7 +146,7 @@ def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
             stay[which] = (prior.focal, prior.centre_px) if prior else (None, None)
         elif option == NOT_STATED and camera.uncertainty:
             stay[which] = None
-        _give({key: option}, {"lens_known": stay})
+        give_lengths({key: option}, {"lens_known": stay})
 
     titles = {OWN: f"Its own calibration: {_of_lens(camera)}"} if camera.uncertainty else {}
     titles |= {NOT_STATED: NOT_STATED, TYPED: "Typed"}
@@ -254,18 +157,18 @@ def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
         return
 
     def number(at: int, scale: float) -> float | None:
-        return _scaled((stated().get(which) or (None, None))[at], scale)
+        return scaled((stated().get(which) or (None, None))[at], scale)
 
     def take(at: int, scale: float, value: float | None) -> None:
         both = [*(stated().get(which) or (None, None))]
         both[at] = None if value is None else value / scale
-        _give({key: TYPED}, {"lens_known": {**stated(), which: tuple(both)}})
+        give_lengths({key: TYPED}, {"lens_known": {**stated(), which: tuple(both)}})
 
     counts = "0 holds it as it is given. It counts once both numbers are there."
     asked = (("Focal length, ± %", "focal_percent", 100), ("Image centre, ± px", "centre_px", 1))
     for at, (place, (title, name, scale)) in enumerate(zip(st.columns(2), asked, strict=True)):
         shown, store = partial(number, at, scale), partial(take, at, scale)
-        _ask_number(title, f"lens_{which}_{name}", shown, store, place, told=counts)
+        ask_number(title, f"lens_{which}_{name}", shown, store, place, told=counts)
 
 
 def describe_uncertainties(dataset: Dataset) -> str:

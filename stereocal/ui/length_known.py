@@ -1,0 +1,157 @@
+"""How well a measured length is known, asked beside it: a preset, or a typed standard deviation."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
+
+from stereocal.errors import StereocalError
+from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
+from stereocal.ui.fields import Field, Number, one_of, setting
+from stereocal.ui.messages import clear_refusal, set_refusal
+from stereocal.ui.project import project_to_write
+
+NOT_STATED, TYPED, OWN, FREE = "Not stated", "Typed", "own", "Not measured"
+PRINTED = "Printer"
+PRESETS_MM = {"Laser range finder": 2.0, "Tape": 5.0, "Total station": 1.0, "Caliper": 0.1}
+OF_PRINTER = 0.003
+"""Standard deviation of a printed length, a fraction: printers and paper stretch by so much."""
+TITLES = {
+    **{name: f"{name}: ± {mm:g} mm" for name, mm in PRESETS_MM.items()},
+    PRINTED: f"As printed, not measured: ± {100 * OF_PRINTER:g} %",
+    TYPED: "Typed, in mm",
+    FREE: "Not measured: left free",
+}
+OBJECT_KNOWN = "object_known"
+"""Setting: how well the lengths of the object of a rig are known."""
+LEAST_MM = 0.001
+HELP = (
+    "One standard deviation. With it, stereocal can tell which of the numbers that you gave "
+    "disagrees with the images; where nothing is stated it assumes {assumed}, and cannot blame it."
+)
+HELP_ON_FREE = (
+    " A baseline that nobody measured can be left free: then the lengths of the bars alone give "
+    "the scale."
+)
+
+
+def give_lengths(
+    settings: Mapping[str, Any],
+    given: Mapping[str, Any],
+    ways: Mapping[str, Callable[[], None]] | None = None,
+) -> None:
+    """Store inputs, and how they are stated; if they are refused, offer other ways."""
+    try:
+        project = project_to_write()
+        project.give({}, **given)
+        project.keep_settings({**settings})
+        clear_refusal()
+    except StereocalError as error:
+        set_refusal(error, ways=ways)
+
+
+def ask_known(project: Project | None, name: str, assumed: str) -> None:
+    """The fields of a length's uncertainty: a preset, or a typed value; not of a pair of a rig.
+
+    Args:
+        name: `baseline_m` or `target_distance_m`.
+        assumed: the default, in words.
+    """
+    if project is not None and project.pair is not None:
+        return
+    key, baseline = f"{name}_known", name == "baseline_m"
+    sigma = sigma_of(name)
+
+    def mm() -> float | None:
+        return scaled(getattr(project.inputs, sigma) if project else None, 1000)
+
+    def read() -> str:
+        if baseline and project is not None and project.inputs.baseline_free:
+            return FREE
+        chosen = project and project.settings.get(key)
+        if (stated := mm()) is None:
+            return str(chosen) if chosen in (TYPED, PRINTED) else NOT_STATED
+        return str(chosen) if _preset_mm(project, name, str(chosen)) == stated else TYPED
+
+    def choose(option: str) -> None:
+        free = {"baseline_free": option == FREE} if FREE in (option, read()) else {}
+        preset = _preset_mm(project, name, option)
+        stated = {} if option == TYPED else {sigma: preset and preset / 1000}
+        give_lengths({key: option}, {**stated, **free})
+
+    def take(stated: float | None) -> None:
+        give_lengths({key: TYPED}, {sigma: stated and stated / 1000})
+
+    left, right = st.columns([3, 2], vertical_alignment="bottom")
+    titles = {NOT_STATED: f"Not known: {assumed} assumed"} | TITLES
+    del titles[PRINTED if baseline else FREE]
+    told = HELP.format(assumed=assumed) + HELP_ON_FREE * baseline
+    known = Field(key, key, read, choose, fit=one_of(titles))
+    named = titles.__getitem__
+    if known.menu("How well is it known?", left, format_func=named, help=told) == TYPED:
+        ask_number("± mm", f"{name}_sigma_mm", mm, take, right, least=LEAST_MM)
+
+
+def _preset_mm(project: Project | None, name: str, option: str) -> float | None:
+    """What an option says of a length; None if it says nothing."""
+    if option != PRINTED:
+        return PRESETS_MM.get(option)
+    length = getattr(project.inputs, name) if project else None
+    return scaled(length and OF_PRINTER * length, 1000)
+
+
+def sigma_of(name: str) -> str:
+    """The name of the standard deviation of a length."""
+    return f"{name.removesuffix('_m')}_sigma_m"
+
+
+def ask_number(
+    title: str,
+    key: str,
+    read: Callable[[], float | None],
+    take: Callable[[float | None], None],
+    place: DeltaGenerator,
+    least: float = 0.0,
+    told: str | None = None,
+) -> None:
+    own = Field(key, key, read, take, fit=Number(least, or_none=True))
+    own.number_input(title, place, format="%.6g", placeholder="not stated", help=told)
+
+
+def scaled(value: float | None, scale: float) -> float | None:
+    """As shown, to six digits."""
+    return None if value is None else float(f"{scale * value:.6g}")
+
+
+def object_sigma_m(project: Project, longest_m: float) -> float | None:
+    """The standard deviation that was chosen for the lengths of an object; None if none was."""
+    known = project.settings.get(OBJECT_KNOWN)
+    mm = OF_PRINTER * 1000 * longest_m if known == PRINTED else PRESETS_MM.get(str(known))
+    return None if mm is None else mm / 1000
+
+
+def ask_object_known(project: Project) -> None:
+    """How well the lengths of the object of three cameras and more are known."""
+    store = ProjectRecording(project)
+    recording = store.read()
+    own = None if recording is None else recording.object
+    chosen = object_sigma_m(project, 1.0 if own is None else own.longest_m)
+    states = own is not None and own.sigma_m is not None and chosen is None
+    titles = {OWN: "As its files state"} if states else {}
+    titles |= {NOT_STATED: "Not known: ± 0.1 % assumed"} | TITLES
+    for option in (TYPED, FREE):
+        del titles[option]
+    field = setting(project, OBJECT_KNOWN, OWN if states else NOT_STATED, one_of(titles))
+
+    def choose(option: str) -> None:
+        project.keep_settings({OBJECT_KNOWN: option})
+        if own is not None and option != OWN:
+            store.know_object(object_sigma_m(project, own.longest_m))
+
+    told = HELP.format(assumed="± 0.1 %")
+    replace(field, write=choose).menu(
+        "How well are the lengths of the object known?", format_func=titles.__getitem__, help=told
+    )
