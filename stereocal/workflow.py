@@ -54,7 +54,7 @@ from stereocal.rig.parameters import ForecastEntries, RigParameters
 from stereocal.system.array_types import IntArray
 from stereocal.system.latest import is_made, step
 from stereocal.system.tasks import Progress
-from stereocal.verdict.file_figures import Validated
+from stereocal.verdict.file_figures import Validated, figures_of
 from stereocal.verdict.forecast import Forecast, advice_on_improvements, forecast_files
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line
@@ -214,7 +214,14 @@ class Run:
     @step
     def forecast_entries(self) -> dict[Method, ForecastEntries]:
         """The entries of the files on the forecast, by method; empty without one."""
-        return self.forecast.of_files(self.validation) if self.forecast else {}
+        if self.forecast is None:
+            return {}
+        entries = self.forecast.of_files(self.validation)
+        about = self.calibration, self.forecast, self.validation
+        return {
+            method: own.raised(figures_of(method, *about).contradicted)
+            for method, own in entries.items()
+        }
 
     @step
     def sets(self) -> dict[Method, RigParameters]:

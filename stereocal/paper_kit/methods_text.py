@@ -18,9 +18,10 @@ from stereocal.refined.unknowns import (
 from stereocal.rig.correspondences import SOURCES
 from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import count, rounded
+from stereocal.verdict.file_figures import bar_known
 from stereocal.verdict.forecast import sure
 from stereocal.verdict.in_words import digits, interval, listed, named_frames, percent
-from stereocal.verdict.recommendation import NAMES
+from stereocal.verdict.recommendation import NAMES, in_percent
 from stereocal.version import __version__
 from stereocal.workflow import Run
 
@@ -46,7 +47,7 @@ def methods_md(run: Run, applied: Outcome | None = None) -> str:
         if applied is not None and "matching" in applied.used
         else _recommended
     )
-    parts = (_recording, _left_out, _sets, _validation, _held_out, use, _verdict)
+    parts = (_recording, _left_out, _sets, _validation, _held_out, use, _lengths, _verdict)
     paragraphs = (" ".join(filter(None, part(run))) for part in parts)
     again = (
         "Data, settings, parameter files and their digests are in `archive.zip`; `python -m "
@@ -247,6 +248,15 @@ def _recommended(run: Run) -> Iterator[str]:
         let_in = f", a threshold that {percent(share)} % of wrong pairs passed {where}"
     yield f"To match points, {NAMES[match.method]}{match.below} is recommended{let_in}."
     yield f"To reconstruct positions and lengths, {NAMES[measure.method]} is recommended."
+
+
+def _lengths(run: Run) -> Iterator[str]:
+    """How well lengths in metres are known, and what of that is the bar."""
+    found = run.recommendation
+    metric = found.measure.metric_p95.best(found.forecast_holds)
+    if metric is not None:
+        known = bar_known(run.calibration, run.forecast)
+        yield f"95 % of lengths in metres are within {in_percent(metric)}, with {known.in_words}."
 
 
 def _verdict(run: Run) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self, TypedDict
 
 import numpy as np
@@ -47,6 +47,13 @@ class ForecastEntries:
     """By figure: value, low and high of the 95 % interval."""
     uncertainties: Mapping[str, Any]
     """`sigma_px` and the `covariance` of the file about the truth."""
+
+    def raised(self, shown: Mapping[str, float]) -> "ForecastEntries":
+        """With intervals that reach up to what held-out frames have shown, by figure."""
+        figures = dict(self.figures)
+        for name, value in shown.items():
+            figures[name] = {**figures[name], "high": max(figures[name]["high"], value)}
+        return replace(self, figures=figures)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

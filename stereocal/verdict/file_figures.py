@@ -17,9 +17,9 @@ from stereocal.system.numbers import digits
 from stereocal.verdict.forecast import Forecast
 from stereocal.verdict.forecast_draws import ForecastFigures
 
-CHANCE = 0.995
+CHANCE = 0.975
 """Held-out figures below this quantile of what the upper end of a forecast allows are chance."""
-OF_QUANTILE = 2.6 * 0.95
+OF_QUANTILE = 1.96 * 0.95
 """Standard errors of that quantile, times the relative one of the 95 % quantile of one normal
 error: of n it is 0.95 / sqrt(n)."""
 SMALLEST_EXCESS = 1.3
@@ -67,6 +67,17 @@ class FileFigures:
     """Relative length error of 95 % of the bars."""
     metric_p95: Figure
     """The same of lengths in metres, with the error of the bar."""
+
+    @property
+    def contradicted(self) -> dict[str, float]:
+        """The held-out values that contradict the forecast, by the name of the figure."""
+        found = {}
+        if not self.wrong_let_in.agrees and self.wrong_let_in.held_out is not None:
+            found["wrong_let_in_at_threshold"] = self.wrong_let_in.held_out
+        if not self.length_p95.agrees and self.length_p95.held_out is not None:
+            found["p95_error_3d"] = self.length_p95.held_out
+            found["p95_metric_error_3d"] = self.metric_p95.held_out or self.length_p95.held_out
+        return found
 
     @property
     def below(self) -> str:
