@@ -39,7 +39,7 @@ from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import frames_to_come, in_percent
 from stereocal.workflow import Run
 
-TILES = ("Wrong pairs let in", "95 % of lengths in metres within", "Threshold")
+TILES = ("Wrong pairs let in", "95 % of lengths within", "Threshold")
 FRAMES = "Errors by frame"
 CHART, OPENED = "frames", "opened_frame"
 COVERAGE = "coverage"
