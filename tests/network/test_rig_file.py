@@ -50,6 +50,25 @@ def test_the_file_reads_back(rig: RigCalibration) -> None:
     assert read.to_json() | {"created": 0} == written.to_json() | {"created": 0}
 
 
+def test_a_length_in_metres_has_the_error_of_the_object(truth: SimulatedRig) -> None:
+    """Known to 0.1 % if nothing is stated, 0.5 % if it is: 1.96 of that and the scatter."""
+    told = []
+    for sigma in (None, 0.005):
+        settings = replace(truth.settings, object_sigma=sigma)
+        bare = replace(truth.recording, object=replace(truth.recording.object, sigma_m=None))
+        file = rig_file(calibrate_rig(bare, settings))
+        figures = file.about.figures
+        assert figures is not None and figures.metric_error_p95 is not None
+        scatter = figures.to_expect.length_error_p95
+        assert scatter is not None
+        own = figures.metric_error_p95**2 - scatter**2
+        # Nothing else has the scale: no baseline is stated.
+        assert np.sqrt(own) == pytest.approx(1.96 * (sigma or 0.001), rel=0.02)
+        told.append(rig_sentence(RigFile.loads(file.dumps())))
+    assert "most of it scatter" in told[0]
+    assert "most of it from the" in told[1] and "± 0.5 %" in told[1]
+
+
 def test_a_camera_without_points_that_two_others_see_is_in_the_table(rig: RigCalibration) -> None:
     file = rig_file(rig)
     unknown = dict.fromkeys(rig.names[:1])

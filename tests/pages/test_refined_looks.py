@@ -7,7 +7,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal import workflow
 from stereocal.figures.one_set import FIXED
-from stereocal.projects.project import Project
+from stereocal.projects.project import Project, packed_table
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
 from stereocal.rig.dataset import Dataset
@@ -140,6 +140,33 @@ def test_typed_numbers_stand_after_f5_and_reach_the_refined_method(
     assert tab.number_input(key="lens_secondary_focal_percent").value == 0.4
     assert tab.number_input(key="lens_secondary_centre_px").value == 6.0
     assert tab.selectbox(key="lens_primary_known").value == "Not stated"
+
+
+def test_a_printed_length_is_known_to_a_share_of_it(app: AppTest, home: Path) -> None:
+    project = project_of(open_sample(app), home)
+    choose(app, "target_distance_m", "Caliper")
+    assert read(project).target_distance_sigma_m == pytest.approx(0.0001)
+    choose(app, "target_distance_m", "Printer")
+    assert read(project).target_distance_sigma_m == pytest.approx(0.003 * 0.9)
+    app.number_input(key="target_distance_m_value").set_value(0.5).run()
+    assert read(project).target_distance_sigma_m == pytest.approx(0.003 * 0.5)
+    assert app.selectbox(key="target_distance_m_known").value == "Printer"
+    choose(app, "target_distance_m", "Not stated")
+    assert read(project).target_distance_sigma_m is None
+
+
+def test_points_that_are_too_few_are_not_green_and_lead_nowhere(app: AppTest, home: Path) -> None:
+    """Two pairs in one frame, and four in two: five are needed."""
+    project = project_of(open_sample(app), home)
+    assert app.button(key="next") and len(app.success)
+    table = packed_table(read(project).correspondences)
+    head, *rows = table.splitlines(keepends=True)
+    for few in (2, 4):
+        project.give({"correspondences": ("few.csv", head + b"".join(rows[:few]))})
+        app.switch_page("pages/data.py").run()
+        assert f"{few} pairs" in " ".join(str(each.value) for each in app.warning)
+        assert not len(app.success) and "next" not in [each.key for each in app.button]
+        assert states(app)["data"] == "missing"
 
 
 def test_freed_lenses_are_the_same_setting_in_any_order(home: Path) -> None:

@@ -273,6 +273,7 @@ def test_from_files_to_the_rig(app: AppTest, home: Path) -> None:
     assert "the distance from A to B is missing" in told(app, "warning")
     app.number_input(key="several_B_m").set_value(0.39).run()
     app.number_input(key="several_M_m").set_value(0.13).run()
+    app.selectbox(key="object_known").set_value("Caliper").run()
     assert "1-2 (" in told(app, "caption") and not app.error
     app.button(key="several_run").click().run()
     assert titles(app) == ["Rig"]
@@ -281,6 +282,7 @@ def test_from_files_to_the_rig(app: AppTest, home: Path) -> None:
     assert recording is not None
     assert list(recording.cameras) == ["1", "2", "3"]
     assert recording.object.names == ("A", "B", "M")
+    assert recording.object.sigma_m == pytest.approx(0.0001)
     wait_until(lambda: store.rig is not None)
     assert "One rig of 3 cameras" in told(go(app, "rig"))
     # The files are still there to be corrected; what replaces one is named, and can be undone.
@@ -293,6 +295,12 @@ def test_from_files_to_the_rig(app: AppTest, home: Path) -> None:
     assert app.button(key="several_run").proto.type == "secondary"  # they are in use
     assert store.parts["camera_1.yaml"].read_bytes() == files_of_rig()["camera_1.yaml"]
     assert store.rig is not None
+    # Known otherwise, the recording stays in use, and its rig is to be found again.
+    app.selectbox(key="object_known").set_value("Printer").run()
+    recording = store.read()
+    assert recording is not None and store.rig is None
+    assert recording.object.sigma_m == pytest.approx(0.003 * 0.39)
+    assert app.button(key="several_run").proto.type == "secondary"
 
 
 @pytest.mark.parametrize(

@@ -194,10 +194,18 @@ def test_held_out_frames_that_contradict_the_forecast_are_the_headline(
     assert "2.1 %" in found.contradiction
     assert found.match.wrong_let_in.best(found.forecast_holds) == 0.021
     assert found.contradiction in found.to_json()["text"]
+    run = run_of(calibration, replace(forecast, check=None))
+    run.figures = {
+        method: {**own, "wrong_let_in_at_threshold": 0.5} for method, own in worse.items()
+    }
+    predicted = run.sets[run.recommendation.match.method].predicted
+    assert predicted is not None and predicted["wrong_let_in_at_threshold"]["high"] == 0.5
     assert not told(calibration, forecast, draws, WITHIN).contradiction
-    # One of 45 distinct pairs is chance.
-    few = {method: {**own, "wrong_pairs": 90} for method, own in worse.items()}
-    assert not told(calibration, forecast, draws, few).contradiction
+    # One of 90 distinct pairs is chance, 8 of the 780 of 40 points are not.
+    for pairs, by_chance in ((180, True), (9000, False)):
+        about = {"wrong_let_in_at_threshold": 0.0105, "wrong_pairs": pairs}
+        few = {method: {**own, **about} for method, own in worse.items()}
+        assert bool(told(calibration, forecast, draws, few).contradiction) is not by_chance
 
 
 def test_files_carry_it(calibration: Calibration, forecast: Forecast) -> None:
