@@ -21,6 +21,7 @@ from stereocal.formats.world_file import check_world
 from stereocal.matching.application import POINTS, Application, Outcome, Points, apply_sets
 from stereocal.matching.point_table import POINT, PointTable, is_parquet
 from stereocal.network.rig_file import RIG, Parameters, RigFile, read_parameters
+from stereocal.projects.contents import APPLIED, ASKING, CHECK, POINT_FILES, SETS, TABLES, WORLD
 from stereocal.projects.database import DamagedError
 from stereocal.projects.files import StoredFile, loaded
 from stereocal.projects.project import Project, ProjectPart
@@ -35,12 +36,8 @@ Asked = str
 """What a file with open questions is for: a camera's points (`primary`, `secondary`, or `slot_of` a
 rig's camera), `bars`, `archive`, `matching` or `measuring`."""
 SUFFIXES = (".csv", ".parquet")
-POINT_FILES, TABLES, ASKING = "points", "tables", "asking"
-SETS, APPLIED, WORLD = "sets", "applied", "world"
-"""Parts of a project: uploaded point files, the tables read from them, and files with open
-questions; parameter files, tables of the last result, and the world frame's file."""
-CHECK, PARAMETERS, IMAGES = "check", "parameters", "images"
-"""The part of the Check page, and its files."""
+PARAMETERS, IMAGES = "parameters", "images"
+"""The files of the Check page."""
 CLICKED_IN = "points clicked in the"
 """How the labels of points begin that were clicked on the page."""
 EARLIER = "image_sizes"
@@ -301,7 +298,7 @@ class ProjectCheck(ProjectPart):
     @property
     def of_images(self) -> Project:
         """What holds the new photographs: a project of its own in the same file."""
-        return Project(self.database.of_page("check"))
+        return Project(self.database.of_page(CHECK))
 
     def keep_parameters(self, label: str, content: bytes) -> None:
         read_parameters(content, label)

@@ -11,8 +11,9 @@ pairs/1/inputs/ ...                   the same of each pair of a rig that was op
 import json
 import re
 import tempfile
+import time
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from itertools import chain, count
@@ -22,35 +23,33 @@ from typing import Any
 from stereocal.errors import StereocalError, damaged
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.inputs import MANIFEST
-from stereocal.projects.application import APPLIED, ASKING, CHECK, POINT_FILES, SETS, TABLES, WORLD
+from stereocal.projects.clicks import ProjectClicks
+from stereocal.projects.contents import (
+    ANY,
+    CONTENTS,
+    PAGES,
+    TABLES,
+    Held,
+    Table,
+    edition,
+    held,
+    travels,
+)
 from stereocal.projects.files import PAIR, Store, StoredFile, new_database
-from stereocal.projects.photographs import BAR
-from stereocal.projects.project import CALIBRATED, FURTHER, INPUT, SETTING, VALUES, Project
-from stereocal.projects.recording import PARTS, RECORDING, REPLACED, RIG_FILES, ProjectRecording
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import check_quota
-from stereocal.rig.camera import CAMERAS
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.json_text import read_json
+from stereocal.system.limits import Limits
 from stereocal.system.zip_files import OpenZip, open_zip
 
 MANIFEST_FORMAT = "stereocal-project/1"
-BOARDS = tuple(f"boards_{which}" for which in CAMERAS)
-APPLY = (POINT_FILES, TABLES, ASKING, SETS, APPLIED, WORLD, CHECK)
-NAMED = {INPUT: "inputs", CALIBRATED: "calibrated", FURTHER: "datasets", BAR: "photographs"}
-SAME = (*BOARDS, *APPLY, RECORDING, RIG_FILES, PARTS, REPLACED)
-FOLDERS = NAMED | dict(zip(SAME, SAME, strict=True))
-"""Where the files of each part are in the zip."""
-RESULTS = {
-    "calibration": "calibration.json",
-    "evaluation": "evaluation.npz",
-    "frames": "frames.json",
-    "calibration_evaluation": "calibration_evaluation.npz",
-    "recommended": "recommended.json",
-    APPLIED: "applied.json",
-    **{boards: f"{boards}.npz" for boards in BOARDS},
-    **{f"lens_{which}": f"lens_{which}.npz" for which in CAMERAS},
-}
-OF_BAR = ("pairs", "found_by", "boards_found", "boards_doubtful")
+FILES = (
+    "SELECT part, name, sha256, about, stored FROM named JOIN file USING (sha256) "
+    "ORDER BY named.rowid"
+)
 PACKED = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".zip", ".npz", ".parquet", ".h5", ".mat")
 UNSAFE = re.compile(r"[^A-Za-z0-9._-]|^\.+")
 
@@ -67,44 +66,66 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
         zipfile.ZipFile(waiting, "w", zipfile.ZIP_DEFLATED, strict_timestamps=False) as archive,
         database.reading() as db,
     ):
-        manifest: dict[str, Any] = {"format": MANIFEST_FORMAT, "values": {}, "files": []}
-        pairs: dict[str, dict[str, Any]] = {}
-        taken: set[str] = set()
-
-        def place(scoped: str) -> tuple[str, dict[str, Any], str]:
-            """Part, manifest and folder of what the project itself or a pair has."""
-            scope, _, part = scoped.rpartition("/")
-            if not scope:
-                return part, manifest, ""
-            named = {"name": scope.removeprefix(PAIR), "folder": f"pairs/{len(pairs) + 1}/"}
-            own = pairs.setdefault(scope, {**named, "values": {}, "files": []})
-            return part, own, own["folder"]
-
+        manifest, taken = _Manifest(), set[str]()
         for scoped, name, text in database.rows("SELECT part, name, json FROM value"):
-            part, own, _ = place(scoped)
-            own["values"].setdefault(part, {})[name] = json.loads(text)
-        edits = database.rows("SELECT json FROM edit ORDER BY number")
-        manifest["edits"] = [json.loads(text) for (text,) in edits]
-        query = "SELECT part, name, sha256, about FROM named ORDER BY rowid"
-        for scoped, name, sha256, text in database.rows(query):
-            part, own, folder = place(scoped)
-            about = json.loads(text)
-            label = about["suffix"] if part == TABLES else about
-            path = _unused(folder + FOLDERS[part], name, label, taken)
-            own["files"].append({"part": part, "name": name, "about": about, "path": path})
-            info = zipfile.ZipInfo(path)
-            packed = path.lower().endswith(PACKED)
-            info.compress_type = zipfile.ZIP_STORED if packed else zipfile.ZIP_DEFLATED
-            with archive.open(info, "w", force_zip64=True) as file:
-                file.writelines(StoredFile(sha256, database).pieces())
+            part, own = manifest.place(scoped)
+            if _packed("value", part, name):
+                own["values"].setdefault(part, {})[name] = json.loads(text)
+        edits = database.rows("SELECT json FROM edit ORDER BY number") if _packed("edit") else []
+        manifest.whole["edits"] = [json.loads(text) for (text,) in edits]
+        for scoped, name, sha256, text, stored in database.rows(FILES):
+            part, own = manifest.place(scoped)
+            if (entry := _packed("named", part)) is not None:
+                about = json.loads(text)
+                label = about["suffix"] if part == TABLES else about
+                path = _unused(own.get("folder", "") + entry.place, name, label, taken)
+                item = {"part": part, "name": name, "about": about, "path": path}
+                own["files"].append(item | ({"stored": stored} if _packed("file") else {}))
+                _write(archive, path, StoredFile(sha256, database))
         for scoped, content in db.execute("SELECT kind, content FROM result"):  # one in memory
-            kind, _, folder = place(scoped)
-            archive.writestr(f"{folder}results/{RESULTS[kind]}", content)
-        whole = manifest | ({"pairs": list(pairs.values())} if pairs else {})
-        archive.writestr(MANIFEST, json.dumps(whole, indent=1))
+            kind, own = manifest.place(scoped)
+            if (entry := _packed("result", kind)) is not None:
+                archive.writestr(f"{own.get('folder', '')}results/{entry.place}", content)
+        archive.writestr(MANIFEST, json.dumps(manifest.whole, indent=1))
         with suppress(StereocalError):  # damaged data are left out
             for name, content in _readable_files(project, result or {}).items():
                 archive.writestr(name, content)
+
+
+class _Manifest:
+    """What project.json says of a project, and of each pair and page with a scope of its own."""
+
+    def __init__(self) -> None:
+        stated = {"format": MANIFEST_FORMAT, "edition": edition()}
+        self.whole: dict[str, Any] = {**stated, "values": {}, "files": [], "edits": []}
+        self._scopes: dict[str, dict[str, Any]] = {"": self.whole}
+
+    def place(self, scoped: str) -> tuple[str, dict[str, Any]]:
+        """The part that a scoped one is, and what is said of its scope."""
+        scope, _, part = scoped.rpartition("/")
+        if scope not in self._scopes:
+            named = {"name": scope.removeprefix(PAIR), "folder": f"pairs/{len(self._scopes)}/"}
+            self._scopes[scope] = {**named, "values": {}, "files": []}
+            self.whole.setdefault("pairs", []).append(self._scopes[scope])
+        return part, self._scopes[scope]
+
+
+def _write(archive: zipfile.ZipFile, path: str, stored: StoredFile) -> None:
+    info = zipfile.ZipInfo(path)
+    packed = path.lower().endswith(PACKED)
+    info.compress_type = zipfile.ZIP_STORED if packed else zipfile.ZIP_DEFLATED
+    with archive.open(info, "w", force_zip64=True) as file:
+        file.writelines(stored.pieces())
+
+
+def _packed(table: Table, part: str = "", name: str = ANY) -> Held | None:
+    """How something is packed; None if it stays."""
+    if (entry := held(table, part, name)) is None:
+        raise StereocalError(
+            f"This version of stereocal does not know what a later one stored here ({part} "
+            f"{name[:40]}), and it would be lost: pack the project with that version."
+        )
+    return None if entry.stays else entry
 
 
 def _readable_files(project: Project, result: Mapping[str, bytes]) -> dict[str, bytes]:
@@ -129,8 +150,13 @@ def _unused(folder: str, name: str, label: str, taken: set[str]) -> str:
     return path
 
 
-def unpack_project(source: Path | bytes, name: str, home: Path) -> Project:
+def unpack_project(
+    source: Path | bytes, name: str, home: Path, tell: Callable[[str], object] = lambda _: None
+) -> Project:
     """Import a zip of `pack_project` as a new project below `home`.
+
+    Args:
+        tell: is given what a zip of another version lacks, and what of it is left out.
 
     Raises:
         StereocalError: not a zip, no project in it, or an invalid one; nothing is imported.
@@ -139,36 +165,123 @@ def unpack_project(source: Path | bytes, name: str, home: Path) -> Project:
     def fill(database: Store) -> None:
         with open_zip(source, name) as opened:
             check_quota(sum(map(opened.size, opened.names)))
-            _fill(Project(database), opened, name)
+            _fill(Project(database), opened, name, tell)
 
     return Project(new_database(home, fill))
 
 
-def _fill(project: Project, opened: OpenZip, source: str) -> None:
+def _fill(project: Project, opened: OpenZip, source: str, tell: Callable[[str], object]) -> None:
     manifest, database = _manifest(opened, source), project.database
     told = f"{MANIFEST} is damaged."
     with damaged(told, source=source, keep=True), database.transaction() as db:
-        pairs = [(each, database.of_pair(each["name"])) for each in manifest.get("pairs", [])]
-        for own, store in ((manifest, database), *pairs):
-            for part, names in ((INPUT, VALUES), (BAR, OF_BAR), (SETTING, None)):
-                values = dict(own["values"].get(part, {}))
-                kept = {key: values[key] for key in (names or values) if key in values}
-                store.keep_values(part, kept)
-            for item in own["files"]:
-                part, name, path = (str(item[key]) for key in ("part", "name", "path"))
-                if part not in FOLDERS:
-                    raise ValueError(part)
-                stored = replace(_unpacked(opened, path, store), about=item["about"])
-                store.name_files(part, {name: stored})
-            for kind, file_name in RESULTS.items():
-                path = f"{own.get('folder', '')}results/{file_name}"
-                if path in opened.names:
-                    store.keep_result(kind, opened.read(path))
-            _ = Project(store).dataset
-        edits = [(json.dumps(dict(edit)),) for edit in manifest["edits"]]
-        db.executemany("INSERT INTO edit (json) VALUES (?)", edits)
+        of_pairs = manifest.get("pairs", [])
+        names = sum(len(own["files"]) for own in (manifest, *of_pairs))
+        Limits.from_environment().check_count(names, f"{source}: {MANIFEST}")
+        members, scopes = _Members(opened), {""}
+        unknown = _restore(manifest, database, members)
+        if travels("edit"):
+            edits = [(json.dumps(dict(edit)),) for edit in manifest["edits"]]
+            db.executemany("INSERT INTO edit (json) VALUES (?)", edits)
         recording = ProjectRecording(project)
         _ = recording.read(), recording.rig
+        for own in of_pairs:
+            store = _scoped(recording, own["name"])
+            if store.scope in scopes:
+                raise ValueError(store.scope)
+            scopes.add(store.scope)
+            unknown += _restore(own, store, members)
+        before = int(manifest.get("edition", 1))
+    newer = [one.words for one in CONTENTS.values() if one.since > before and not one.stays]
+    if newer:
+        lacking = ", ".join(dict.fromkeys(newer))
+        tell(f"{source} was packed by an earlier version of stereocal, and lacks: {lacking}.")
+    if unknown:
+        some = ", ".join(each[:40] for each in unknown[:3]) + ", ..." * (len(unknown) > 3)
+        tell(f"{source} has what this version of stereocal does not know; left out: {some}.")
+
+
+class _Members:
+    """The files of a project's zip. Each belongs to one name: reading a large one for each of many
+    names would take hours."""
+
+    def __init__(self, opened: OpenZip) -> None:
+        self._opened, self._left = opened, {*opened.names}
+
+    def _take(self, path: str) -> str:
+        if path not in self._left:
+            why = "twice" if path in self._opened.names else "but is not in the zip"
+            raise StereocalError(f"{path} is in {MANIFEST} {why}.")
+        self._left.remove(path)
+        return path
+
+    def read(self, path: str) -> bytes | None:
+        """Its content; None if it is not there."""
+        return self._opened.read(self._take(path)) if path in self._left else None
+
+    def store(self, path: str, store: Store) -> StoredFile:
+        """Store it; by a temporary file, so that a large one is not held in memory."""
+        with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
+            target = Path(folder) / "file"
+            with target.open("wb") as file:
+                file.writelines(self._opened.pieces(self._take(path)))
+            return store.keep_file(target, path)
+
+
+def _scoped(recording: ProjectRecording, name: str) -> Store:
+    """The store of a pair of the rig, of a page, or of a page of a pair, by its name in the zip."""
+    first, _, page = name.rpartition("/")
+    pair = first if page in PAGES else name
+    store = recording.database
+    if pair:
+        if (whole := recording.read()) is None:
+            raise StereocalError(f'There is no pair "{pair[:60]}": the project has no recording.')
+        whole.pair_named(pair)
+        store = store.of_pair(pair)
+    return store.of_page(page) if page in PAGES else store
+
+
+def _restore(own: Mapping[str, Any], store: Store, members: _Members) -> list[str]:
+    """Store what the project itself, a pair or a page has in a zip, and check it by reading it.
+
+    Returns:
+        What is not on the list of `contents`.
+    """
+    unknown, named = list[str](), set[tuple[str, str]]()
+    for part, values in own["values"].items():
+        unknown += [f"{part} {name}" for name in values if held("value", part, name) is None]
+        known = {name: each for name, each in values.items() if travels("value", part, name)}
+        store.keep_values(part, known)
+    for item in own["files"]:
+        part, name, path = (str(item[key]) for key in ("part", "name", "path"))
+        if not travels("named", part):
+            unknown += [] if held("named", part) else [f"{part} {name}"]
+            continue
+        if (part, name) in named:
+            raise ValueError(name)
+        named.add((part, name))
+        stored = replace(members.store(path, store), about=item["about"])
+        store.name_files(part, {name: stored})
+        _keep_day(store, stored, item.get("stored"))
+    for table, kind, _ in CONTENTS:
+        if table == "result" and (entry := held(table, kind)) and not entry.stays:
+            content = members.read(f"{own.get('folder', '')}results/{entry.place}")
+            if content is not None:
+                store.keep_result(kind, content)
+    scoped = Project(store)
+    _ = scoped.dataset, ProjectClicks(scoped).acts
+    ProjectPhotographs(scoped).check()
+    return unknown
+
+
+def _keep_day(store: Store, file: StoredFile, day: float | None) -> None:
+    """Store when a file was given, in seconds since 1970: the title of a project may say it."""
+    if day is None or not travels("file"):
+        return
+    if not day >= 0:
+        raise ValueError(day)
+    with store.transaction() as db:
+        row = [min(day, time.time()), file.sha256]
+        db.execute("UPDATE file SET stored = ? WHERE sha256 = ?", row)
 
 
 def _manifest(opened: OpenZip, source: str) -> dict[str, Any]:
@@ -186,14 +299,3 @@ def _manifest(opened: OpenZip, source: str) -> dict[str, Any]:
         # Neither NaN nor lone surrogates, which no page can show.
         json.dumps(manifest, ensure_ascii=False, allow_nan=False).encode()
     return dict(manifest)
-
-
-def _unpacked(opened: OpenZip, member: str, store: Store) -> StoredFile:
-    """A stored member; by a temporary file, so that a large one is not held in memory."""
-    if member not in opened.names:
-        raise StereocalError(f"{member} is not in the zip.")
-    with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
-        path = Path(folder) / "file"
-        with path.open("wb") as file:
-            file.writelines(opened.pieces(member))
-        return store.keep_file(path, member)

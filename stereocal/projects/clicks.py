@@ -4,11 +4,10 @@ from dataclasses import dataclass, field
 
 from stereocal.errors import damaged
 from stereocal.matching.clicks import Click, Clicks, Key
+from stereocal.projects.contents import CLICKS
 from stereocal.projects.database import DamagedError
 from stereocal.projects.project import Project, ProjectPart
 from stereocal.system.records import of_plain, plain
-
-CLICKS = "clicks"
 
 
 @dataclass(frozen=True)
@@ -20,6 +19,10 @@ class Act:
     removed: list[Key] = field(default_factory=list)
     pictures: list[str] = field(default_factory=list)
     """What those of each camera are called."""
+
+    def __post_init__(self) -> None:
+        if any(abs(one.frame) > 2**53 or max(abs(one.u), abs(one.v)) > 1e9 for one in self.placed):
+            raise ValueError(self)
 
     @property
     def cameras(self) -> set[str]:
@@ -40,7 +43,8 @@ class ProjectClicks(ProjectPart):
         """All that can be undone, the last one last."""
         stored = self.database.values(CLICKS)
         with damaged("The points clicked here are damaged.", DamagedError):
-            return [of_plain(stored[name], Act) for name in sorted(stored)]
+            # By the names that `act` gives: an untrusted file may have others.
+            return [of_plain(stored[f"{int(name):09d}"], Act) for name in sorted(stored)]
 
     @property
     def clicks(self) -> Clicks:

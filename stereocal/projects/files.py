@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from stereocal.errors import StereocalError, disk_errors
+from stereocal.projects.contents import PAGES, refuse_unlisted
 from stereocal.projects.database import (
     BESIDE,
     WAITING,
@@ -134,6 +135,7 @@ class Store(Database):
 
     def name_files(self, part: str, files: Mapping[str, StoredFile]) -> None:
         """Name stored files; an existing name gets the new file."""
+        refuse_unlisted("named", part)
         with self.transaction() as db:
             for name, file in files.items():
                 own, about = [self.scope + part, name], json.dumps(file.about, allow_nan=False)
@@ -174,6 +176,7 @@ class Store(Database):
 
     def of_page(self, page: str) -> "Store":
         """Of the photographs that are given on another page, of a project or a pair."""
+        assert page in PAGES, page
         return replace(self, scope=f"{self.scope or PAIR}{page}/")
 
     def forget_pairs(self) -> None:
@@ -200,6 +203,7 @@ class Store(Database):
 
     def keep_values(self, part: str, values: Mapping[str, Any]) -> None:
         """Store values; existing names are replaced."""
+        refuse_unlisted("value", part, values)
         own = self.scope + part
         rows = [(own, name, json.dumps(value, allow_nan=False)) for name, value in values.items()]
         with self.transaction() as db:
@@ -219,6 +223,7 @@ class Store(Database):
 
     def keep_result(self, kind: str, content: bytes | None) -> str:
         """Replace a result; None deletes it. Returns its SHA-256, if any."""
+        refuse_unlisted("result", kind)
         digest = hashlib.sha256(content or b"").hexdigest()
         with self.transaction() as db:
             db.execute("DELETE FROM result WHERE kind = ?", [self.scope + kind])

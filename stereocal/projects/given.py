@@ -25,9 +25,10 @@ from stereocal.frames.which_camera import (
     which_camera,
     which_of,
 )
+from stereocal.projects.contents import INPUT
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.project import INPUT, Project, ProjectPart
+from stereocal.projects.project import Project, ProjectPart
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.system.latest import Latest, read_once

@@ -17,7 +17,7 @@ from pathlib import Path
 from stereocal.calibration.methods import METHOD_NAMES, PAPER_SETS
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.network.in_words import rig_errors_in_words
-from stereocal.projects.application import POINT_FILES
+from stereocal.projects.contents import CONTENTS, POINT_FILES
 from stereocal.projects.database import (
     NOT_THERE,
     REMOVED,
@@ -109,14 +109,15 @@ def changed_at(path: Path) -> float:
 
 
 def duplicate(home: Path, project_id: str) -> Project:
-    """A copy under a new id, without jobs."""
+    """A copy under a new id, with all that travels."""
     source = Project.open(home, project_id)
     check_quota(source.database.size)
 
     def fill(database: Store) -> None:
         with database.transaction() as db:
-            db.execute("DELETE FROM job")
-            db.execute("DELETE FROM found")
+            for (table, part, _), each in CONTENTS.items():
+                if each.stays and not part:
+                    db.execute(f"DELETE FROM {table}")
         Project(database).rename(f"{title_of(source)} (copy)")
 
     return Project(new_database(home, fill, lambda path: copy_database(source.database, path)))

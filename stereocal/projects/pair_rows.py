@@ -9,6 +9,7 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.frames.pairing import Pair
 from stereocal.frames.proposal import Choice, propose
 from stereocal.projects.files import StoredFile
+from stereocal.rig.camera import CAMERAS
 from stereocal.system.records import of_plain, plain
 from stereocal.system.taken import Taken, read_taken
 
@@ -86,6 +87,20 @@ def check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
                     f"Frame {pair.frame}: {name} belongs to another frame or camera already."
                 )
             taken.add(name)
+
+
+def check_decided(decided: Decided, names: Mapping[str, Any]) -> None:
+    """Check a decision that was read from a file.
+
+    Raises:
+        ValueError: it is not one that a person can have made.
+    """
+    rows, choice = decided.rows or [], decided.choice
+    check_rows(rows, names)
+    later = dict.fromkeys(CAMERAS, 0) if choice.later is None else choice.later
+    numbers = [*(row.pair.frame for row in rows), *choice.heard.values(), *later.values()]
+    if any(abs(number) > 2**53 for number in numbers) or not {*CAMERAS} <= {*later}:
+        raise ValueError(choice)
 
 
 def with_new(kept: Sequence[PairRow], photographs: Mapping[str, Taken]) -> list[PairRow]:

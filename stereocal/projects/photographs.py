@@ -12,12 +12,14 @@ from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpac
 from stereocal.frames.pairing import Moments, Motion, Pairing, moments_of
 from stereocal.frames.proposal import Choice, Proposal, propose
 from stereocal.frames.search import keep_corrections
+from stereocal.projects.contents import BAR
 from stereocal.projects.database import DamagedError, DiskFullError
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.pair_rows import (
     Decided,
     PairRow,
+    check_decided,
     check_rows,
     dated,
     renamed,
@@ -31,7 +33,6 @@ from stereocal.system.latest import Latest
 from stereocal.system.records import of_plain, plain
 from stereocal.system.taken import Taken
 
-BAR = "bar"
 TABLE_LABEL = "targets found in the photographs"
 BOARDS_LABEL = "corners found in the photographs"
 FOUND_LABELS = TABLE_LABEL, BOARDS_LABEL
@@ -87,6 +88,12 @@ class ProjectPhotographs(ProjectPart):
             before = of_plain(self._value("pairing", []), list[Decided]) or [Decided()]
             rows = None if self._edited is None else of_plain(self._edited, list[PairRow])
             return [*before[:-1], replace(before[-1], rows=rows)]
+
+    def check(self) -> None:
+        """Raise an error if what was decided or found cannot be used, as in an untrusted file."""
+        photographs, _ = self.photographs, self.doubtful_boards
+        for decided in self._decisions:
+            check_decided(decided, photographs)
 
     def _decide(self, decisions: Sequence[Decided]) -> None:
         last = decisions[-1] if decisions else Decided()

@@ -21,6 +21,7 @@ from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_files import TABLE, pack_pair, parse_zip
 from stereocal.formats.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.projects.calibration_files import as_stored, pack_calibration, unpack_calibration
+from stereocal.projects.contents import CALIBRATED, FURTHER, INPUT, SETTING, VALIDATION, VALUES
 from stereocal.projects.database import NOT_THERE, DamagedError
 from stereocal.projects.files import PAIR, Store, StoredFile, new_database, store_of
 from stereocal.projects.inputs import LENGTHS, Inputs, Slot
@@ -34,13 +35,6 @@ from stereocal.system.records import of_plain, unpack
 from stereocal.workflow import Run
 
 T = TypeVar("T")
-INPUT, SETTING, FURTHER, CALIBRATED = "input", "setting", "dataset", "calibrated"
-"""Parts of a project: inputs, form values, further data sets, the inputs of the last result."""
-VALIDATION = "calibration_evaluation"
-"""The kind of the validation that was made with the last result."""
-VALUES = tuple(
-    each.name for each in dataclasses.fields(Inputs) if each.name not in ("files", "labels")
-)
 NAMES: dict[Slot, str] = {
     "primary": "primary.json",
     "secondary": "secondary.json",

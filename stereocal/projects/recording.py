@@ -18,24 +18,13 @@ from stereocal.formats.recording_files import (
 from stereocal.network.pair_of_rig import data_of_pair, settings_of_pair
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RIG, RigFile
+from stereocal.projects.contents import INPUT, PARTS, RECORDING, REPLACED, RIG_FILES
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
-from stereocal.projects.project import (
-    INPUT,
-    KEPT,
-    Project,
-    ProjectPart,
-    once,
-    packed_files,
-    stated_in,
-)
+from stereocal.projects.project import KEPT, Project, ProjectPart, once, packed_files, stated_in
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 
-RECORDING, RIG_FILES = "recording", "rig"
-"""Parts of a project: the files of the data set, and those that were computed from it."""
-PARTS, REPLACED = "several", "several_replaced"
-"""Files of cameras and a table that are no data set yet, and those that a later one replaced."""
 PAIRS, SOURCE = "pairs.zip", "the recording of this project"
 OF_RIG, REFINED = "of_rig", "refined_of_rig"
 """Settings of a pair: the digests of the recording and of the rig that it is of, and with which its

@@ -9,8 +9,9 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.network.rig_file import RIG
 from stereocal.projects.application import IMAGES, ProjectApplication, ProjectCheck
+from stereocal.projects.contents import RIG_FILES
 from stereocal.projects.project import Project
-from stereocal.projects.recording import RIG_FILES, ProjectRecording
+from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import count

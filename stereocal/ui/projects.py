@@ -25,7 +25,7 @@ from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.intake import check_uploads, is_new, taking
-from stereocal.ui.messages import ErrorsShown, button, callback, show_with_button
+from stereocal.ui.messages import ErrorsShown, button, callback, show_with_button, tell
 from stereocal.ui.press import final_run
 from stereocal.ui.project import current_project, date_of, is_open, offer_removed, open_project
 from stereocal.ui.texts import escape_markdown
@@ -231,15 +231,18 @@ def _open_zip() -> None:
     upload = st.file_uploader("A project's zip", type=["zip"], key="upload_project")
     if upload is None or not is_new(upload):
         return
-    opened = ""
+    opened, remarks = "", list[str]()
     with taking(upload), ErrorsShown():
         unpacked: dict[str, str] = st.session_state.setdefault(_UNPACKED, {})
         if upload.file_id not in unpacked:
             check_uploads([upload])
-            found = unpack_project(upload.getvalue(), upload.name, default_home())
+            content, name = upload.getvalue(), upload.name
+            found = unpack_project(content, name, default_home(), remarks.append)
             unpacked[upload.file_id] = found.id
         opened = unpacked[upload.file_id]
         open_project(opened)
+    for remark in remarks:
+        tell(remark)
     if opened:
         st.switch_page("pages/data.py")
 

@@ -36,41 +36,41 @@ class ClickedAwayError(BaseException):
 
 def test_an_act_is_there_whole_or_not_at_all(database: Store) -> None:
     with pytest.raises(ClickedAwayError), database.transaction():
-        database.keep_values("a", {"x": 1})
-        assert database.values("a") == {"x": 1}
+        database.keep_values("clicks", {"x": 1})
+        assert database.values("clicks") == {"x": 1}
         raise ClickedAwayError
-    assert database.values("a") == {}
+    assert database.values("clicks") == {}
     with database.transaction():
-        database.keep_values("a", {"x": 2})
+        database.keep_values("clicks", {"x": 2})
         with pytest.raises(ValueError, match="part"), database.transaction():
-            database.keep_values("a", {"x": 3, "y": 3})
+            database.keep_values("clicks", {"x": 3, "y": 3})
             raise ValueError("part")
-        database.keep_values("a", {"z": 4})
-    assert database.values("a") == {"x": 2, "z": 4}
+        database.keep_values("clicks", {"z": 4})
+    assert database.values("clicks") == {"x": 2, "z": 4}
 
 
 def test_tabs_wait_for_each_other_and_the_last_write_holds(database: Store) -> None:
-    database.keep_values("a", {"count": 0})
+    database.keep_values("clicks", {"count": 0})
 
     def add() -> None:
         for _ in range(15):
             with database.transaction():
-                database.keep_values("a", {"count": database.values("a")["count"] + 1})
+                database.keep_values("clicks", {"count": database.values("clicks")["count"] + 1})
 
     with ThreadPoolExecutor(4) as threads:
         for each in [threads.submit(add) for _ in range(4)]:
             each.result()
-    assert database.values("a") == {"count": 60}
+    assert database.values("clicks") == {"count": 60}
 
 
 def test_a_reader_sees_one_state_while_another_writes(database: Store) -> None:
-    database.keep_values("a", {"x": 1})
+    database.keep_values("clicks", {"x": 1})
     with database.reading() as db:
-        thread = threading.Thread(target=lambda: database.keep_values("a", {"x": 2}))
+        thread = threading.Thread(target=lambda: database.keep_values("clicks", {"x": 2}))
         thread.start()
         thread.join()
         assert db.execute("SELECT json FROM value").fetchall() == [("1",)]
-    assert database.values("a") == {"x": 2}
+    assert database.values("clicks") == {"x": 2}
 
 
 def test_a_run_of_a_page_sees_what_others_write_and_locks_nobody_out(
@@ -81,11 +81,11 @@ def test_a_run_of_a_page_sees_what_others_write_and_locks_nobody_out(
         project = Project.create(tmp_path / journal)
         with ThreadPoolExecutor(1) as other, database_module.kept_open():
             for number in range(3):
-                other.submit(project.database.keep_values, "a", {"x": number}).result()
-                assert project.database.values("a") == {"x": number}
+                other.submit(project.database.keep_values, "clicks", {"x": number}).result()
+                assert project.database.values("clicks") == {"x": number}
                 with project.database.transaction():
-                    project.database.keep_values("b", {"x": number})
-                assert other.submit(project.database.values, "b").result() == {"x": number}
+                    project.database.keep_values("setting", {"x": number})
+                assert other.submit(project.database.values, "setting").result() == {"x": number}
             assert placed(FULL, tmp_path / journal).dataset is not None
         kept = {path.suffix for path in project.database.path.parent.iterdir()}
         assert kept == {files.SUFFIX}  # closed: without this, a log would stand beside it
@@ -221,7 +221,7 @@ for number in range(100_000):
     with database.transaction():
         file = database.keep_file(os.urandom(100_000), "a")
         database.name_files("bar", {f"{number}": file})
-        database.keep_values("a", {"count": number + 1})
+        database.keep_values("clicks", {"count": number + 1})
     print(number + 1, flush=True)
 """
 
@@ -242,7 +242,7 @@ def test_killed_at_random_moments_nothing_acknowledged_is_lost(database: Store) 
             process.send_signal(signal.SIGKILL)
             said = max([1, *(int(line) for line in process.stdout.read().split("\n")[:-1] if line)])
         assert not jobs.is_locked(database.path.parents[1] / "servers" / server)
-        count = database.values("a")["count"]
+        count = database.values("clicks")["count"]
         assert said <= count <= said + 1
         assert len(database.files("bar")) == count
         assert database.rows("PRAGMA integrity_check") == [("ok",)]

@@ -9,8 +9,9 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.matching.application import PAIRS, POINTS
-from stereocal.projects.application import APPLIED, ProjectApplication
+from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import unpack_project
+from stereocal.projects.contents import APPLIED
 from stereocal.projects.home import duplicate
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs

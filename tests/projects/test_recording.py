@@ -15,9 +15,10 @@ from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.projects import jobs
 from stereocal.projects.archive import pack_project, unpack_project
+from stereocal.projects.contents import RECORDING
 from stereocal.projects.home import card_of, duplicate, find_projects
 from stereocal.projects.project import Project
-from stereocal.projects.recording import RECORDING, ProjectRecording
+from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states
 from stereocal.ui.start import RIG, three_cameras

@@ -1,0 +1,108 @@
+"""What a project holds: the one list by which it is stored, packed, opened and copied.
+
+`Store` writes no value, file or result that is not on it. A zip has what does not stay; *Duplicate*
+as well. `VACUUM INTO` copies the whole file: a job in it counts as interrupted where its server is
+not, and what it had found is used.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+from typing import Literal
+
+from stereocal.projects.inputs import Inputs
+from stereocal.rig.camera import CAMERAS
+
+Table = Literal["value", "named", "result", "edit", "file", "job", "found"]
+INPUT, SETTING, FURTHER, CALIBRATED = "input", "setting", "dataset", "calibrated"
+"""Parts of a project: inputs, form values, further data sets, the inputs of the last result."""
+BAR, CLICKS = "bar", "clicks"
+"""Photographs and how they are paired; points clicked in them."""
+POINT_FILES, TABLES, ASKING = "points", "tables", "asking"
+SETS, APPLIED, WORLD = "sets", "applied", "world"
+"""Parts of the Apply page: uploaded point files, the tables read from them, and files with open
+questions; parameter files, tables of the last result, and the world frame's file."""
+CHECK = "check"
+RECORDING, RIG_FILES = "recording", "rig"
+"""The files of a data set of three cameras and more, and those that were computed from it."""
+PARTS, REPLACED = "several", "several_replaced"
+"""Files of cameras and a table that are no data set yet, and those that a later one replaced."""
+VALIDATION = "calibration_evaluation"
+"""The kind of the validation that was made with the last result."""
+PAGES = (CHECK, CLICKS)
+"""Pages with photographs of their own, which are a project in the same file."""
+VALUES = tuple(each.name for each in fields(Inputs) if each.name not in ("files", "labels"))
+ANY = "*"
+Key = tuple[Table, str, str]
+"""The table; the part of a value or file, or the kind of a result; and the name of a value."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """A kind of what a project holds, and how it travels."""
+
+    words: str
+    """What it is."""
+    place: str = ""
+    """The folder of a part's files, or the file of a result, in a zip."""
+    stays: str = ""
+    """Why it stays behind; empty if it travels."""
+    since: int = 1
+    """The first edition of this list that has it; a new entry takes the next number."""
+
+
+def _files() -> Iterator[tuple[Key, Held]]:
+    own = {INPUT: "inputs", CALIBRATED: "calibrated", FURTHER: "datasets", BAR: "photographs"}
+    boards = tuple(f"boards_{which}" for which in CAMERAS)
+    apply = (POINT_FILES, TABLES, ASKING, SETS, APPLIED, WORLD)
+    same = (*boards, *apply, CHECK, RECORDING, RIG_FILES, PARTS, REPLACED)
+    for part, folder in (own | dict(zip(same, same, strict=True))).items():
+        yield ("named", part, ANY), Held(f"files ({folder})", folder)
+
+
+def _results() -> Iterator[tuple[Key, Held]]:
+    arrays = "evaluation", VALIDATION, *(f"{of}_{c}" for of in ("boards", "lens") for c in CAMERAS)
+    texts = "calibration", "frames", "recommended", APPLIED
+    for suffix, kinds in ((".npz", arrays), (".json", texts)):
+        for kind in kinds:
+            yield ("result", kind, ANY), Held(f"results ({kind})", f"{kind}{suffix}")
+
+
+CONTENTS: dict[Key, Held] = {
+    **{("value", INPUT, name): Held("measured lengths and frames") for name in VALUES},
+    ("value", SETTING, ANY): Held("settings"),
+    ("value", BAR, "pairs"): Held("edited pairs"),
+    ("value", BAR, "pairing"): Held("how photographs are paired"),
+    **{
+        ("value", BAR, name): Held("what was found of boards")
+        for name in ("found_by", "boards_found", "boards_doubtful")
+    },
+    ("value", CLICKS, ANY): Held("points clicked in photographs"),
+    **dict(_files()),
+    **dict(_results()),
+    ("edit", "", ANY): Held("corrections that can be undone"),
+    ("file", "", ANY): Held("the days on which files were given", since=2),
+    ("job", "", ANY): Held("running jobs", stays="a job is a process of one server"),
+    ("found", "", ANY): Held("unfinished searches", stays="it belongs to a job"),
+}
+"""Contents of files travel with their names; those without one are uploads that nobody took."""
+
+
+def edition() -> int:
+    """The edition of the list, which each zip states."""
+    return max(each.since for each in CONTENTS.values())
+
+
+def held(table: Table, part: str = "", name: str = ANY) -> Held | None:
+    """The entry of the list; None if a project holds no such thing."""
+    return CONTENTS.get((table, part, name)) or CONTENTS.get((table, part, ANY))
+
+
+def travels(table: Table, part: str = "", name: str = ANY) -> bool:
+    """Whether a zip or a copy has this."""
+    return (found := held(table, part, name)) is not None and not found.stays
+
+
+def refuse_unlisted(table: Table, part: str, names: Iterable[str] = (ANY,)) -> None:
+    """Stop a write of what is not on the list: it would be lost on the way."""
+    unlisted = [name for name in names if held(table, part, name) is None]
+    assert not unlisted, (table, part, unlisted)
