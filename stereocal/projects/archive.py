@@ -86,7 +86,9 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
             kind, own = manifest.place(scoped)
             if (entry := _packed("result", kind)) is not None:
                 archive.writestr(f"{own.get('folder', '')}results/{entry.place}", content)
-        archive.writestr(MANIFEST, json.dumps(manifest.whole, indent=1))
+        text = json.dumps(manifest.whole, indent=1)
+        read_json(text, "The project could not be opened from its zip again")
+        archive.writestr(MANIFEST, text)
         with suppress(StereocalError):  # damaged data are left out
             for name, content in _readable_files(project, result or {}).items():
                 archive.writestr(name, content)
@@ -173,11 +175,15 @@ def unpack_project(
 def _fill(project: Project, opened: OpenZip, source: str, tell: Callable[[str], object]) -> None:
     manifest, database = _manifest(opened, source), project.database
     told = f"{MANIFEST} is damaged."
-    with damaged(told, source=source, keep=True), database.transaction() as db:
+    with (
+        tempfile.TemporaryDirectory(prefix="stereocal-") as folder,
+        damaged(told, source=source, keep=True),
+        database.transaction() as db,
+    ):
         of_pairs = manifest.get("pairs", [])
         names = sum(len(own["files"]) for own in (manifest, *of_pairs))
         Limits.from_environment().check_count(names, f"{source}: {MANIFEST}")
-        members, scopes = _Members(opened), {""}
+        members, scopes = _Members(opened, Path(folder) / "file"), {""}
         unknown = _restore(manifest, database, members)
         if travels("edit"):
             edits = [(json.dumps(dict(edit)),) for edit in manifest["edits"]]
@@ -202,10 +208,14 @@ def _fill(project: Project, opened: OpenZip, source: str, tell: Callable[[str], 
 
 class _Members:
     """The files of a project's zip. Each belongs to one name: reading a large one for each of many
-    names would take hours."""
+    names would take hours.
 
-    def __init__(self, opened: OpenZip) -> None:
-        self._opened, self._left = opened, {*opened.names}
+    Args:
+        path: of a temporary file.
+    """
+
+    def __init__(self, opened: OpenZip, path: Path) -> None:
+        self._opened, self._path, self._left = opened, path, {*opened.names}
 
     def _take(self, path: str) -> str:
         if path not in self._left:
@@ -219,12 +229,10 @@ class _Members:
         return self._opened.read(self._take(path)) if path in self._left else None
 
     def store(self, path: str, store: Store) -> StoredFile:
-        """Store it; by a temporary file, so that a large one is not held in memory."""
-        with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
-            target = Path(folder) / "file"
-            with target.open("wb") as file:
-                file.writelines(self._opened.pieces(self._take(path)))
-            return store.keep_file(target, path)
+        """Store it; by the temporary file, so that a large one is not held in memory."""
+        with self._path.open("wb") as file:
+            file.writelines(self._opened.pieces(self._take(path)))
+        return store.keep_file(self._path, path)
 
 
 def _scoped(recording: ProjectRecording, name: str) -> Store:

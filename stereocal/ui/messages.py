@@ -37,16 +37,17 @@ def end_here() -> NoReturn:
     raise StopException
 
 
-def tell(sentence: str) -> None:
+def tell(sentence: str, kind: Literal["error", "info"] = "error") -> None:
     """Queue a message for the top of this or the next page; duplicates are dropped."""
-    st.session_state.setdefault(_MESSAGES, {})[sentence] = None
+    st.session_state.setdefault(_MESSAGES, {})[sentence] = kind
 
 
 def show_messages(place: DeltaGenerator, but: Sequence[str] = ()) -> list[str]:
     """Draw the queued messages except `but`; they stay queued until forgotten."""
-    messages = [one for one in st.session_state.get(_MESSAGES, {}) if one not in but]
+    queued = st.session_state.get(_MESSAGES, {})
+    messages = [one for one in queued if one not in but]
     for sentence in messages:
-        place.error(escape_markdown(sentence))
+        getattr(place, queued[sentence])(escape_markdown(sentence))
     return messages
 
 

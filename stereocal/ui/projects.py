@@ -242,7 +242,7 @@ def _open_zip() -> None:
         opened = unpacked[upload.file_id]
         open_project(opened)
     for remark in remarks:
-        tell(remark)
+        tell(remark, "info")
     if opened:
         st.switch_page("pages/data.py")
 

@@ -13,7 +13,16 @@ from stereocal.projects.archive import pack_project
 from stereocal.projects.home import DAY_S, find_projects, recent_projects, remove
 from stereocal.projects.project import Project
 from stereocal.verdict.in_words import percent
-from tests.pages.stored_projects import FEW, dashboard, drop, messages, page_of, project_of
+from tests.pages.stored_projects import (
+    FEW,
+    FULL,
+    dashboard,
+    drop,
+    messages,
+    page_of,
+    project_of,
+    told,
+)
 from tests.pages.test_pages import open_sample
 
 
@@ -170,3 +179,7 @@ def test_a_project_goes_out_as_a_zip_and_comes_in_again_and_both_open(
     start(app).button(key=f"open_{project.id}").click().run()
     assert app.session_state["project_id"] == project.id
     assert app.number_input(key="baseline_m_value").value == 7.25
+    # Of a zip of an earlier version it is said once what it lacks.
+    drop(start(app), {"full.zip": FULL.read_bytes()}, "upload_project")
+    assert "full.zip was packed by an earlier version" in told(app, "info")
+    assert "full.zip" not in told(app.run(), "info")
