@@ -293,7 +293,10 @@ class MeasuredClicks:
         """The distance of two points, or the mean of those of several pairs of points, with its
         error: that of the parameters is common to all.
 
-        Pixels are taken as independent: no point may be in two of the pairs.
+        Pixels are taken as independent: no point may be in two of the pairs. A distance within its
+        own scatter has no direction to propagate errors along: its error is the root of the trace
+        of the difference's covariance, which is that of the position, and for the mean of several
+        an upper bound.
         """
         rows = [(self.rows[a], self.rows[b]) for a, b in ends if {a, b} <= {*self.rows}]
         if not rows or any(a == b for a, b in rows):
@@ -301,8 +304,12 @@ class MeasuredClicks:
         (own, by_shared, shared), (one, other) = self.fits.errors, np.array(rows).T
         apart = self.fits.xyz[one] - self.fits.xyz[other]
         metres = np.linalg.norm(apart, axis=1)
-        along = apart / metres[:, None]
-        by_pixels = np.einsum("ni,nij,nj->", along, own[one] + own[other], along)
-        sums = np.einsum("ni,niq->q", along, by_shared[one] - by_shared[other])
-        variance = (by_pixels + sums @ shared @ sums) / len(rows) ** 2
-        return Length(float(metres.mean()), float(np.sqrt(variance)), len(rows))
+        by_pixels, moved = own[one] + own[other], by_shared[one] - by_shared[other]
+        of_both = by_pixels + moved @ shared @ moved.swapaxes(1, 2)
+        scatter = np.sqrt(np.trace(of_both, axis1=1, axis2=2))
+        far = metres > scatter
+        along = apart[far] / metres[far, None]
+        variance = np.einsum("ni,nij,nj->", along, by_pixels[far], along)
+        sums = np.einsum("ni,niq->q", along, moved[far])
+        sigma = np.sqrt(variance + sums @ shared @ sums) + scatter[~far].sum()
+        return Length(float(metres.mean()), float(sigma / len(rows)), len(rows))

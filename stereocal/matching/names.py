@@ -100,12 +100,20 @@ NO_NAMES = Names()
 
 
 def texts(table: pd.DataFrame, columns: Sequence[str]) -> list[str]:
-    """The name of each row, empty if it has none."""
-    cells = [
-        ["" if each in ("nan", "None") else each.strip().removesuffix(".0") for each in cells]
-        for cells in (table[column].map(str).tolist() for column in columns)
-    ]
+    """The name of each row, empty if it has none.
+
+    Text stays as it is: tracks 1 and 1.0 are two. Whole numbers that a library holds as floats,
+    since some are missing, are named without decimals.
+    """
+    cells = [map(_name, table[column].tolist()) for column in columns]
     return [" ".join(filter(None, row)) for row in zip(*cells, strict=True)]
+
+
+def _name(cell: object) -> str:
+    if isinstance(cell, float) and cell.is_integer():
+        return str(int(cell))
+    name = str(cell).strip()
+    return "" if name in ("nan", "None", "<NA>") else name
 
 
 def name_columns(*tables: Sequence[str]) -> tuple[str, ...]:

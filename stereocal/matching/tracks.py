@@ -100,7 +100,8 @@ class TrackMatching:
             left.append(np.setdiff1d(np.arange(len(table)), image))
             for column in further_of(table):
                 values = table[column].tolist()
-                tracks[f"{column}_{name}"] = [None if k < 0 else values[k] for k in image.tolist()]
+                own = [None if k < 0 else values[k] for k in image.tolist()]
+                tracks[f"{column}_{name}"] = pd.Series(own, dtype=object)  # 1 does not become 1.0
         return tracks, left
 
     def tally(self, tracks: pd.DataFrame) -> pd.DataFrame:

@@ -147,6 +147,25 @@ def test_a_length_and_its_error() -> None:
     assert outside.endswith("m, outside the volume of the calibration.")
 
 
+def test_a_distance_near_0_has_the_error_of_its_position() -> None:
+    """At 0 it has no direction; one such frame leaves the mean of five, and its error, finite."""
+    clicks, how = flight(5, 0.5), ClickMeasure(SET, SET)
+    usual = how.measured(clicks, Settled(1.0, 1.8))
+    four = usual.length(*usual.common("head", "tail")[1:])
+    heads = [clicks.every[1, camera, "head"] for camera in CAMERAS]
+    for shift_px in (0.0, 1e-9, 0.3):
+        same = [replace(head, track="tail", u=head.u + shift_px) for head in heads]
+        found = how.measured(clicks.placed(same), Settled(1.0, 1.8))
+        both = found.common("head", "tail")
+        one, five = found.length(both[0]), found.length(*both)
+        assert one is not None and four is not None and five is not None and five.frames == 5
+        assert found.points.sigma_m is not None and one.metres < 0.01
+        of_head = float(np.linalg.norm(found.points.sigma_m[found.rows[Place("head", 1)]]))
+        assert one.sigma_m == pytest.approx(np.sqrt(2) * of_head, rel=1e-3)
+        assert five.metres == pytest.approx((4 * four.metres + one.metres) / 5)
+        assert five.sigma_m == pytest.approx((4 * four.sigma_m + one.sigma_m) / 5)
+
+
 def test_the_line_is_where_the_other_camera_sees_the_point_then() -> None:
     late = replace(SET, time_offset=MeasuredOffset(0.5, sigma=0.01))
     points = np.array([[0.0, 0.1, 7.0], [0.1, 0.2, 7.1]])

@@ -1,12 +1,16 @@
 """The marks in the menu follow the project; text of files is shown as it is, never as markup."""
 
+import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
@@ -122,6 +126,22 @@ def test_a_look_at_the_nineteen_rigs_changes_no_result(finished: Project) -> Non
 )
 def test_words_that_would_be_links_are_code(text: str, safe: str) -> None:
     assert escape_markdown(text) == safe
+
+
+LINK = re.compile(r"\S*(?:://|www\.|@)\S*", re.IGNORECASE)
+
+
+@given(st.text("aW.w:/@`* \n\t\u00a0\u2028_é", max_size=40))
+def test_the_words_that_are_code_are_those_of_one_pattern(text: str) -> None:
+    escaped = (escape_markdown(each) for each in LINK.split(text))
+    code = (escape_markdown(word) for word in LINK.findall(text))
+    together = [part for pair in zip_longest(escaped, code, fillvalue="") for part in pair]
+    assert escape_markdown(text) == "".join(together)
+
+
+def test_a_text_of_two_million_characters_without_a_blank_is_escaped() -> None:
+    """In one pass; the one pattern above would take ten hours."""
+    assert escape_markdown("w" * 2_000_000 + "*") == "w" * 2_000_000 + r"\*"
 
 
 def test_tables() -> None:
