@@ -117,8 +117,3 @@ class RefusedRowsError(StereocalError):
         rows = "1 row" if len(problems) == 1 else f"{len(problems)} rows"
         super().__init__(f"{source}{rows} {what}: {shown}{more}.")
         self.problems, self.what = tuple(problems), what
-
-
-def can_be_shown(text: object) -> bool:
-    """Whether `text` is a string without lone surrogates, which JSON allows but UTF-8 does not."""
-    return isinstance(text, str) and text == text.encode("utf-8", "replace").decode()

@@ -22,6 +22,7 @@ from stereocal.rig.correspondences import (
 )
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.array_types import FloatArray, IntArray
+from stereocal.system.csv_text import as_names, csv_text
 from stereocal.system.tables import EMPTY, Column, Reasons, Values, read_rows
 
 Texts: TypeAlias = "pd.Series[str]"
@@ -63,7 +64,7 @@ def read_table(content: bytes, source: str) -> Table:
         raw[SOURCE] = ""
     if TIME not in raw:
         values[TIME] = values["frame"]
-    words = {name: raw[name].str.strip() for name in ("target", SOURCE)}
+    words = {name: as_names(raw[name]) for name in ("target", SOURCE)}
     rigid_object = _object(words["target"], values, reasons, source) if OBJECT[0] in raw else None
     names = TARGETS if rigid_object is None else rigid_object.names
     targets = words["target"].str.upper() if rigid_object is None else words["target"]
@@ -145,4 +146,4 @@ def _contradictions(
 
 def write_table(rows: Correspondences) -> bytes:
     """The table of `rows`, read back exactly by `read_table`."""
-    return rows.to_dataframe().to_csv(index=False, lineterminator="\n").encode()
+    return csv_text(rows.to_dataframe()).encode()

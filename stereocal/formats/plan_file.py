@@ -15,13 +15,13 @@ from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.geometry import Pose
 from stereocal.system.atomic_files import read_whole
 from stereocal.system.json_text import read_json
+from stereocal.system.names import label_of
 from stereocal.system.records import of_plain
 
 T = TypeVar("T")
 FileBeside = Callable[[str], bytes]
 PLAN_FORMAT = "stereocal-plan/1"
 LARGEST_BYTES = 4_000_000
-LONGEST_NAME = 200
 LENS = "a camera file, or an object with focal_mm, sensor_mm [w, h] and image_size [w, h]"
 
 
@@ -80,7 +80,7 @@ def parse_plan(
     needed: Any = None
     if "needed" in data:
         needed = _part(data["needed"], _Needed, f"{source}: needed").length_error
-    name = str(data.get("name") or Path(source).stem)[:LONGEST_NAME]
+    name = label_of(str(data.get("name") or Path(source).stem))
     stated = {**vars(volume), **vars(recording), "uncertainty": uncertainty, "needed": needed}
     with naming(source):
         return Plan(name, primary, secondary, pose, **stated)

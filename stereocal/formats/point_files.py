@@ -19,6 +19,7 @@ from stereocal.formats.exchange.options import PixelOrigin
 from stereocal.frames.pairing import natural
 from stereocal.rig.correspondences import TARGETS, Correspondences
 from stereocal.system.array_types import FloatArray, IntArray
+from stereocal.system.csv_text import as_names, without_apostrophes
 from stereocal.system.dialect import Dialect, head_of
 from stereocal.system.limits import Limits
 from stereocal.system.tables import MISSING, Column, numbers_in, rows_below, text_of
@@ -126,7 +127,7 @@ def words_in(
     them."""
     raw = _table(content, layout, source, None)
     found = [
-        () if k is None else tuple(str(name) for name in raw[k].str.strip().unique() if name)
+        () if k is None else tuple(str(name) for name in as_names(raw[k]).unique() if name)
         for k in (layout.camera_column, layout.point_column)
     ]
     if (most := max(map(len, found))) > MOST_NAMES:
@@ -242,16 +243,16 @@ class _Rows:
             )
         own = np.ones(len(raw), dtype=bool)
         if layout.camera_column is not None:
-            own = (raw[layout.camera_column].str.strip() == camera).to_numpy()
+            own = (as_names(raw[layout.camera_column]) == camera).to_numpy()
         frames, parts = self.frames(), []
         for each in chosen:
             pixels = self.pixels(each, image_height)
             part = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
             part["point"] = each.point
             if layout.point_column is not None:
-                part["point"] = raw[layout.point_column].str.strip().array
+                part["point"] = as_names(raw[layout.point_column]).array
             for name, index in layout.further:
-                part[name] = raw[index].array
+                part[name] = without_apostrophes(raw[index]).array
             parts.append(part[np.isfinite(pixels).all(axis=1) & own])
         return pd.concat(parts).sort_values("frame", kind="stable", ignore_index=True)
 

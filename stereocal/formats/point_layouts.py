@@ -10,6 +10,7 @@ from stereocal.formats.column_roles import guess_by_roles, propose_roles, with_n
 from stereocal.formats.exchange.options import LOWER_LEFT, PixelOrigin
 from stereocal.formats.other_files import refuse_other_points
 from stereocal.formats.point_files import PointColumns, PointLayout, is_number_or_empty
+from stereocal.system.csv_text import unquoted
 from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of, one_line_end
 
 HEAD_BYTES = 200_000
@@ -150,7 +151,7 @@ def _one_camera(
         program,
         (PointColumns("cam1", "point", u, v),),
         frame=frame,
-        further=tuple((rows[0][k].strip(), k) for k in further),
+        further=tuple((unquoted(rows[0][k].strip()), k) for k in further),
     )
 
 

@@ -18,6 +18,7 @@ from stereocal.formats.other_files import is_hdf5, refuse_other_points
 from stereocal.formats.point_files import is_number_or_empty
 from stereocal.formats.sleap_analysis import analysis_table
 from stereocal.matching.clicks import Clicks
+from stereocal.system.csv_text import csv_text
 from stereocal.system.dialect import dialect_of, encoding_of, head_of, one_line_end
 from stereocal.system.guarded import read_apart
 from stereocal.system.limits import Limits
@@ -116,4 +117,4 @@ def sleap_table(clicks: Clicks, camera: str) -> str:
         for track in clicks.tracks
         for each in clicks.along(track, camera)
     ]
-    return pd.DataFrame(rows, columns=columns).to_csv(index=False, lineterminator="\n")
+    return csv_text(pd.DataFrame(rows, columns=columns))

@@ -20,10 +20,12 @@ from stereocal.network.frame_rates import RATES, at_stated_rates
 from stereocal.network.started_by_hand import bring_into_step
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.dataset import check_length, check_uncertainty
-from stereocal.rig.recording import CameraPair, Recording, check_camera_names
+from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.array_types import IntArray
+from stereocal.system.csv_text import as_names, csv_text
 from stereocal.system.json_text import read_json
+from stereocal.system.names import check_camera_names, label_of
 from stereocal.system.records import of_plain, plain, settings_of
 from stereocal.system.tables import EMPTY, Column, Rows, names_of, read_rows, text_of
 
@@ -36,7 +38,6 @@ HOW_MADE = (
     " Of a table of points and camera files `python -m stereocal import` makes one; the Data page "
     "takes photographs and such files as they are."
 )
-LONGEST_NAME = 200
 LARGEST_DESCRIPTION = 4_000_000
 POINTS = "points.csv"
 REQUIRED = ("frame", "camera", "target", "u", "v")
@@ -82,9 +83,8 @@ class Description:
 
     @property
     def name(self) -> str:
-        """The name of the data set, as it can be displayed: not too long, valid UTF-8."""
-        name = str(self.entries.get("name") or Path(self.source).stem)
-        return name[:LONGEST_NAME].encode("utf-8", "replace").decode()
+        """The name of the data set, as it can be displayed."""
+        return label_of(str(self.entries.get("name") or Path(self.source).stem))
 
     @property
     def counts_own_frames(self) -> bool:
@@ -334,7 +334,7 @@ def read_points_csv(
         rows.raw["camera"] = of_camera
     codes: dict[str, IntArray] = {}
     for column, names in (("camera", list(cameras)), ("target", list(rigid_object.names))):
-        words = rows.raw[column].str.strip()
+        words = as_names(rows.raw[column])
         allowed = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
         known = {name: i for i, name in enumerate(names)}
         codes[column] = codes_of(words, known, allowed, words, rows.reasons)
@@ -400,4 +400,4 @@ def write_points(recording: Recording) -> bytes:
     if recording.start_frames:
         starts = np.array([recording.start_frames[name] for name in recording.cameras])
         table.insert(1, OWN_FRAME, recording.frame - starts[recording.camera])
-    return table.to_csv(index=False, lineterminator="\n").encode()
+    return csv_text(table).encode()

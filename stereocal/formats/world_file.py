@@ -34,6 +34,7 @@ from stereocal.rig.recording import CameraPair
 from stereocal.system.array_types import FloatArray
 from stereocal.system.atomic_files import read_whole
 from stereocal.system.json_text import read_json
+from stereocal.system.names import label_of
 from stereocal.system.tables import (
     Column,
     Reasons,
@@ -55,7 +56,6 @@ MEASURED = ("x_primary", "y_primary", "z_primary")
 MOST_ROWS = 5_000
 MOST_NAMES = {POINT: 200, LINE: 30, FRAME: 10}
 """Most points, lines and throws; the time of a fit grows with the square of the last two."""
-LONGEST_NAME = 60
 FARTHEST_M = 1e8
 
 
@@ -255,7 +255,7 @@ def _check_sizes(raw: pd.DataFrame, kind: str, source: str) -> None:
 def _names(raw: pd.DataFrame, column: str) -> tuple[str, ...]:
     if column not in raw:
         return ("",) * len(raw)
-    return tuple(str(name).strip()[:LONGEST_NAME] for name in raw[column])
+    return tuple(label_of(str(name).strip()) for name in raw[column])
 
 
 def _columns(values: Values, columns: tuple[str, ...]) -> FloatArray:

@@ -11,10 +11,11 @@ from typing import Any, get_args
 import numpy as np
 
 from stereocal.detection.detect import State
-from stereocal.errors import StereocalError, can_be_shown, damaged
+from stereocal.errors import StereocalError, damaged
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import SOURCES, TARGETS, Correspondences
 from stereocal.system.array_types import FloatArray
+from stereocal.system.names import can_be_shown
 from stereocal.system.numbers import count
 from stereocal.system.records import of_plain
 

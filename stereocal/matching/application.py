@@ -4,6 +4,7 @@ The tables are identical to those of the commands `match` and `reconstruct`.
 """
 
 import hashlib
+import io
 import json
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
@@ -19,11 +20,12 @@ from stereocal.matching.match_tables import match_tables
 from stereocal.matching.matching import ANY_DEPTH, refuse_different_rigs
 from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.names import AUTO, WITHIN
-from stereocal.matching.pairs import Stated
-from stereocal.matching.point_table import POINT, PointTable
+from stereocal.matching.pairs import PAIR_COLUMNS, Stated
+from stereocal.matching.point_table import POINT, SIGMAS, PointTable
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.tables_by_camera import pixel_columns
-from stereocal.matching.trajectories import OUTSIDE_VOLUME
+from stereocal.matching.tracks import CHI_SQUARE, OF_TRACKS
+from stereocal.matching.trajectories import OUTSIDE_VOLUME, POINT_COLUMNS, SIGMA_COLUMNS
 from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Dataset
@@ -31,6 +33,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import PlacedCamera, PlacedCameras, Rig, SeveralCameras
+from stereocal.system.csv_text import unquoted, without_apostrophes
 from stereocal.system.numbers import count, rounded
 from stereocal.system.tasks import Progress
 from stereocal.verdict.in_words import listed
@@ -299,6 +302,24 @@ def result_in_words(pairs: pd.DataFrame, points: pd.DataFrame) -> str:
         outside = int((points[OUTSIDE_VOLUME].to_numpy(dtype=bool) & measured).sum())
         text += f", {f'{outside:,}' if outside else 'none'} outside the volume of the bars"
     return text + "."
+
+
+def read_result(content: bytes) -> pd.DataFrame:
+    """A table of `apply_sets`; what the user's tables had stays text, as names must.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    names = pd.read_csv(io.BytesIO(content), nrows=0).columns
+    own = {"frame", *POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, WITHIN, *PAIR_COLUMNS}
+    own |= {*OF_TRACKS, CHI_SQUARE, *SIGMAS}
+    texts = [name for name in names if name not in own and name[:2] not in ("u_", "v_")]
+    table = pd.read_csv(
+        io.BytesIO(content), dtype=dict.fromkeys(texts, str), keep_default_na=False, na_values=[""]
+    )
+    for name in texts:
+        table[name] = without_apostrophes(table[name])
+    return table.rename(columns=unquoted)
 
 
 def agreement(pairs: pd.DataFrame) -> str | None:

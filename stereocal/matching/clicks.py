@@ -23,6 +23,7 @@ from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.epipolar_curve import epipolar_curve
 from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import FloatArray, IntArray
+from stereocal.system.names import check_name
 from stereocal.system.numbers import rounded, with_error
 
 CLICK_PX = 1.0
@@ -46,6 +47,9 @@ class Click:
     v: float
     source: Source = "clicked"
     """`snapped` to what the image shows there; `followed` from another frame, and accepted."""
+
+    def __post_init__(self) -> None:
+        check_name("A track", self.track)
 
     @property
     def key(self) -> Key:

@@ -19,6 +19,7 @@ from stereocal.matching.point_table import POINT, SIGMA, pixels_of
 from stereocal.matching.threshold import FramePixels
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray, IntArray
+from stereocal.system.names import check_name
 from stereocal.system.numbers import plural, rounded
 
 PARTS: tuple[str, ...] = ("point", "bodypart", "bodyparts", "body_part", "body part", "part")
@@ -165,6 +166,8 @@ def choose_names(
         names = Names(tried, frozenset(name for name, count in seen.items() if name and count > 1))
         if not names.common:
             continue
+        for name in names.common:
+            check_name(f"A point ({names.in_words})", name)
         against = next(filter(None, (_contradiction(two, names) for two in cameras)), "")
         if not against or is_forced:
             return names, against or note

@@ -25,6 +25,7 @@ import pandas as pd
 from stereocal.errors import DAMAGED, RefusedRowsError, RowProblem, StereocalError
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.atomic_files import write_in_parts
+from stereocal.system.csv_text import csv_text, unquoted, without_apostrophes
 from stereocal.system.dialect import (
     HEAD_CHARACTERS,
     Dialect,
@@ -244,7 +245,7 @@ class PointTable:
         self.dialect = replace(dialect_of(lines), encoding=encoding)
         # A quoted cell may continue on the next line.
         rows = self.dialect.cells("".join(lines[self.dialect.above :]), self.label)
-        names, cells = rows[0], rows[1] if len(rows) > 1 else []
+        names, cells = [*map(unquoted, rows[0])], rows[1] if len(rows) > 1 else []
         if len(cells) > len(names):  # pandas would use this width for the table
             raise StereocalError(
                 f"{self.label}: 1 row cannot be used: line {self.dialect.above + 2}: {len(cells)} "
@@ -275,6 +276,8 @@ class PointTable:
             raise RefusedRowsError(f"{self.label}: ", problems, "cannot be used")
         numbers = {name: values[name] for name in (*self.numbers, *self.sigmas)}
         further = {name: raw[name] for name in self.further}
+        if isinstance(self.source, Path) and not is_parquet(self.source):
+            further = {name: without_apostrophes(cells) for name, cells in further.items()}
         frames = values["frame"].astype(np.int64)
         return pd.DataFrame({"frame": frames, **numbers, **further}, index=raw.index)
 
@@ -332,7 +335,7 @@ class TableWriter:
             return
         if self._parquet is None:
             self.file = self._path.open("w", encoding="utf-8", newline="") if begins else self.file
-            rows.to_csv(self.file, index=False, header=begins, lineterminator="\n")
+            self.file.write(csv_text(rows, header=begins))
             return
         import pyarrow as pa
 

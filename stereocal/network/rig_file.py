@@ -22,13 +22,13 @@ from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import PIXEL_ORIGIN, RigParameters
-from stereocal.rig.recording import check_camera_names
 from stereocal.rig.result_file import ResultFile
 from stereocal.rig.rig import PlacedCamera, Rig
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
 from stereocal.system.array_types import FloatArray, IntArray
+from stereocal.system.names import check_camera_names
 from stereocal.system.records import of_plain
 
 RIG = "rig.json"

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import pandas as pd
 
-from stereocal.errors import StereocalError, can_be_shown, damaged
+from stereocal.errors import StereocalError, damaged
 from stereocal.formats.inputs import images_in
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.point_answers import Answers, answered, answers_alike, layout_of
@@ -27,6 +27,8 @@ from stereocal.projects.files import StoredFile, loaded
 from stereocal.projects.project import Project, ProjectPart
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.csv_text import csv_text
+from stereocal.system.names import can_be_shown, label_of
 from stereocal.system.records import of_plain, pack, plain
 from stereocal.system.zip_files import pack_zip, unzip
 
@@ -124,7 +126,7 @@ class ProjectApplication(ProjectPart):
             path = Path(folder) / f"table{suffix}"
             path.write_bytes(content)
             contents = PointTable(path, label=label).check()
-        file = PointFile(label, suffix, contents.rows, len(contents.frames))
+        file = PointFile(label_of(label), suffix, contents.rows, len(contents.frames))
         self._keep_points(side, content, content, file)
 
     # Files with open questions
@@ -316,4 +318,4 @@ class ProjectCheck(ProjectPart):
 
 
 def _written(table: pd.DataFrame) -> bytes:
-    return table.to_csv(index=False, lineterminator="\n").encode()
+    return csv_text(table).encode()

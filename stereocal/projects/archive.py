@@ -27,6 +27,7 @@ from stereocal.projects.clicks import ProjectClicks
 from stereocal.projects.contents import (
     ANY,
     CONTENTS,
+    INPUT,
     PAGES,
     TABLES,
     Held,
@@ -43,6 +44,7 @@ from stereocal.projects.server_settings import check_quota
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.json_text import read_json
 from stereocal.system.limits import Limits
+from stereocal.system.names import check_path, label_of
 from stereocal.system.zip_files import OpenZip, open_zip
 
 MANIFEST_FORMAT = "stereocal-project/1"
@@ -258,6 +260,8 @@ def _restore(own: Mapping[str, Any], store: Store, members: _Members) -> list[st
     for part, values in own["values"].items():
         unknown += [f"{part} {name}" for name in values if held("value", part, name) is None]
         known = {name: each for name, each in values.items() if travels("value", part, name)}
+        if part == INPUT and isinstance(known.get("name"), str):
+            known["name"] = label_of(known["name"])
         store.keep_values(part, known)
     for item in own["files"]:
         part, name, path = (str(item[key]) for key in ("part", "name", "path"))
@@ -267,7 +271,8 @@ def _restore(own: Mapping[str, Any], store: Store, members: _Members) -> list[st
         if (part, name) in named:
             raise ValueError(name)
         named.add((part, name))
-        stored = replace(members.store(path, store), about=item["about"])
+        check_path(name, MANIFEST)
+        stored = replace(members.store(path, store), about=_about(item["about"]))
         store.name_files(part, {name: stored})
         _keep_day(store, stored, item.get("stored"))
     for table, kind, _ in CONTENTS:
@@ -290,6 +295,13 @@ def _keep_day(store: Store, file: StoredFile, day: float | None) -> None:
     with store.transaction() as db:
         row = [min(day, time.time()), file.sha256]
         db.execute("UPDATE file SET stored = ? WHERE sha256 = ?", row)
+
+
+def _about(about: Any) -> Any:
+    """What is stored with a file's name, its label as it can be shown."""
+    if isinstance(about, dict) and isinstance(about.get("label"), str):
+        return {**about, "label": label_of(about["label"])}
+    return label_of(about) if isinstance(about, str) else about
 
 
 def _manifest(opened: OpenZip, source: str) -> dict[str, Any]:

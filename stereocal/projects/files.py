@@ -29,6 +29,7 @@ from stereocal.projects.database import (
 from stereocal.projects.server_settings import check_quota
 from stereocal.system.atomic_files import flush_folder, make_folder
 from stereocal.system.limits import MB
+from stereocal.system.names import label_of
 
 SUFFIX = ".sqlite"
 LARGEST = 990_000_000
@@ -109,7 +110,7 @@ class Store(Database):
                 )
             source.seek(0)
             sha256 = hashlib.file_digest(source, "sha256").hexdigest()
-            stored = StoredFile(sha256, self, label)
+            stored = StoredFile(sha256, self, label_of(label))
             with self.transaction() as db:
                 dated = "UPDATE file SET stored = ? WHERE sha256 = ?", [time.time(), sha256]
                 if db.execute(*dated).rowcount:

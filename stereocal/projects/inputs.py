@@ -7,11 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from stereocal.errors import can_be_shown
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera, CameraName, LensUncertainty
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
+from stereocal.system.names import can_be_shown
 
 Slot = Literal["primary", "secondary", "correspondences"]
 Length = Literal["baseline_m", "target_distance_m"]

@@ -31,6 +31,7 @@ from stereocal.rig.correspondences import Correspondences, refuse_points_outside
 from stereocal.rig.dataset import Dataset, check_length
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
+from stereocal.system.names import label_of
 from stereocal.system.records import of_plain, unpack
 from stereocal.workflow import Run
 
@@ -205,7 +206,7 @@ class Project:
 
     def rename(self, name: str) -> None:
         """Rename the project; later calibrations use the name."""
-        self.database.keep_values(INPUT, {"name": name})
+        self.database.keep_values(INPUT, {"name": label_of(name)})
 
     @property
     def dataset(self) -> Dataset | None:

@@ -11,13 +11,13 @@ from stereocal.errors import StereocalError, refuse
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
-from stereocal.rig.recording import check_camera_names
 from stereocal.rig.result_file import ResultFile
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
 from stereocal.system.answers import Answer
 from stereocal.system.array_types import IntArray
+from stereocal.system.names import check_camera_names
 from stereocal.system.numbers import count
 
 PARAMETERS_FORMAT = "stereocal-parameters/1"

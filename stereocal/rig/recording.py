@@ -5,7 +5,6 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
-from unicodedata import category
 
 import numpy as np
 import numpy.typing as npt
@@ -20,12 +19,10 @@ from stereocal.rig.rigid_object import Held, RigidObject
 from stereocal.rig.tracks import Interpolated, interpolate
 from stereocal.system.answers import TableAnswer
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
+from stereocal.system.names import check_camera_names
 from stereocal.system.numbers import count
 from stereocal.system.tables import refuse_missing
 
-LONGEST_NAME = 64
-LETTERS, OTHERS = "LMN", " -_."
-"""Categories of characters: letters, marks on letters, numbers; and other characters."""
 CameraPair = tuple[str, str]
 MOST_IMAGES = 50_000_000
 """The most images of all targets in all frames and cameras: 800 MB of pixels."""
@@ -260,6 +257,12 @@ class Recording(TableAnswer):
         added = np.array([starts.get(name, 0) for name in self.cameras])
         return replace(self, frame=self.frame + added[self.camera])
 
+    @property
+    def first_frames(self) -> dict[str, int]:
+        """The first frame with points of each camera; 0 of one without any."""
+        own = {name: self.frame[self.camera == k] for k, name in enumerate(self.cameras)}
+        return {name: int(each.min()) if len(each) else 0 for name, each in own.items()}
+
     def of_cameras(self, names: Sequence[str]) -> "Recording":
         """The recording with some of its cameras only, in the order of all."""
         every = list(self.cameras)
@@ -415,29 +418,3 @@ def _codes(what: str, values: Iterable[Hashable], names: Sequence[str]) -> IntAr
         several = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
         raise StereocalError(f"The {what} {unknown[:40]!r} is none of {several}.")
     return np.array([known[word] for word in words], dtype=np.int64)
-
-
-def check_camera_names(names: Iterable[str]) -> None:
-    """Refuse names that cannot be part of the name of a file, and pairs whose files would be one.
-
-    Raises:
-        StereocalError: names the camera.
-    """
-    names = [*names]
-    for name in names:
-        known = all(sign in OTHERS or category(sign)[0] in LETTERS for sign in name)
-        whole = 0 < len(name.strip(" ")) == len(name) <= LONGEST_NAME
-        if not (known and whole) or name[0] == ".":
-            raise StereocalError(
-                f"A camera cannot be called {name[:LONGEST_NAME]!r}, since files are named after "
-                f"it: rename it, with 1 to {LONGEST_NAME} letters, digits, spaces, -, _ or . (no "
-                "dot at the beginning)."
-            )
-    pairs: dict[str, tuple[str, str]] = {}
-    for pair in combinations(names, 2):
-        other = pairs.setdefault("-".join(pair).casefold(), pair)
-        if other != pair:
-            raise StereocalError(
-                f"The files of the cameras {' and '.join(other)} and those of {' and '.join(pair)} "
-                "would have one name: rename a camera."
-            )

@@ -14,6 +14,7 @@ from scipy.spatial import KDTree
 
 from stereocal.errors import StereocalError
 from stereocal.system.array_types import FloatArray, IntArray
+from stereocal.system.names import check_name
 
 DICTIONARIES = tuple(
     f"DICT_{bits}_{count}"
@@ -142,6 +143,8 @@ class RigidObject:
             raise StereocalError(
                 f"An object needs 2 to {MOST_POINTS} points, each with three numbers."
             )
+        for name in self.names if self.board is None else ():
+            check_name("A target", name)
         if len({*self.names}) < len(self.names):
             raise StereocalError("Two points of the object have the same name.")
         if not np.isfinite(self.points).all():

@@ -14,6 +14,7 @@ from typing import IO
 
 from stereocal.errors import StereocalError
 from stereocal.system.limits import Limits
+from stereocal.system.names import check_path
 
 PIECE = 1 << 20
 LISTED_BYTES = 3_300
@@ -40,6 +41,7 @@ class OpenZip:
                     f"{source}: two files in the zip are called {item.filename!r}; pack it "
                     "again with the right one only."
                 )
+            check_path(item.filename, source)
             if not item.is_dir():
                 self._members[item.filename] = item
 

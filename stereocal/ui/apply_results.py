@@ -1,7 +1,6 @@
 """Results of the Apply page: answer, frame by frame, downloads, and closer looks."""
 
 import bisect
-import io
 import shlex
 import time
 from collections.abc import Callable, Sequence
@@ -27,6 +26,7 @@ from stereocal.matching.application import (
     Application,
     Outcome,
     agreement,
+    read_result,
     result_in_words,
 )
 from stereocal.matching.names import AUTO
@@ -241,7 +241,7 @@ def _read(*files: StoredFile) -> Tables:
     for file in files:
         table = pd.DataFrame()
         with suppress(ValueError):
-            table = pd.read_csv(io.BytesIO(file.read_bytes()))
+            table = read_result(file.read_bytes())
         if "frame" not in table:
             raise StereocalError(f"{file.label} of the last result is damaged.")
         tables.append(table)

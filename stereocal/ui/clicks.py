@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import streamlit as st
 
-from stereocal.errors import StereocalError, can_be_shown
+from stereocal.errors import StereocalError
 from stereocal.formats.point_text import dltdv_table, sleap_table
 from stereocal.frames.review import centre_at
 from stereocal.frames.video.footage import Footage
@@ -30,6 +30,8 @@ from stereocal.matching.following import corner_at, follow, nearest_clicks, velo
 from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.projects.project import Project
 from stereocal.rig.rig import camera_in_words
+from stereocal.system.csv_text import csv_text
+from stereocal.system.names import check_name
 from stereocal.system.numbers import count
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, Number, choose, one_of, setting
@@ -259,7 +261,7 @@ class _Panel:
         with st.popover("Download the clicks"):
             cameras = [*self.measure.matching.placed]
             tables = clicks.tables(cameras)
-            files = {f"{c}.csv": table.to_csv(index=False) for c, table in tables.items()}
+            files = {f"{c}.csv": csv_text(table) for c, table in tables.items()}
             files["xypts.csv (DLTdv8)"] = dltdv_table(clicks, cameras)
             files |= {f"sleap_{c}.csv (SLEAP)": sleap_table(clicks, c) for c in tables}
             for number, (label, text) in enumerate(files.items()):
@@ -277,6 +279,6 @@ def _next_click(track: str, seen: Sequence[str], cameras: Sequence[str]) -> str:
 
 def _track_name(value: Any) -> str:
     """A name that is stored and shown as it is."""
-    if not isinstance(value, str) or not value.strip() or not can_be_shown(value):
-        raise ValueError(value)
-    return value.strip()[:40]
+    if not isinstance(value, str):
+        raise TypeError(value)
+    return check_name("A track", value.strip())

@@ -28,6 +28,7 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.dataset import Dataset
 from stereocal.system.limits import Limits
+from stereocal.system.names import check_path
 from stereocal.system.photograph import SUFFIXES
 from stereocal.system.photograph_files import of_the_bar
 from stereocal.ui import jobs
@@ -56,6 +57,7 @@ def check_uploads(uploads: Sequence[Upload]) -> None:
     limits.check_count(len(uploads), "The upload")
     limits.check_together(sum(upload.size for upload in uploads), "The upload")
     for upload in uploads:
+        check_path(upload.name, "The upload")
         # Zips are checked by their list of contents.
         if not upload.name.lower().endswith(".zip"):
             limits.check_size(upload.size, upload.name)

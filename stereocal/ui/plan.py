@@ -20,6 +20,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.system.latest import Latest
+from stereocal.system.names import LONGEST
 from stereocal.system.numbers import distance, rounded
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, setting
@@ -29,7 +30,7 @@ from stereocal.ui.jobs import pool
 from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import ask_if_fisheye, button
 from stereocal.ui.navigation import go_to
-from stereocal.ui.plan_fields import LONGEST_NAME, plan_field, show_plan
+from stereocal.ui.plan_fields import plan_field, show_plan
 from stereocal.ui.print_downloads import field_sheet_to_print, planned_targets_to_print
 from stereocal.ui.project import open_project
 from stereocal.ui.texts import escape_markdown
@@ -164,7 +165,7 @@ def _compare(project: Project | None, found: PlanForecast, others: Sequence[Plan
                     button("Change this one", *show)
                     button("Remove", f"plan_drop_{at}", kept.set, rest)
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        st.text_input("Name of this plan", max_chars=LONGEST_NAME, **named.widget())
+        st.text_input("Name of this plan", max_chars=LONGEST, **named.widget())
         full = len(texts) >= MOST_PLANS - 1 or own in texts
         told = "Then change the plan: up to three are shown side by side."
         button("Keep it to compare", "plan_keep", keep, disabled=full, help=told)

@@ -38,7 +38,6 @@ USUAL = Uncertainty()
 POSITIVE = Number(0.0)
 MM = Number(SMALLEST_MM, LARGEST_MM)
 TOE_IN_DEG = (-10.0, 60.0)
-LONGEST_NAME = 200
 TOE_IN, HIGHER = "Each camera turned in by (°)", "Secondary higher by (m)"
 CENTRES = "Image centres, ± px"
 NEEDED = "Needed: 95 % of lengths within (%)"

@@ -29,6 +29,7 @@ from stereocal.projects.application import Asked, ProjectApplication
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
+from stereocal.system.csv_text import csv_text
 from stereocal.system.numbers import count
 from stereocal.ui.columns import choose_columns, header_key
 from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
@@ -207,7 +208,7 @@ def _offer_all(
     def take() -> None:
         own = replace(layout, origin=options.origin(layout.origin))
         points = points_of_all(content, own, heights[0], label)
-        packed = points.to_csv(index=False, lineterminator="\n").encode()
+        packed = csv_text(points).encode()
         ProjectGiven(store.project).more_cameras({f"{PurePath(label).stem}.csv": packed})
         store.forget_question("bars")
 

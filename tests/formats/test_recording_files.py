@@ -1,6 +1,7 @@
 """Data sets of any number of cameras and any rigid object."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -93,7 +94,9 @@ def test_there_and_back(data: st.DataObject) -> None:
     """Any table of points is read as it was written, to the last bit."""
     names = st.sets(CAMERA_NAMES, min_size=2, max_size=4)
     cameras = dict.fromkeys(data.draw(names), FIELD.primary)
-    targets = tuple(data.draw(st.sets(NAMES, min_size=2, max_size=5)))
+    begins = st.sampled_from(["", *"=+-@'", "'=", "''+", "-1", "\uff1d", "+."])
+    some = st.builds("".join, st.tuples(begins, NAMES))
+    targets = tuple(data.draw(st.sets(some, min_size=2, max_size=5)))
     keys = st.tuples(
         st.integers(-5, 1000), st.integers(0, len(cameras) - 1), st.integers(0, len(targets) - 1)
     )
@@ -104,7 +107,9 @@ def test_there_and_back(data: st.DataObject) -> None:
     places = np.array([[i, i * i, 0.1] for i in range(len(targets))], float)
     seen = [np.array(points), np.array([data.draw(sigmas) for _ in rows])]
     one = Recording("any", cameras, RigidObject(targets, places, 0.01), *rows.T.copy(), *seen)
-    back = parse_recording(pack_recording(one), "x")
+    files = pack_recording(one)
+    assert not re.search(rb'[,\n]"?[=+@\xef]|[,\n]"?-[^\d]', files["points.csv"])
+    back = parse_recording(files, "x")
     for name in ("frame", "camera", "target", "points", "sigma_px"):
         np.testing.assert_array_equal(getattr(back, name), getattr(one, name))
     assert list(back.cameras) == list(cameras)
@@ -163,6 +168,10 @@ def test_bad_rows_are_named_with_frame_camera_and_target(row: str, says: str) ->
         ),
         ({"object": ...}, '"object" must give the points'),
         ({"object": {"A": [0, 0, 0]}}, "needs 2 to 10000 points"),
+        *(
+            ({"object": {"A": [0, 0, 0], name: [0.9, 0, 0]}}, "A target cannot be called")
+            for name in ("", "B ", "\tB", "B\nC", "B\ud800", 201 * "B")
+        ),
         ({"object": {"A": [0, 0, 0], "B": [0, 0, 0]}}, "A and B .* same place"),
         ({"object": {"A": [0, 0, 0], "B": [0.9, 0]}}, "'B' must be three numbers"),
         ({"object": {"A": [0, 0, 0], "B": [900, 0, 0]}}, None),

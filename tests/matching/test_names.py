@@ -8,11 +8,14 @@ import pytest
 from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.library.tables import match
+from stereocal.matching.application import read_result
 from stereocal.matching.match_tables import match_tables
+from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.tables_by_camera import Report
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.correspondences import PIXELS
 from tests.further import further
 from tests.matching.test_point_noise import FILE, seen
 
@@ -110,6 +113,31 @@ def test_tracks_that_each_camera_counts_for_itself_do_not_decide(
     assert any("track do not fit the images" in note for note in report.notes)
     report, pairs = reported(tmp_path, (first, other), "track")
     assert (pairs["track_primary"] == pairs["track_secondary"]).all()
+
+
+def test_names_stay_text_from_the_points_to_what_is_read_of_them(
+    tables: Tables, tmp_path: Path
+) -> None:
+    """1 and 1.0 are two tracks; a name that a spreadsheet would run is written harmlessly."""
+    called = ["1", "1.0", "v1", "v1.0", "=cmd", "-x"]
+    given = {}
+    for which, own in zip(CAMERAS, tables, strict=True):
+        named = own.assign(track=own["truth"].map(dict(enumerate(called))))
+        path = tmp_path / f"{which}.csv"
+        named.drop(columns=["bodypart", "truth"]).to_csv(path, index=False)
+        given[which] = PointTable(path)
+    pairs, points = tmp_path / "pairs.csv", tmp_path / "points.csv"
+    report = match_tables(FILE, given, pairs)
+    assert report.names.common == {*called}
+    measure_tables(FILE, PointTable(pairs, PIXELS), points)
+    for path, column in ((pairs, "track_primary"), (points, "track")):
+        assert b",=cmd" not in path.read_bytes() and b",-x" not in path.read_bytes()
+        found = read_result(path.read_bytes())
+        assert {*found[column]} == {*called} and found["error_px"].dtype == float
+    short = {0: "nose", 1: 201 * "x"}
+    first, second = (each.assign(bodypart=each["truth"].map(short)) for each in tables)
+    with pytest.raises(StereocalError, match="1 to 200 characters"):
+        match(FILE, first.dropna(), second.dropna())
 
 
 def test_names_exchanged_in_a_camera_are_told(tables: Tables, tmp_path: Path) -> None:

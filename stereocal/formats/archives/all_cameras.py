@@ -28,6 +28,7 @@ from stereocal.rig.dataset import check_length
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.csv_text import as_names
 from stereocal.system.tables import EMPTY, read_rows
 
 ENDS = ("A", "B")
@@ -200,7 +201,7 @@ def _of_points(
 def _column(content: bytes, source: str, name: str) -> list[str]:
     """The values of a column of a table of format 2, in the order of their first rows."""
     raw = read_rows(content, source, REQUIRED, NUMBERS, (), EMPTY).raw[name]
-    return [str(each) for each in raw.str.strip().unique()]
+    return [str(each) for each in as_names(raw).unique()]
 
 
 def cameras_in(files: Contents, options: ExchangeOptions) -> dict[str, Camera]:

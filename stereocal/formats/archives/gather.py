@@ -33,6 +33,7 @@ from stereocal.formats.point_text import point_text
 from stereocal.formats.recognition import recognise
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import Correspondences
+from stereocal.system.csv_text import csv_text
 
 Heights = Sequence[int | None]
 """Heights of the images of the cameras, px."""
@@ -179,7 +180,7 @@ def with_one_table(files: Contents, options: ExchangeOptions) -> Contents:
         points = read_points(content, layout, answers.camera, None, name)
         found.append(points.assign(camera=PurePath(name).stem))
     whole = pd.concat(found).rename(columns={"point": "target", "u": "x", "v": "y"})
-    text = whole[["frame", "camera", "target", "x", "y"]].to_csv(index=False).encode()
+    text = csv_text(whole[["frame", "camera", "target", "x", "y"]]).encode()
     return {**{each: files[each] for each in files if each not in tables}, ", ".join(tables): text}
 
 

@@ -1,0 +1,56 @@
+"""Tables as CSV whose text no spreadsheet runs as a formula.
+
+A name such as `=cmd`, `+x` or `-left` is written with an apostrophe before it, which our readers
+take away again; one that begins with apostrophes before such a sign gets one more. Numbers as -1,
+and signs alone, stay as they are.
+"""
+
+import re
+from typing import Any
+
+import pandas as pd
+
+_RUN = re.compile(r"'*[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20]")
+"""How what is run begins, full-width signs too, which spreadsheets take for the usual ones."""
+_SIGNS = re.compile(r"[=+\-@]+")
+
+
+def csv_text(table: pd.DataFrame, **options: Any) -> str:
+    """The table without its index; `options` are those of pandas."""
+    safe = table.rename(columns=lambda name: quoted(str(name)))
+    for name in safe.columns[[dtype.kind not in "biufcM" for dtype in safe.dtypes]]:
+        cells = safe[name].to_numpy(dtype=object).tolist()
+        if any(isinstance(each, str) and _RUN.match(each) for each in cells):
+            own = [quoted(each) if isinstance(each, str) else each for each in cells]
+            safe[name] = pd.Series(own, safe.index, dtype=object)
+    return str(safe.to_csv(index=False, lineterminator="\n", **options))
+
+
+def quoted(text: str) -> str:
+    """The text with an apostrophe before it if a spreadsheet would run it."""
+    if not _RUN.match(text) or _SIGNS.fullmatch(text) or _is_number(text):
+        return text
+    return f"'{text}"
+
+
+def unquoted(text: str) -> str:
+    """The text of `quoted`."""
+    return text[1:] if text[:1] == "'" and quoted(text[1:]) == text else text
+
+
+def as_names(cells: "pd.Series[str]") -> "pd.Series[str]":
+    """The names in a column of a table, without blanks and apostrophes of `quoted`."""
+    return without_apostrophes(cells.str.strip())
+
+
+def without_apostrophes(cells: "pd.Series[str]") -> "pd.Series[str]":
+    """A column of a table as it was before it was written by `csv_text`."""
+    return cells.map(unquoted, na_action="ignore") if cells.str.startswith("'").any() else cells
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,90 @@
+"""What a name may be, wherever it comes from: a file, a table, a zip, a form.
+
+A label is only shown: of a data set, a project, an upload. It is mended and cut. A name tells
+cameras, targets, tracks or photographs apart. It stays as it is, or is refused: cut, two could
+become one.
+"""
+
+from collections.abc import Iterable
+from itertools import combinations
+from unicodedata import category
+
+from stereocal.errors import StereocalError
+
+LONGEST, LONGEST_OF_CAMERA, LONGEST_PATH = 200, 64, 1000
+KEPT_END = 20
+"""Characters at the end of a label that is cut: the ending of a file's name tells its kind."""
+SHOWN = 60
+"""Of a name that is refused, in the message."""
+HIDDEN = ("Cc", "Cs", "Zl", "Zp")
+"""Categories of characters that no page, table or message can show: controls, halves of
+characters, which JSON allows but UTF-8 does not, ends of lines."""
+LETTERS, OTHERS = "LMN", " -_."
+"""Of names of cameras: categories of characters, letters, marks on letters, numbers; and others."""
+
+
+def can_be_shown(text: object) -> bool:
+    """Whether `text` is a string without lone surrogates, which JSON allows but UTF-8 does not."""
+    return isinstance(text, str) and text == text.encode("utf-8", "replace").decode()
+
+
+def label_of(text: str) -> str:
+    """What is only shown, as it can be shown: not too long, on one line, valid UTF-8."""
+    if len(text) > LONGEST:
+        text = f"{text[: LONGEST - KEPT_END - 3]}...{text[-KEPT_END:]}"
+    if text.isprintable():
+        return text
+    return "".join(" " if category(sign) in HIDDEN else sign for sign in text)
+
+
+def check_name(what: str, name: str, longest: int = LONGEST) -> str:
+    """The name, if it can be one: of 1 to `longest` characters that can be shown, without blanks at
+    its ends.
+
+    Args:
+        what: it is of, as `A target`.
+    """
+    hidden = not name.isprintable() and any(category(sign) in HIDDEN for sign in name)
+    if hidden or not 0 < len(name.strip()) == len(name) <= longest:
+        raise StereocalError(
+            f"{what} cannot be called {name[:SHOWN]!r}{'...' * (len(name) > SHOWN)}: rename it, "
+            f"with 1 to {longest} characters that can be shown, and no blanks at its ends."
+        )
+    return name
+
+
+def check_path(path: str, source: str) -> str:
+    """The name of a file, perhaps with folders, if a disk could have it so."""
+    if len(path) > LONGEST_PATH:
+        raise StereocalError(
+            f"a file is called {path[:SHOWN]!r}...: {len(path):,} characters are too many; rename "
+            f"it, with at most {LONGEST_PATH:,}.",
+            source,
+        )
+    return path
+
+
+def check_camera_names(names: Iterable[str]) -> None:
+    """Refuse names that cannot be part of the name of a file, and pairs whose files would be one.
+
+    Raises:
+        StereocalError: names the camera.
+    """
+    names = [*names]
+    for name in names:
+        known = all(sign in OTHERS or category(sign)[0] in LETTERS for sign in name)
+        whole = 0 < len(name.strip(" ")) == len(name) <= LONGEST_OF_CAMERA
+        if not (known and whole) or name[0] == ".":
+            raise StereocalError(
+                f"A camera cannot be called {name[:LONGEST_OF_CAMERA]!r}, since files are named "
+                f"after it: rename it, with 1 to {LONGEST_OF_CAMERA} letters, digits, spaces, -, "
+                "_ or . (no dot at the beginning)."
+            )
+    pairs: dict[str, tuple[str, str]] = {}
+    for pair in combinations(names, 2):
+        other = pairs.setdefault("-".join(pair).casefold(), pair)
+        if other != pair:
+            raise StereocalError(
+                f"The files of the cameras {' and '.join(other)} and those of {' and '.join(pair)} "
+                "would have one name: rename a camera."
+            )
