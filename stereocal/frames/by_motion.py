@@ -65,14 +65,13 @@ def found_by_motion(
         agrees = f"The sound{of} says the same to {rounded(apart)} photographs."
         told.append(contradicted if apart > ALIKE else agrees)
     later = found.recording.start_frames
-    late = {name: offset - later[name] for name, (offset, _) in found.offsets.items()}
     exchanged = frozenset(
         name
         for camera, own in followed.items()
         for name, first in zip(own.names, own.orders[:, found.orders[camera][0]], strict=True)
         if first
     )
-    return Motion(later, late, exchanged, " ".join([*found.answer, *told]))
+    return Motion(later, found.late, exchanged, " ".join([*found.answer, *told]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +112,8 @@ def _recording(
     for camera, own in enumerate(sides.values()):
         found = np.take_along_axis(own.points, own.orders[:, :, None], axis=1)
         at, target = np.nonzero(np.isfinite(found).all(axis=2))
-        numbers = own.numbers[at], np.full(len(at), camera), target
-        parts.append(np.column_stack([*numbers, found[at, target]]))
-    rows = np.concatenate(parts)
-    frame, camera_of, target_of = rows[:, :3].T.astype(np.int64)
+        parts.append((own.numbers[at], np.full(len(at), camera), target, found[at, target]))
+    frame, camera_of, target_of, points = map(np.concatenate, zip(*parts, strict=True))
     named = {name: cameras[name] for name in sides}
-    unknown = np.full(len(rows), np.nan)
-    return Recording("", named, held, frame, camera_of, target_of, rows[:, 3:], unknown)
+    unknown = np.full(len(frame), np.nan)
+    return Recording("", named, held, frame, camera_of, target_of, points, unknown)

@@ -8,6 +8,7 @@ fraction of the one that stands out.
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from functools import cached_property, partial
 from types import MappingProxyType
 from typing import NamedTuple
@@ -84,12 +85,20 @@ class OffsetOfPair:
     errors_px: FloatArray
     order: int = 0
     """In which of the orders of the targets the second's fit the first's."""
+    origin: int = 0
+    part: float = 0.0
+    """Whole frames, and what the offset is more: their sum is exact also near 2^53."""
+
+    @property
+    def exact(self) -> Decimal:
+        """The offset, in frames."""
+        return exact(self.origin, self.part)
 
     def sentence(self) -> str:
         """In words that a person can check."""
         first, second = self.pair
         found = self.measured
-        at = in_frames(found.frames, found.sigma)
+        at = in_frames(self.exact, found.sigma)
         drift = ""
         if found.drift_sigma:
             drift = f", drifting by {1e6 * found.drift:.1f} ± {1e6 * found.drift_sigma:.1f} ppm"
@@ -101,7 +110,12 @@ class OffsetOfPair:
         )
 
 
-def in_frames(frames: float, sigma: float) -> str:
+def exact(whole: int, part: float) -> Decimal:
+    """A number of frames as a whole number and what it is more."""
+    return Decimal(whole) + Decimal(part)
+
+
+def in_frames(frames: Decimal, sigma: float) -> str:
     """An offset with its standard error."""
     return f"{frames:.3f} ± {max(sigma, 0.001):.3f}"
 
@@ -125,14 +139,18 @@ def offset_of_pair(
         StereocalError: the data do not tell it.
     """
     two, searches = recording.of_cameras(pair), list[_Search]()
+    # Each count begins at its first frame, in whole numbers.
+    begin = two.first_frames
+    two, origin = two.counted_from({name: -at for name, at in begin.items()}), begin[pair[0]]
     about = near[pair[1]] - near[pair[0]] if {*pair} <= near.keys() else None
-    content = [repr([about, *two.cameras.items()]).encode()]
+    about = None if about is None else about + begin[pair[1]] - origin
+    content = [repr([about, begin, *two.cameras.items()]).encode()]
     for number, order in enumerate(orders or [np.arange(len(recording.object.names))]):
         named = with_targets(two, pair[1], order)
         shown = np.unique(named.target)
         few = shown[evenly_spread(len(shown), TARGETS)]
         own = named.where(np.isin(named.target, few))
-        searches.append(_Search(own, about, number))
+        searches.append(_Search(own, about, number, begin))
         content += map(bytes, (own.frame, own.camera, own.target, own.points))
     found = partial(_offset, searches)
     return once_or_refused(KEPT, hashlib.sha256(b"".join(content)).hexdigest(), found)
@@ -164,6 +182,18 @@ class _Search:
     """About which offset, if something else tells that."""
     order: int
     """Which of the orders of the targets the second camera has."""
+    begin: Mapping[str, int]
+    """Which frame of each camera, as it counted, is 0 in `recording`."""
+
+    @property
+    def origin(self) -> int:
+        """Frames by which offsets are larger as the cameras counted."""
+        first, second = self.begin.values()
+        return first - second
+
+    def stated(self, offset: float) -> str:
+        """An offset of `recording` as the cameras counted."""
+        return f"{exact(self.origin, offset):f}"
 
     @cached_property
     def tracks(self) -> tuple[Track, Track]:
@@ -265,8 +295,10 @@ class _Search:
         fit, note = fit_time_offset(dataset, settings, best.offset - whole)
         if fit is None:
             raise StereocalError(note)
-        sigma = max(fit.time_offset.sigma, spread_over_runs(fit))
-        return replace(fit.time_offset, frames=whole + fit.time_offset.frames, sigma=sigma)
+        found = fit.time_offset
+        sigma = max(found.sigma, spread_over_runs(fit))
+        reference = found.reference + self.begin[pair[0]]
+        return replace(found, frames=whole + found.frames, reference=reference, sigma=sigma)
 
 
 def _offset(searches: Sequence[_Search]) -> OffsetOfPair:
@@ -283,11 +315,23 @@ def _offset(searches: Sequence[_Search]) -> OffsetOfPair:
         measured = search.measured(best)
         if abs(measured.frames - best.offset) > NEAR + 5 * measured.sigma:
             raise StereocalError(
-                f"the best offset, {best.offset:g} frames, and the one that fits the motion "
-                f"there, {measured.frames:.2f}, contradict each other."
+                f"the best offset, {search.stated(best.offset)} frames, and the one that fits the "
+                f"motion there, {exact(search.origin, measured.frames):.2f}, contradict each other."
             )
-    found = best.px, beside, other.px, other.offset
-    return OffsetOfPair((first, second), measured, *found, *search.scanned, best.order)
+    origin, (offsets, errors_px) = search.origin, search.scanned
+    return OffsetOfPair(
+        (first, second),
+        replace(measured, frames=origin + measured.frames),
+        best.px,
+        beside,
+        other.px,
+        origin + other.offset,
+        origin + offsets,
+        errors_px,
+        best.order,
+        origin,
+        measured.frames,
+    )
 
 
 def _two_best(searches: Sequence[_Search]) -> tuple[_Candidate, _Candidate]:
@@ -310,11 +354,12 @@ def _two_best(searches: Sequence[_Search]) -> tuple[_Candidate, _Candidate]:
     others = [each for each in judged if not low <= each.offset <= high]
     least = RIVAL * best.evidence if best.evidence > ENOUGH else -np.inf
     rival = _best(each for each in others if each.evidence > least)
+    stated = searches[0].stated
     if best.px > fitting_px(searches[0].recording):
         raise StereocalError(
-            f"at no offset do their points fit together; at the best, {best.offset:g} frames, "
-            f"they lie {rounded(best.px)} px from their epipolar lines. Check that both saw "
-            "the same motion at the same time, with as many frames a second, and their camera "
+            f"at no offset do their points fit together; at the best, {stated(best.offset)} "
+            f"frames, they lie {rounded(best.px)} px from their epipolar lines. Check that both "
+            "saw the same motion at the same time, with as many frames a second, and their camera "
             "files."
         )
     further = FURTHER_WITH_LENGTHS if best.lengths_agree else FURTHER
@@ -322,9 +367,9 @@ def _two_best(searches: Sequence[_Search]) -> tuple[_Candidate, _Candidate]:
     if not rival.score >= need * best.score:
         which = "" if rival.order == best.order else " with its ends the other way round"
         raise StereocalError(
-            f"two offsets fit nearly as well, {best.offset:g} frames ({rounded(best.px)} px "
-            f"from the epipolar lines) and {rival.offset:g} ({rounded(rival.px)} px{which}): the "
-            "motion repeats itself, or is too short. A longer recording of an irregular motion "
+            f"two offsets fit nearly as well, {stated(best.offset)} frames ({rounded(best.px)} px "
+            f"from the epipolar lines) and {stated(rival.offset)} ({rounded(rival.px)} px{which}): "
+            "the motion repeats itself, or is too short. A longer recording of an irregular motion "
             "decides, or an offset that you know to a few frames."
         )
     return best, _best(others)

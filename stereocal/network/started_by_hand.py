@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from itertools import product
 from types import MappingProxyType
 
@@ -12,7 +13,7 @@ import pandas as pd
 from stereocal.calibration.corrections import with_targets
 from stereocal.errors import StereocalError
 from stereocal.network.frame_rates import at_slowest
-from stereocal.network.offset_of_pair import OffsetOfPair, in_frames, offset_of_pair
+from stereocal.network.offset_of_pair import OffsetOfPair, exact, in_frames, offset_of_pair
 from stereocal.network.pairs import reached
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.tracks import MeasuredOffset
@@ -39,6 +40,8 @@ class BroughtIntoStep(TableAnswer):
     pairs: Mapping[CameraPair, OffsetOfPair]
     orders: Mapping[str, IntArray]
     """Of each camera, the order in which its targets are those of the first; empty if as named."""
+    late: Mapping[str, float]
+    """Of each camera, the part of a frame that is left of its offset in `recording`."""
 
     @property
     def answer(self) -> list[str]:
@@ -46,13 +49,16 @@ class BroughtIntoStep(TableAnswer):
         told = [found.sentence() for found in self.pairs.values()]
         first, *others = self.offsets
         each = [
-            f"{name} was started {in_frames(abs(value), sigma)} frames "
+            f"{name} was started {in_frames(abs(self._exact(name)), sigma)} frames "
             f"{'later' if value >= 0 else 'earlier'} than {first}"
             for name, (value, sigma) in self.offsets.items()
             if name != first
         ]
         together = f"All pairs together: {', '.join(each)}."
         return [*told, together] if len(others) > 1 else told
+
+    def _exact(self, camera: str) -> Decimal:
+        return exact(self.recording.start_frames[camera], self.late[camera])
 
     def to_dataframe(self) -> pd.DataFrame:
         """The offset of each pair in frames, and the distances from the epipolar lines in px."""
@@ -97,16 +103,22 @@ def bring_into_step(
         # Of photographs, which have orders, the rates are known.
         raise StereocalError(told if orders else told + _what_fits(recording, pair))
     advice = "One of them is wrong: record an irregular motion that all cameras see."
-    measured = {pair: own.measured for pair, own in found.items()}
-    starts, covariance = closed(names, measured, advice)
+    measured = {pair: replace(own.measured, frames=own.part) for pair, own in found.items()}
+    origins = {pair: own.origin for pair, own in found.items()}
+    starts, covariance = closed(names, measured, advice, origins)
     errors = np.sqrt(np.diag(covariance)).tolist()
-    offsets = dict(zip(names, zip(starts.tolist(), errors, strict=True), strict=True))
-    whole = {name: round(value) for name, (value, _) in offsets.items()}
+    begin = recording.first_frames
+    more = {name: begin[names[0]] - at for name, at in begin.items()}
+    near_0 = dict(zip(names, starts.tolist(), strict=True))
+    whole = {name: round(value) + more[name] for name, value in near_0.items()}
+    late = {name: value - round(value) for name, value in near_0.items()}
+    values = (value + more[name] for name, value in near_0.items())
+    offsets = dict(zip(names, zip(values, errors, strict=True), strict=True))
     in_order = _in_order(names, found, orders) if orders else {}
     counted = replace(recording.counted_from(whole), start_frames=whole)
     for name, order in in_order.items():
         counted = with_targets(counted, name, order)
-    brought = BroughtIntoStep(counted, offsets, found, in_order)
+    brought = BroughtIntoStep(counted, offsets, found, in_order, late)
     notes = (*recording.step_notes, *brought.answer)
     return replace(brought, recording=replace(counted, step_notes=notes))
 
@@ -127,19 +139,29 @@ def _in_order(
 
 
 def closed(
-    names: Sequence[str], pairs: Mapping[CameraPair, MeasuredOffset], advice: str
+    names: Sequence[str],
+    pairs: Mapping[CameraPair, MeasuredOffset],
+    advice: str,
+    origins: Mapping[CameraPair, int] = MappingProxyType({}),
 ) -> tuple[FloatArray, FloatArray]:
     """By how many frames of the first each of n cameras was started later, (n,), and their
     covariance (n, n), from the offsets of pairs that reach all.
 
+    Args:
+        advice: what to do if they contradict each other.
+        origins: whole frames of each pair that its offset is counted from, which agree.
+
     Raises:
-        StereocalError: the pairs contradict each other; with this advice.
+        StereocalError: the pairs contradict each other.
     """
     values, sigmas = np.array([[own.frames, own.sigma] for own in pairs.values()]).T
     sigmas = np.maximum(sigmas, LEAST_SIGMA)
     starts, covariance, off = fused_values(names, [*pairs], values, sigmas)
     if (off > CLOSED + 5 * sigmas).any():
-        each = ", ".join(f"{a}-{b} {own.frames:.2f}" for (a, b), own in pairs.items())
+        each = ", ".join(
+            f"{'-'.join(pair)} {exact(origins.get(pair, 0), own.frames):.2f}"
+            for pair, own in pairs.items()
+        )
         raise StereocalError(
             f"The offsets of the pairs contradict each other by {off.max():.2f} frames: {each}. "
             f"{advice}"

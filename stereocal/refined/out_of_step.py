@@ -101,7 +101,7 @@ def _fit_with_offset(
     dataset: Dataset, settings: RefineSettings, start: tuple[TimeOffset, Pose | None] | None = None
 ) -> RefinedResult:
     """The fit with the time offset, from a first value that is searched for if None."""
-    reference = float(np.round(dataset.correspondences.time_frame.mean()))
+    reference = dataset.correspondences.mean_time
     start = start or first_value(dataset, reference)
     return drifting(dataset, fit_from(dataset, replace(settings, time_offset=True), *start))
 

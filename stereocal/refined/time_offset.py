@@ -87,7 +87,7 @@ def fit_time_offset(
         near: the offset to start from, in frames; searched for if None.
     """
     settings = replace(settings, time_offset=True)
-    reference = float(np.round(dataset.correspondences.time_frame.mean()))
+    reference = dataset.correspondences.mean_time
     recorded = dataset.shifted(TimeOffset(reference=reference))
     if np.isfinite(recorded.correspondences.motion[:, 0]).sum() < MINIMUM_ROWS:
         note = (
@@ -221,7 +221,7 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
     the residuals, the part that follows the velocities in the image.
     """
     table = fit.dataset.correspondences
-    recorded = fit.dataset.shifted(TimeOffset(reference=float(np.round(table.time_frame.mean()))))
+    recorded = fit.dataset.shifted(TimeOffset(reference=table.mean_time))
     if np.isfinite(recorded.correspondences.motion[:, 0]).sum() < MINIMUM_ROWS:
         return None
     settings = replace(

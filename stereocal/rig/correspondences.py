@@ -197,6 +197,12 @@ class Correspondences:
         return bool((self.time_frame != self.frame).any())
 
     @property
+    def mean_time(self) -> float:
+        """The whole number next to the mean of `time_frame`."""
+        first = int(self.time_frame.min())
+        return float(first + np.round((self.time_frame - first).mean()))
+
+    @property
     def recorded_secondary(self) -> FloatArray:
         """(n, 2): the secondary points as recorded, before a shift in time."""
         return np.where(np.isnan(self.recorded), self.secondary, self.recorded)

@@ -185,6 +185,11 @@ def interpolate(
         positions: (n, 2).
         offset: (n,): frames by which the camera of these points is late.
     """
+    # Of each track from its first frame: a part of one is lost in numbers near 2^53.
+    tracks, track = np.unique(track, return_inverse=True)
+    first_frame = np.full(len(tracks), np.iinfo(np.int64).max)
+    np.minimum.at(first_frame, track, time_frame)
+    time_frame = time_frame - first_frame[track]
     at = time_frame - offset
     near = np.round(at)
     at = np.where(np.abs(at - near) < NO_SHIFT, near, at)
@@ -237,9 +242,10 @@ def _lagrange(f: FloatArray, frames: FloatArray) -> FloatArray:
 
 
 def _rows_of(track: IntArray, time_frame: IntArray, frames: IntArray) -> IntArray:
-    """(n, k): of each point's track the row in frames (n, k); -1 if there is not exactly one."""
+    """(n, k): of each point's track, numbered from 0, the row in frames (n, k); -1 if there is not
+    exactly one."""
     least, most = int(time_frame.min(initial=0)) - 1, int(time_frame.max(initial=0)) + 1
-    numbers = np.unique(track, return_inverse=True)[1].reshape(-1) * (most - least + 1)
+    numbers = track * (most - least + 1)
     codes, row, count = np.unique(
         numbers + (time_frame - least), return_index=True, return_counts=True
     )

@@ -46,6 +46,37 @@ def test_the_offset_of_a_window_is_found_with_its_standard_error(start: int) -> 
     assert f"one frame off {rounded(found.one_off_px)}" in found.sentence()
 
 
+@pytest.mark.parametrize("begin", [(2**53 - 900, 2**53 - 900), (2**53 - 900, 0)])
+def test_frames_near_2_to_the_53_are_counted_exactly(begin: tuple[int, int]) -> None:
+    """With whole numbers as floats, the second said 11.992 ± 0.002 frames for 12.000."""
+    window = _window(300, 400).counted_from({"2": -12})
+    usual = bring_into_step(window)
+    far = window.counted_from(dict(zip(PAIR, begin, strict=True)))
+    found, more = bring_into_step(far), begin[0] - begin[1]
+    assert found.recording.start_frames == {"1": 0, "2": 12 + more}
+    assert found.late == pytest.approx(usual.late, abs=1e-9) and abs(found.late["2"]) < 0.01
+    np.testing.assert_array_equal(found.recording.frame, usual.recording.frame + begin[0])
+    told, offset = (each.pairs[PAIR].exact for each in (usual, found))
+    assert float(offset - more - told) == pytest.approx(0, abs=1e-9)
+    assert f"Frame 0 of 2 is frame {offset:.3f}" in found.answer[0]
+
+
+def test_frames_near_2_to_the_53_keep_their_parts() -> None:
+    late = np.where(_window(300, 400).camera == 1, 0.3, 0.0)
+    positions = [
+        _window(300, 400).counted_from(begin).moved(late)[0].positions
+        for begin in ({}, {"1": 2**53 - 900, "2": 2**53 - 900}, {"2": 2**53 - 900})
+    ]
+    np.testing.assert_allclose(positions[1:], [positions[0]] * 2, atol=1e-9)
+    rates = {"1": 60.0, "2": 30.0}
+    near, far = (
+        at_slowest(_window(300, 400).counted_from({"1": 2 * n, "2": n}), rates)
+        for n in (0, 2**52 - 900)
+    )
+    np.testing.assert_array_equal(far.frame, near.frame + 2**52 - 900)
+    np.testing.assert_allclose(far.points, near.points, atol=1e-9)
+
+
 def _later(recording: Recording, part: float) -> Recording:
     """The points of camera 2 where they were by a part of a frame later."""
     moved, inside = recording.moved(np.where(recording.camera == 1, -part, 0.0))
