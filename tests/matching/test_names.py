@@ -16,6 +16,7 @@ from stereocal.matching.point_table import PointTable
 from stereocal.matching.tables_by_camera import Report
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import PIXELS
+from stereocal.system.csv_text import csv_text
 from tests.further import further
 from tests.matching.test_point_noise import FILE, seen
 
@@ -134,6 +135,8 @@ def test_names_stay_text_from_the_points_to_what_is_read_of_them(
         assert b",=cmd" not in path.read_bytes() and b",-x" not in path.read_bytes()
         found = read_result(path.read_bytes())
         assert {*found[column]} == {*called} and found["error_px"].dtype == float
+        numbers = csv_text(found[found[column].isin(called[:2])])
+        assert {*read_result(numbers.encode())[column]} == {"1", "1.0"}
     short = {0: "nose", 1: 201 * "x"}
     first, second = (each.assign(bodypart=each["truth"].map(short)) for each in tables)
     with pytest.raises(StereocalError, match="1 to 200 characters"):

@@ -39,7 +39,8 @@ def test_names_in_an_untrusted_zip_are_cut_at_the_door(tmp_path: Path) -> None:
     cut = there.inputs.name, *there.inputs.labels.values()
     assert len(cut) == 4 and {*map(len, cut)} == {LONGEST} and cut[1].endswith(".csv")
     there.rename(long)
-    assert len(there.inputs.name) == LONGEST
+    there.give({"primary": (long, files["inputs/primary.json"])})
+    assert len(there.inputs.name) == len(there.inputs.labels["primary"]) == LONGEST
     manifest["files"][0]["name"] = long
     packed = pack_zip({**files, "project.json": json.dumps(manifest).encode()})
     with pytest.raises(StereocalError, match="20,000 characters"):

@@ -4,7 +4,7 @@ import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import zip_longest
+from itertools import chain, zip_longest
 from pathlib import Path
 
 import pandas as pd
@@ -131,11 +131,16 @@ def test_words_that_would_be_links_are_code(text: str, safe: str) -> None:
 LINK = re.compile(r"\S*(?:://|www\.|@)\S*", re.IGNORECASE)
 
 
-@given(st.text("aW.w:/@`* \n\t\u00a0\u2028_é", max_size=40))
+PIECES = ["www.", "wWw.", "://", "@", "ab", "*", "`", "_", " ", "\n", "\t", "\u00a0", "\u2028", "é"]
+
+
+@given(st.lists(st.sampled_from(PIECES), max_size=12).map("".join))
 def test_the_words_that_are_code_are_those_of_one_pattern(text: str) -> None:
-    escaped = (escape_markdown(each) for each in LINK.split(text))
-    code = (escape_markdown(word) for word in LINK.findall(text))
-    together = [part for pair in zip_longest(escaped, code, fillvalue="") for part in pair]
+    between, words = LINK.split(text), LINK.findall(text)
+    escaped, code = (list(map(escape_markdown, each)) for each in (between, words))
+    assert [re.sub(r"\\(.)", r"\1", each) for each in escaped] == between
+    assert all(each[0] == "`" and word in each for word, each in zip(words, code, strict=True))
+    together = chain.from_iterable(zip_longest(escaped, code, fillvalue=""))
     assert escape_markdown(text) == "".join(together)
 
 
