@@ -121,7 +121,7 @@ def test_names_stay_text_from_the_points_to_what_is_read_of_them(
 ) -> None:
     """1 and 1.0 are two tracks; a name that a spreadsheet would run is written harmlessly."""
     called = ["1", "1.0", "v1", "v1.0", "=cmd", "-x"]
-    given = {}
+    given: dict[str, PointTable] = {}
     for which, own in zip(CAMERAS, tables, strict=True):
         named = own.assign(track=own["truth"].map(dict(enumerate(called))))
         path = tmp_path / f"{which}.csv"

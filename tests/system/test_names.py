@@ -55,7 +55,7 @@ def test_what_is_quoted_is_read_back_and_runs_nowhere(text: str) -> None:
 def test_names_of_a_table_are_read_as_they_were(rows: list[tuple[str, int]], head: str) -> None:
     text = csv_text(pd.DataFrame(rows, columns=[f"{head}x", "n"]))
     read = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
-    assert [unquoted(name) for name in read] == [f"{head}x", "n"]
+    assert [unquoted(str(name)) for name in read] == [f"{head}x", "n"]
     assert as_names(read.iloc[:, 0]).tolist() == [name for name, _ in rows]
     assert read["n"].tolist() == [str(number) for _, number in rows]
 
