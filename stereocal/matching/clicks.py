@@ -20,6 +20,7 @@ from stereocal.matching.tracks import noise_of_tracks
 from stereocal.matching.trajectories import TRACK
 from stereocal.matching.view_groups import LOST, Measured, ViewFitter
 from stereocal.network.rig_file import Parameters, RigFile
+from stereocal.refined.two_views import BAR
 from stereocal.rig.epipolar_curve import epipolar_curve
 from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import FloatArray, IntArray
@@ -123,6 +124,13 @@ class Length(NamedTuple):
     sigma_m: float
     """Standard error, with that of the parameters."""
     frames: int = 1
+    scale_m: float = 0.0
+    """The part of the standard error that is the error of the bar, which all lengths share."""
+
+    @property
+    def mostly(self) -> str:
+        """Which part of its error is the larger, if that is the bar."""
+        return ", most of the error from the bar" if 2 * self.scale_m**2 > self.sigma_m**2 else ""
 
     def __str__(self) -> str:
         return f"{with_error(self.metres, self.sigma_m)} m"
@@ -280,7 +288,7 @@ class MeasuredClicks:
             of = f"{one.track} to {other.track}, mean of {found.frames} frames"
         else:
             of = f"{one} to {other}"
-        return f"{of}: {found}."
+        return f"{of}: {found}{found.mostly}."
 
     def previous(self, place: Place) -> Place | None:
         """The point of the track in the nearest frame before."""
@@ -316,4 +324,6 @@ class MeasuredClicks:
         variance = np.einsum("ni,nij,nj->", along, by_pixels[far], along)
         sums = np.einsum("ni,niq->q", along, moved[far])
         sigma = np.sqrt(variance + sums @ shared @ sums) + scatter[~far].sum()
-        return Length(float(metres.mean()), float(sigma / len(rows)), len(rows))
+        bar = -1 if isinstance(self.how.measuring, RigFile) else BAR
+        scale = float(metres.mean() * np.sqrt(shared[bar, bar]))
+        return Length(float(metres.mean()), float(sigma / len(rows)), len(rows), scale)

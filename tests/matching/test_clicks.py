@@ -22,6 +22,8 @@ from stereocal.matching.clicks import (
 from stereocal.matching.following import Image, corner_at, follow, nearest_clicks
 from stereocal.matching.pairs import Stated
 from stereocal.network.rig_file import RigFile
+from stereocal.refined.parameter_file import refined_parameters
+from stereocal.refined.refine import refine
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.epipolar_curve import epipolar_curve
@@ -31,7 +33,7 @@ from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
 from stereocal.system.array_types import FloatArray
-from tests.known_rig import PRIMARY, RIG, SECONDARY, images
+from tests.known_rig import PRIMARY, RIG, SECONDARY, dataset, images
 from tests.projects.test_recording import rig_text
 
 SET = RigParameters(PRIMARY, SECONDARY, RIG, "refined", 1.0, {}, {}, matching_threshold_px=0.4)
@@ -145,6 +147,23 @@ def test_a_length_and_its_error() -> None:
     far = replace(SET, volume=Volume((-1.0, 1.0), (-1.0, 1.0), (8.0, 9.0)))
     outside = ClickMeasure(SET, far).measured(clicks, found.settled).sentence(place)
     assert outside.endswith("m, outside the volume of the calibration.")
+
+
+@pytest.mark.parametrize(("known", "mostly"), [(None, True), (0.0001, False)])
+def test_a_distance_says_that_its_error_is_mostly_the_bars(
+    known: float | None, mostly: bool
+) -> None:
+    """0.25 m in sharp images, of a bar that is taken as known to 0.1 %, or is to 0.01 %."""
+    data = dataset(25, 0.005)
+    sigma = None if known is None else known * data.target_distance_m
+    file = refined_parameters(refine(replace(data, target_distance_sigma_m=sigma)))
+    found = ClickMeasure(file, file).measured(flight(1), Settled(0.02, 0.4))
+    length = found.length(*found.common("head", "tail"))
+    assert length is not None
+    # The baseline is free within 1 %: nothing but the bar has the scale.
+    assert length.scale_m == pytest.approx((known or 0.001) * LENGTH_M, rel=0.02)
+    assert length.sigma_m > length.scale_m
+    assert ("from the bar" in found.in_words(*found.common("head", "tail"))) is mostly
 
 
 def test_a_distance_near_0_has_the_error_of_its_position() -> None:

@@ -297,8 +297,9 @@ def test_from_files_to_the_rig(app: AppTest, home: Path) -> None:
     assert store.rig is not None
     # Known otherwise, the recording stays in use, and its rig is to be found again.
     app.selectbox(key="object_known").set_value("Printer").run()
-    recording = store.read()
-    assert recording is not None and store.rig is None
+    again = ProjectRecording(store.project)
+    recording = again.read()
+    assert recording is not None and again.rig is None
     assert recording.object.sigma_m == pytest.approx(0.003 * 0.39)
     assert app.button(key="several_run").proto.type == "secondary"
 
