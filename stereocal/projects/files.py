@@ -181,10 +181,11 @@ class Store(Database):
         return replace(self, scope=f"{self.scope or PAIR}{page}/")
 
     def forget_pairs(self) -> None:
-        """Delete all pairs; the sweep frees their contents."""
+        """Delete all pairs, but not the project's own pages; the sweep frees their contents."""
         with self.transaction() as db:
             for table, column in PAIRED.items():
-                db.execute(f"DELETE FROM {table} WHERE {column} GLOB '{PAIR}*'")
+                pages = "".join(f" AND {column} NOT GLOB '{PAIR}{page}/*'" for page in PAGES)
+                db.execute(f"DELETE FROM {table} WHERE {column} GLOB '{PAIR}*'{pages}")
 
     def free_unnamed(self, before: float) -> None:
         """Delete contents without a name.

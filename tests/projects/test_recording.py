@@ -14,6 +14,7 @@ from stereocal.formats.recording_files import parse_recording
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.projects import jobs
+from stereocal.projects.application import ProjectCheck
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.contents import RECORDING
 from stereocal.projects.home import card_of, duplicate, find_projects
@@ -132,9 +133,11 @@ def test_a_pair_is_kept_in_the_project_of_its_rig(project: Project, tmp_path: Pa
     assert again.inputs.left_out == pair.inputs.left_out
     assert again.dataset is not None
     assert again.dataset.primary.K[0, 0] == pytest.approx(dataset.primary.K[0, 0] + 1.0)
-    # Another recording has no pairs yet.
+    # Another recording has no pairs yet; what was given on Check is not of one.
+    new = ProjectCheck(project).of_images
+    new.rename("new")
     store.give(parse_recording(given(), "again"), given())
-    assert not pair.inputs.files
+    assert not pair.inputs.files and new.inputs.name == "new"
 
 
 def test_a_pair_is_there_whole_or_not_at_all(
