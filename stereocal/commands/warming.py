@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +37,7 @@ from stereocal.rig.compiled import compilations, uncompiled
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.rigs import simulated_rig
 from stereocal.simulation.simulate import Scene, observe, simulate_field
+from stereocal.system.child_process import exit_after
 from stereocal.system.tasks import Progress
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.tradeoff import trade_off
@@ -86,7 +88,9 @@ def _compile_apart(progress: Progress | None) -> int:
     reading, writing = os.pipe()
     with os.fdopen(reading, encoding="utf-8") as lines:
         commands = [[sys.executable, "-m", __name__, part] for part in PARTS]
-        processes = [subprocess.Popen(own, cwd=PACKAGE, stdout=writing) for own in commands]
+        # A child ends when its stdin does: nothing else keeps that pipe open.
+        streams: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": writing}
+        processes = [subprocess.Popen(own, cwd=PACKAGE, **streams) for own in commands]
         os.close(writing)
         try:
             for line in lines:
@@ -97,7 +101,7 @@ def _compile_apart(progress: Progress | None) -> int:
         finally:  # also after Ctrl-C
             for process in processes:
                 process.terminate()
-                process.wait()
+                process.communicate()
     if progress is not None:
         progress(FUNCTIONS, FUNCTIONS)
     return sum(done.values())
@@ -161,6 +165,7 @@ PARTS: Mapping[str, Callable[[], None]] = {"searches": _use_searches, "refined":
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who began this also ends it
+    exit_after(partial(os.read, 0, 1))
     if hasattr(os, "nice"):  # pages and commands come first
         os.nice(5)
     with compilations(partial(_say, sys.argv[1])):

@@ -11,6 +11,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
 from stereocal.errors import StereocalError
+from stereocal.system.child_process import end_with_parent
 from stereocal.version import __version__
 
 SCHEDULER = "STEREOCAL_SCHEDULER"
@@ -45,7 +46,7 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
             threads.shutdown(wait=False, cancel_futures=True)
         return
     others = set(multiprocessing.active_children())
-    processes = ProcessPoolExecutor(workers, mp_context=_Spawn())
+    processes = ProcessPoolExecutor(workers, _Spawn(), end_with_parent)
     try:
         yield processes
     finally:

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stereocal.errors import StereocalError, disk_errors
+from stereocal.system.child_process import end_with_parent
 from stereocal.system.limits import MB, Limits
 
 if TYPE_CHECKING:
@@ -141,6 +142,7 @@ def _prepare(_: tuple[Reader, ...], memory: int) -> None:
     Args:
         _: the readers; unpickling this argument imports their modules.
     """
+    end_with_parent()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # a hanging decoder runs no Python handler
     os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"  # others reserve more address space
     for stream in (1, 2):  # silence the decoders
