@@ -18,6 +18,7 @@ from stereocal.system.array_types import FloatArray
 from stereocal.system.names import can_be_shown
 from stereocal.system.numbers import count
 from stereocal.system.records import of_plain
+from stereocal.system.tables import LARGEST_WHOLE
 
 LARGEST_PX = 1_000_000
 FRAMES_FORMAT = "stereocal-frames/1"
@@ -155,7 +156,9 @@ def name_in(camera: int, frame: Frame) -> str:
 def frame_from_json(item: Mapping[str, Any]) -> Frame:
     """The frame of a stored mapping; ValueError if it is damaged."""
     frame = of_plain(item, Frame)
-    sound = abs(frame.frame) <= 2**53 and all(map(can_be_shown, (*frame.files, frame.reason)))
+    sound = abs(frame.frame) <= LARGEST_WHOLE and all(
+        map(can_be_shown, (*frame.files, frame.reason))
+    )
     for one in (centre for pair in frame.centres for centre in pair if centre):
         numbers = [abs(one.u), abs(one.v), 1.0 if one.sigma_px is None else one.sigma_px]
         # NaN is not below anything.

@@ -23,7 +23,8 @@ from stereocal.system.numbers import plural
 MAXIMUM_COLUMNS = 2_000
 MAXIMUM_CELLS = 100_000_000
 """In a table that is read into memory as a whole."""
-LARGEST_WHOLE = 2**53
+LARGEST_WHOLE = 2**53 - 1
+"""Above it, 64-bit floats are not all of the whole numbers: 2^53 + 1 would be read as 2^53."""
 EMPTY = frozenset(("",))
 MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "none", "null"))
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}([.,' ]\d{3})+([.,]\d*)?")
@@ -292,7 +293,7 @@ def _reason(column: Column, cell: str, value: float, empty: frozenset[str]) -> s
         )
         return f'{column.name} is "{text}", which is not a number{thousands}'
     if column.is_whole and abs(value) > LARGEST_WHOLE:
-        return f"{column.name} is {text}; whole numbers are read up to 2^53"
+        return f"{column.name} is {text}; whole numbers are read up to 2^53 - 1"
     if column.is_whole:
         return f"{column.name} is {text}, which is not a whole number"
     return f"{column.name} is {value:g}; it must be above 0"

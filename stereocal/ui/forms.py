@@ -18,6 +18,7 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.dataset import Dataset
 from stereocal.system.settings import About, asked, descriptions
+from stereocal.system.tables import LARGEST_WHOLE
 from stereocal.ui.fields import AsRead, Field, Number, Values, one_of, setting, yes_or_no
 from stereocal.ui.lengths import describe_uncertainties
 from stereocal.ui.texts import REFINED_SET, escape_markdown
@@ -27,8 +28,6 @@ RATIOS = (0.01, 0.99)
 ASKED = asked(CalibrationSettings)
 ASKED["acceptance"] = replace(ASKED["acceptance"], low=RATIOS[0], high=RATIOS[1])
 ABOUT = descriptions(EvaluationSettings)
-LARGEST_WHOLE = 2**53 - 1
-"""In a browser."""
 DELTAS = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1)
 """Positions of the slider of the first step, rad."""
 _LENGTHS = {

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from stereocal.cli import main
@@ -17,7 +18,10 @@ from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.exchange.exchange import FORMATS, export_files, import_files
 from stereocal.formats.exchange.options import UNITS, ExchangeOptions, Unit
 from stereocal.formats.inputs import read_input
+from stereocal.formats.world_file import read_observed
+from stereocal.matching.point_table import PointTable
 from stereocal.rig.camera import LensModel
+from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.geometry import Pose
 from tests.files import write
 from tests.formats.test_exchange import PLAIN, RICHEST, SIZES
@@ -227,3 +231,26 @@ def test_cells_beyond_the_header() -> None:
     lines[2] += ",7.5"
     with pytest.raises(RefusedRowsError, match="line 3: 7 cells instead of 6"):
         read_table("\n".join(lines).encode(), "t.csv").strict("t.csv")
+
+
+@pytest.mark.parametrize("suffix", ["bars", "throw", ".csv", ".parquet"])
+@pytest.mark.parametrize("beyond", [2**53, 2**53 + 1, -(2**53) - 1])
+def test_a_frame_beyond_what_a_float_holds(beyond: int, suffix: str, tmp_path: Path) -> None:
+    """2^53 + 1 was read as 2^53. The largest one that is read is 2^53 - 1."""
+    path = tmp_path / f"points{suffix}"
+    frames = [2**53 - 1, beyond] if beyond > 0 else [1 - 2**53, beyond]
+    table = pd.DataFrame({"frame": frames, "target": "A"} | dict.fromkeys(PIXELS, 100.5))
+    content = table.to_csv(index=False).encode()
+    if suffix == ".parquet":
+        table.to_parquet(path)
+    else:
+        path.write_bytes(content)
+    with pytest.raises(RefusedRowsError, match=f"frame is {beyond};") as refused:
+        if suffix == "bars":
+            read_table(content, "t.csv").strict("t.csv")
+        elif suffix == "throw":
+            read_observed(content, "t.csv", 50.0)
+        else:
+            PointTable(path, PIXELS).check()
+    row_of = 2 if suffix == ".parquet" else 3  # without a line that names the columns
+    assert [problem.line for problem in refused.value.problems] == [row_of]

@@ -35,7 +35,7 @@ centres = st.none() | st.builds(
 )
 frames = st.builds(
     Frame,
-    st.integers(-(2**53), 2**53),
+    st.integers(1 - 2**53, 2**53 - 1),
     st.tuples(st.text(), st.text()),
     st.tuples(st.tuples(centres, centres), st.tuples(centres, centres)),
     st.sampled_from(["found", "doubtful", "refused"]),
