@@ -30,7 +30,7 @@ from stereocal.rig.lengths_in_words import question_about_units, rig_in_words
 from stereocal.system.executors import engine
 from stereocal.system.numbers import count
 from stereocal.verdict.forecast_draws import ForecastDraws
-from stereocal.verdict.in_words import digits, listed
+from stereocal.verdict.in_words import digits, listed, refuse_unknown_frames
 from stereocal.verdict.recommendation import frames_to_come, in_percent
 from stereocal.workflow import Run, usual_frames
 
@@ -63,11 +63,12 @@ def run(parsed: argparse.Namespace) -> None:
             "A paper kit holds what computes its files again: give --kit or --validation."
         )
     dataset = dataset_from(parsed, parsed.dataset)
+    settings = settings_from(parsed, parsed.calibration_frames)
+    refuse_unknown_frames(settings, [dataset])
     if parsed.kit:
         from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
 
         compile_all()
-    settings = settings_from(parsed, parsed.calibration_frames)
     free = tuple(parsed.free_distortion)
     refined = refine_settings_from(parsed, free) if parsed.refined else None
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}

@@ -21,7 +21,11 @@ from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate
 from stereocal.evaluation.summary import summarise_all
 from stereocal.figures.report import report_html
 from stereocal.formats.evaluation_files import summary_json, unique_names, validation_figures
-from stereocal.verdict.in_words import left_out_line, why_held_out_not_trusted
+from stereocal.verdict.in_words import (
+    left_out_line,
+    refuse_unknown_frames,
+    why_held_out_not_trusted,
+)
 from stereocal.verdict.validation_in_words import validation_answer
 from stereocal.workflow import Run
 
@@ -40,6 +44,7 @@ OPTIONS: Options = {
 def run(parsed: argparse.Namespace) -> None:
     datasets = [dataset_from(parsed, path) for path in parsed.datasets]
     search = settings_from(parsed, calibration_frames=None)
+    refuse_unknown_frames(search, datasets)
     refined = refine_settings_from(parsed) if parsed.refined else None
     splits = parsed.runs, parsed.calibration_frames, parsed.splits
     settings = EvaluationSettings(search, *splits, refined)

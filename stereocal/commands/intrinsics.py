@@ -9,6 +9,7 @@ from pathlib import Path
 from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.options import BOARD, WORKERS, pattern_of, settings_options, workers_from
 from stereocal.commands.photographs import write_recording
+from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.frames.proposal import propose
 from stereocal.intrinsics.boards import find_boards
@@ -28,6 +29,7 @@ from stereocal.system.atomic_files import write_atomically
 from stereocal.system.photograph_files import photographs_of
 from stereocal.system.settings import asked
 from stereocal.system.taken import when_taken
+from stereocal.verdict.in_words import listed
 
 OPTIONS: Options = {
     "images IMAGES...": "photographs, folders, zips",
@@ -47,6 +49,11 @@ def run(parsed: argparse.Namespace) -> None:
     settings = LensSettings(**{name: getattr(parsed, name) for name in asked(LensSettings)})
     with tempfile.TemporaryDirectory() as store, workers_from(parsed) as executor:
         every = photographs_of(parsed.images, Path(store))
+        if unknown := [name for name in parsed.leave_out if name not in every]:
+            raise StereocalError(
+                f"--leave-out: there is no photograph {listed(unknown)}; there are "
+                f"{listed([*every])}."
+            )
         photographs = {name: path for name, path in every.items() if name not in parsed.leave_out}
         proposal = propose(when_taken(photographs))
         if not out.suffix and proposal.pairing.pairs and proposal.way != "order":

@@ -39,6 +39,7 @@ from stereocal.system.answers import TableAnswer, answering
 from stereocal.system.atomic_files import write_all
 from stereocal.system.executors import engine
 from stereocal.system.numbers import count
+from stereocal.verdict.in_words import refuse_unknown_frames
 from stereocal.verdict.recommendation import Recommendation
 from stereocal.verdict.validation_in_words import validation_answer
 
@@ -224,7 +225,9 @@ def calibrate(
         StereocalError: the data contradict each other or do not suffice; it says which, and what to
             do.
     """
-    run = workflow.Run(pair_of(dataset), settings or CalibrationSettings(), refined, trace=trace)
+    pair, settings = pair_of(dataset), settings or CalibrationSettings()
+    refuse_unknown_frames(settings, [pair])
+    run = workflow.Run(pair, settings, refined, trace=trace)
     if progress is not None:
         run.progress = progress
     return answering(CalibrationRun, run.calibration)
@@ -304,6 +307,7 @@ def evaluate(
     asked = EvaluationSettings(
         settings or CalibrationSettings(), runs, calibration_frames, splits, refined
     )
+    refuse_unknown_frames(asked.calibration, pairs)
     kept = [workflow.Run(pair, asked.calibration).screening.dataset for pair in pairs]
     with engine() if executor is None else nullcontext(executor) as workers:
         found = evaluate_runs(kept, asked, workers)

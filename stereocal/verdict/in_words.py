@@ -1,14 +1,19 @@
 """Numbers and frames in sentences, and why a result is not to be relied on."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 
-from stereocal.calibration.methods import POOR_LENGTH, errors_of
+import numpy as np
+
+from stereocal.calibration.methods import POOR_LENGTH, CalibrationSettings, errors_of
+from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
+from stereocal.rig.dataset import Dataset
 from stereocal.system.numbers import count, plural
 from stereocal.system.numbers import digits as digits
+from stereocal.system.settings import descriptions
 
 
 def left_out_line(screening: Screening) -> str:
@@ -38,6 +43,26 @@ def left_out_line(screening: Screening) -> str:
 def named_frames(frames: Sequence[int], most: int = 12) -> str:
     """Frames with their numbers in a sentence: `frame 3`, `frames 3, 8 and 12`."""
     return f"{plural(len(frames), 'frame')} {listed(frames, most)}"
+
+
+def in_ranges(frames: Collection[int]) -> str:
+    """Frame numbers with the gaps between them: `0 to 11, 13 and 20 to 24`."""
+    numbers = np.unique(np.array([*frames]))
+    ranges = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    return listed([f"{a[0]} to {a[-1]}" if len(a) > 1 else f"{a[0]}" for a in ranges])
+
+
+def refuse_unknown_frames(settings: CalibrationSettings, datasets: Iterable[Dataset]) -> None:
+    """Reject numbers of frames to leave out or to put back that no data set has."""
+    known = {frame for each in datasets for frame in each.correspondences.frames.tolist()}
+    about = descriptions(CalibrationSettings)
+    for name in ("frames_left_out", "frames_put_back"):
+        if unknown := sorted({*getattr(settings, name)} - known):
+            raise StereocalError(
+                f"{about[name].title}: there is no {named_frames(unknown)}. The frames are "
+                f"{in_ranges(known)}.",
+                option=f"--{about[name].option} with one of these",
+            )
 
 
 def why_not_trusted(calibration: Calibration) -> str:

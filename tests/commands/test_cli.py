@@ -11,10 +11,12 @@ from typing import Any
 
 import pytest
 
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.cli import main
-from stereocal.formats.dataset_files import pack_dataset
+from stereocal.errors import StereocalError
+from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.rig.parameters import RigParameters
-from stereocal.verdict.in_words import digits
+from stereocal.verdict.in_words import digits, refuse_unknown_frames
 from tests.files import write
 from tests.refined.test_time_offset import moving
 from tests.terminal import sentences
@@ -176,6 +178,32 @@ def test_bad_input_is_one_sentence_exit_2_and_no_file(
     assert re.search(sentence, printed.err), printed.err
     assert len(sentences(printed.err)) == 1
     assert not out.exists() or not any(out.iterdir())
+
+
+REMOVED = table(lambda lines: [line for line in lines if not line.startswith(("7,", "9,"))])
+
+
+@pytest.mark.parametrize("command", ["calibrate", "evaluate"])
+@pytest.mark.parametrize("option", ["--leave-out", "--put-back"])
+def test_frames_that_do_not_exist_are_named_with_those_that_do(
+    command: str, option: str, field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    REMOVED(field)
+    out = tmp_path / "out"
+    assert main([command, str(field), "--out", str(out), option, "3", "9", "999"]) == 2
+    (said,) = sentences(capsys.readouterr().err)
+    assert "no frames 9 and 999" in said
+    assert "1 to 6, 8 and 10 to 25." in said
+    assert option in said
+    assert not out.exists()
+
+
+def test_a_frame_of_one_data_set_of_several_exists(field: Path) -> None:
+    REMOVED(field)
+    settings, one = CalibrationSettings(frames_left_out=(9,)), read_dataset(field)
+    refuse_unknown_frames(settings, [read_dataset(FIELD), one])
+    with pytest.raises(StereocalError):
+        refuse_unknown_frames(settings, [one])
 
 
 def test_the_time_offset_is_found_and_applied(

@@ -83,6 +83,8 @@ def test_wrong_input(dataset: Path, tmp_path: Path) -> None:
     shutil.copytree(dataset, tmp_path / "escaping")
     (tmp_path / "escaping/dataset.json").write_text(json.dumps(description))
     before = {*tmp_path.rglob("*")}
+    of_pair = ["calibrate", str(dataset), "--pair", "c1-c3", "--out", str(tmp_path / "out")]
+    assert main([*of_pair, "--leave-out", "999"]) == 2
     assert main(["rig", str(tmp_path / "escaping"), "--out", str(tmp_path / "a/out")]) == 2
     assert {*tmp_path.rglob("*")} == before
 

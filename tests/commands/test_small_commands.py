@@ -151,3 +151,12 @@ def test_one_sentence_exit_2_and_no_file(
     (sentence,) = (line for line in said.err.splitlines() if line.startswith("stereocal"))
     assert name.split(".")[0] in sentence and "Traceback" not in said.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["damaged.csv", "empty.csv"]
+
+
+def test_a_photograph_to_leave_out_must_exist(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    boards = str(ROOT / "sample_data" / "boards")
+    words = ["intrinsics", boards, "--board", "9x6", "--square", "0.03", "--out", f"{tmp_path}/c"]
+    assert main([*words, "--leave-out", "left01.jpg", "left10.jpg"]) == 2
+    assert "no photograph left10.jpg; there are left01.jpg," in capsys.readouterr().err
