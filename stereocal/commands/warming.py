@@ -37,7 +37,7 @@ from stereocal.rig.compiled import compilations, uncompiled
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.rigs import simulated_rig
 from stereocal.simulation.simulate import Scene, observe, simulate_field
-from stereocal.system.child_process import exit_after
+from stereocal.system import child_process
 from stereocal.system.tasks import Progress
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.tradeoff import trade_off
@@ -87,8 +87,8 @@ def _compile_apart(progress: Progress | None) -> int:
     done = dict.fromkeys(PARTS, 0)
     reading, writing = os.pipe()
     with os.fdopen(reading, encoding="utf-8") as lines:
-        commands = [[sys.executable, "-m", __name__, part] for part in PARTS]
-        # A child ends when its stdin does: nothing else keeps that pipe open.
+        run_child = [sys.executable, "-m", child_process.__name__, __name__]
+        commands = [[*run_child, part] for part in PARTS]
         streams: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": writing}
         processes = [subprocess.Popen(own, cwd=PACKAGE, **streams) for own in commands]
         os.close(writing)
@@ -165,7 +165,6 @@ PARTS: Mapping[str, Callable[[], None]] = {"searches": _use_searches, "refined":
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who began this also ends it
-    exit_after(partial(os.read, 0, 1))
     if hasattr(os, "nice"):  # pages and commands come first
         os.nice(5)
     with compilations(partial(_say, sys.argv[1])):

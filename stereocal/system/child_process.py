@@ -1,9 +1,16 @@
-"""A child process that ends when its parent ends, however the parent ends."""
+"""A child process that ends when its parent ends, however the parent ends.
+
+`python -m stereocal.system.child_process MODULE ...` runs a module in one. Its stdin is a pipe that
+the parent alone holds open; it is watched before the module is imported, which takes seconds.
+"""
 
 import multiprocessing
 import os
+import runpy
+import sys
 import threading
 from collections.abc import Callable
+from functools import partial
 
 
 def end_with_parent() -> None:
@@ -29,3 +36,9 @@ def exit_after(wait: Callable[[], object]) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True, name="parent").start()
+
+
+if __name__ == "__main__":
+    exit_after(partial(os.read, 0, 1))
+    del sys.argv[0]
+    runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
