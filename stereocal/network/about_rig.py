@@ -91,6 +91,8 @@ class PairOfRig:
 class AboutRig:
     """Entries of `rig.json`."""
 
+    inputs: Mapping[str, Any] = field(default_factory=dict)
+    """The `name` and the digest `sha256` of the recording."""
     object: Mapping[str, Any] = field(default_factory=dict)
     """The points (m) of the object by name, and the `factor` by which it was found longer."""
     figures: RigFigures | None = None

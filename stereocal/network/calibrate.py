@@ -71,7 +71,7 @@ def calibrate_rig(
         raise StereocalError(wrong)
     possible = check_inputs(rig.fit, [*rig.pairs.fits.values()])
     told = [*possible, *rig.warnings, rig.moved, _question(rig)]
-    return replace(rig, warnings=tuple(filter(None, told)))
+    return replace(rig, warnings=tuple(filter(None, told)), sha256=recording.sha256)
 
 
 def _question(rig: RigCalibration) -> str:

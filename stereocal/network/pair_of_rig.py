@@ -57,6 +57,7 @@ def sets_of_pairs(
     found: dict[str, Sets] = {}
     notes: list[str] = []
     known = {name: each for name, each in rig.about.pairs.items() if each.frames is not None}
+    given = recording.sha256
     for number, (name, about) in enumerate(known.items()):
         pair = about.cameras
         try:
@@ -65,7 +66,12 @@ def sets_of_pairs(
             of_rig = rig.pair(*pair)
             when: Timing = {"time_offset": of_rig.time_offset, "start_frame": of_rig.start_frame}
             found[name] = {
-                method: replace(parameters, frames_left_out=rig.about.frames_left_out, **when)
+                method: replace(
+                    parameters,
+                    inputs={**parameters.inputs, "sha256": given},
+                    frames_left_out=rig.about.frames_left_out,
+                    **when,
+                )
                 for method, parameters in sets.items()
             }
         except (StereocalError, KeyError) as error:

@@ -277,6 +277,7 @@ def rig_file(rig: RigCalibration) -> RigFile:
     places = dict(zip(own.names, own.points.tolist(), strict=True))
     late = dict(zip(rig.names, rig.time_offsets.tolist(), strict=True))
     about = AboutRig(
+        inputs={"name": rig.recording.name, "sha256": rig.sha256},
         object={**places, "factor": float(rig.fit.q[-1])},
         figures=_figures_of(rig),
         image_errors_px={

@@ -10,6 +10,7 @@ from stereocal.refined.stated_inputs import Input
 from stereocal.refined.two_views import BAR, SHARED, TIME
 from stereocal.refined.uncertainty import COVARIANCE_OF, standard_errors
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import ForecastEntries, RigParameters, about_data
 from stereocal.rig.volume import Volume
 from stereocal.system.array_types import FloatArray
@@ -31,6 +32,7 @@ def refined_parameters(
     validation: Mapping[str, Any] | None = None,
     left_out: Collection[int] = (),
     forecast: ForecastEntries | None = None,
+    given: Dataset | None = None,
 ) -> RigParameters:
     """The file `parameters_refined.json`: method `refined`, purpose `both`.
 
@@ -38,6 +40,7 @@ def refined_parameters(
         inputs: from `disagreement.compare_inputs`, if they were compared.
         validation, forecast: as of `about_data`.
         left_out: frames left out by the screening, in addition to those that the fit left out.
+        given: the data set with all its frames, which the file names; None: that of the fit.
     """
     uncertainties = uncertainties_of(result, inputs)
     offset = result.time_offset if result.settings.time_offset else None
@@ -52,7 +55,7 @@ def refined_parameters(
         frames_left_out=tuple(sorted({*left_out, *result.outlying_frames})),
         noise_px=float(result.sigma_px.value),
         volume=Volume.of_bars(result.used_points_m),
-        **about_data(result.dataset, result.frames, offset, validation, forecast),
+        **about_data(given or result.dataset, result.frames, offset, validation, forecast),
     )
 
 

@@ -101,7 +101,8 @@ class Calibration:
             if self.refined is None:
                 raise StereocalError("There is no refined set: `warnings` has the reason, if any.")
             left_out = self.screening.left_out
-            return refined_parameters(self.refined, self.inputs, validation, left_out, forecast)
+            about = self.inputs, validation, left_out, forecast, self.dataset
+            return refined_parameters(self.refined, *about)
         found, used = self.methods[method], np.isin(self.dataset.correspondences.frame, self.frames)
         points = triangulate_rays(found.pose.R, found.pose.T, self.dataset.rays[:, used])
         return RigParameters(

@@ -1,8 +1,11 @@
 """A recording of one object by any number of cameras; any two of them are a data set."""
 
+import hashlib
+import json
 import math
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import combinations
 from typing import Any
 
@@ -21,7 +24,7 @@ from stereocal.system.answers import TableAnswer
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.names import check_camera_names
 from stereocal.system.numbers import count
-from stereocal.system.tables import refuse_missing
+from stereocal.system.tables import LARGEST_WHOLE, refuse_missing
 
 CameraPair = tuple[str, str]
 MOST_IMAGES = 50_000_000
@@ -73,6 +76,22 @@ class Recording(TableAnswer):
             f"Points: {', '.join(f'{number:,} of {name}' for name, number in by_camera)}.",
             self.describe_pairs(),
         ]
+
+    @cached_property
+    def sha256(self) -> str:
+        """Digest of all numbers that a rig depends on, as of `Dataset`."""
+        order = np.lexsort([self.target, self.camera, self.frame])
+        rows = self.frame, self.camera, self.target, self.points, self.sigma_px
+        content = {
+            "cameras": {
+                name: [camera.to_json(), camera.uncertainty and camera.uncertainty.to_json()]
+                for name, camera in self.cameras.items()
+            },
+            "object": dict(zip(self.object.names, self.object.points.tolist(), strict=True)),
+            "baselines_m": {"-".join(pair): value for pair, value in self.baselines_m.items()},
+            "rows": [column[order].tolist() for column in rows],
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def to_dataframe(self) -> pd.DataFrame:
         """The table as in `points.csv`."""
@@ -164,6 +183,10 @@ class Recording(TableAnswer):
         refuse(
             (not np.isfinite(pixels).all(), "An image point is not a finite number."),
             (not (numbers == np.round(numbers)).all(), "A frame is not a whole number."),
+            (
+                np.abs(numbers).max(initial=0) > LARGEST_WHOLE,
+                "A frame is above 2^53 - 1, up to which numbers are told apart.",
+            ),
         )
         found = cls(
             name,

@@ -40,10 +40,15 @@ def test_rig_writes_its_files(
     told = capsys.readouterr().out
     assert "One rig of 3 cameras" in told
     assert RigFile.load(tmp_path / "rig.json").names == ["c1", "c2", "c3"]
-    assert "One rig of 3 cameras" in (tmp_path / "report.html").read_text()
+    report = (tmp_path / "report.html").read_text()
+    assert "One rig of 3 cameras" in report
+    digest = read_recording(dataset).sha256
+    assert digest in report
+    assert RigFile.load(tmp_path / "rig.json").about.inputs["sha256"] == digest
     pairs = [tmp_path / f"{pair}_refined.json" for pair in ("c1-c2", "c1-c3", "c2-c3")]
     for file in pairs:
         assert RigParameters.load(file).method == "refined"
+        assert RigParameters.load(file).inputs["sha256"] == digest
     # the rig's pairs are not fused again: they share all their points
     assert main(["rig", *map(str, pairs), "--out", str(tmp_path / "again")]) == 2
     assert not (tmp_path / "again").exists()

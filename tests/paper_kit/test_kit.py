@@ -6,9 +6,11 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
@@ -19,7 +21,7 @@ from stereocal.figures import journal
 from stereocal.paper_kit.digests import ADJUSTED, SEARCHED, differences, digest_of
 from stereocal.paper_kit.kit import paper_kit
 from stereocal.paper_kit.methods_text import PAPER, PROGRAM, methods_md, references_bib
-from stereocal.paper_kit.reproduction import archive_files
+from stereocal.paper_kit.reproduction import archive_files, compare, read_archive
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
@@ -137,6 +139,30 @@ def test_settings_and_a_replaced_file_come_along(
     assert all(line in printed for line in IDENTICAL[:2])
     again = json.loads((tmp_path / "again" / "parameters_2d.json").read_text())
     assert again["method"] == "refined"
+
+
+def test_an_archive_names_one_data_set_and_earlier_ones_still_agree(tmp_path: Path) -> None:
+    """Where frames were left out, the refined file of version 1.0 named the others alone."""
+    dataset = of_field().calibration.dataset
+    settings = CalibrationSettings(frames_left_out=(2, 7))
+    found = run_of(dataset, settings, runs=0, refined=RefineSettings())
+    named = {rig.inputs["sha256"] for rig in found.sets.values()}
+    assert named == {dataset.sha256}
+
+    def edit(files: dict[str, bytes], digest: str) -> None:
+        refined, statement = "parameters_refined.json", json.loads(files["reproduce.json"])
+        content = json.loads(files[refined])
+        content["inputs"]["sha256"] = digest
+        statement["files"][refined]["sha256"] = digest_of(content)
+        files |= {refined: json.dumps(content).encode()}
+        files["reproduce.json"] = json.dumps(statement).encode()
+
+    sets = {f"parameters_{method}.json": rig for method, rig in found.sets.items()}
+    fitted = dataset.of_frames(np.setdiff1d(dataset.correspondences.frames, (2, 7)))
+    for digest, agrees in ((fitted.sha256, True), ("0" * 64, False)):
+        archived = read_archive(Path(archive(tmp_path, partial(edit, digest=digest), found)))
+        assert archived.dataset.sha256 == dataset.sha256
+        assert all(each.agrees for each in compare(archived, sets)) == agrees
 
 
 def test_a_changed_point_is_different(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
