@@ -17,6 +17,7 @@ from stereocal.rig.compiled import clock, compiled, contiguous
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, fill_pose
 from stereocal.system.array_types import BoolArray, FloatArray
+from stereocal.system.numbers import SEEDS
 from stereocal.system.settings import Settings, described
 
 STEP_TOO_SMALL = "the step fell below its smallest size"
@@ -65,7 +66,7 @@ class SearchSettings(Settings):
         0,
         "Seed",
         "Source of the random numbers: the same seed gives the same files.",
-        between=(0, 2**63 - 1),
+        between=SEEDS,
     )
 
     def __post_init__(self) -> None:

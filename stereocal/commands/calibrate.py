@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from stereocal.calibration.methods import Method
-from stereocal.commands.console import Options, with_bar
+from stereocal.commands.console import Number, Options, with_bar
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
     PAIR,
@@ -19,7 +19,7 @@ from stereocal.commands.options import (
 )
 from stereocal.commands.warming import compile_all
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.evaluation.evaluate import MOST_RUNS, EvaluationSettings
 from stereocal.formats.evaluation_files import validation_in_summary
 from stereocal.formats.recording_files import DESCRIPTION
 from stereocal.refined.results import Calibration
@@ -44,7 +44,10 @@ OPTIONS: Options = {
     "(default: all)",
     "--known-points": "3D cost: known points (columns x_m, y_m, z_m, or the corners of a board) "
     "instead of distances",
-    "--runs N": "random splits of the validation; 0 for none (default: 100)",
+    "--runs N": {
+        "type": Number(int, 0, MOST_RUNS),
+        "help": "random splits of the validation; 0 for none (default: 100)",
+    },
     "--no-refined": "the two sets of the paper only",
     "--free-distortion CAMERA...": {
         "help": "refined set: estimate the distortion of primary, secondary, or both",

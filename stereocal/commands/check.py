@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stereocal.commands.console import Options
+from stereocal.commands.console import Number, Options
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
     PAIR,
@@ -17,7 +17,6 @@ from stereocal.commands.options import (
     finish,
     refuse_given,
 )
-from stereocal.errors import StereocalError
 from stereocal.field.checking.check_words import notes, sentence, to_json
 from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.new_images import images_of_bars
@@ -27,7 +26,6 @@ from stereocal.field.checking.repair import REPAIRED, repaired_parameters
 from stereocal.field.checking.rig_check import check_rig
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.inputs import STORED_PROJECT, images_in_table, recording_in
-from stereocal.matching.point_noise import check_sigma
 from stereocal.network.rig_file import RigFile, holds_rig
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import read_whole
@@ -37,8 +35,11 @@ OPTIONS: Options = {
     "dataset": "a few new bars: folder or zip with dataset.json, or a table of bars "
     "(correspondences.csv; with rig.json its points.csv); or matched points alone: pairs.csv",
     "--out OUT": "folder for the files",
-    "--turn DEG": 'smallest turn that matters; "same" is reported only if it would be seen '
-    "(default: %(default).3g)",
+    "--turn DEG": {
+        "type": Number(float, 1e-9, 179.0),
+        "help": 'smallest turn that matters; "same" is reported only if it would be seen '
+        "(default: %(default).3g)",
+    },
     "--baseline-change FRACTION": "smallest change of the baseline that matters (default: "
     "%(default)g)",
     "--sigma-px PX": "noise of matched points, if they are less exact than the targets (default: "
@@ -52,11 +53,6 @@ DEFAULTS = {"turn": float(np.degrees(SMALLEST.turn_rad)), "baseline_change": SMA
 
 def run(parsed: argparse.Namespace) -> None:
     """Check, write `check.json` and any repaired parameters, print the answer."""
-    if not (0 < parsed.turn < 180 and 0 < parsed.baseline_change < 1):
-        raise StereocalError(
-            "--turn must be between 0 and 180 degrees, --baseline-change between 0 and 1."
-        )
-    check_sigma(parsed.sigma_px)
     smallest = Smallest(float(np.radians(parsed.turn)), parsed.baseline_change)
     files: dict[str, bytes] = {}
     path, data = parsed.parameters, parsed.dataset

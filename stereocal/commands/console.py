@@ -1,12 +1,16 @@
 """The options of commands as tables, the parser that takes them, and what commands print."""
 
 import argparse
+import math
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self, TypeVar
+
+from stereocal.system.numbers import POSSIBLE_M, POSSIBLE_PX
 
 T = TypeVar("T")
 Show = Callable[[int, int], None]
@@ -19,12 +23,44 @@ a file; `FILE...` stands for one or more. Under `ONE_OF` are options of which on
 under a name with a colon a group.
 """
 ONE_OF = "one of"
+LONGEST = 40
+"""Characters of what was typed, in a message."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number within bounds, as the type of an option; or a word instead."""
+
+    kind: Callable[[str], float]
+    """int or float."""
+    low: float
+    high: float
+    word: str = ""
+
+    def __call__(self, text: str) -> float | str:
+        """Raise an `ArgumentTypeError` for anything else."""
+        if self.word and text == self.word:
+            return text
+        with suppress(ValueError):  # no number, or one of too many digits
+            if self.low <= (value := self.kind(text)) <= self.high:
+                return value
+        whole = "a whole number" if self.kind is int else "a number"
+        other = f", or {self.word}" if self.word else ""
+        raise argparse.ArgumentTypeError(
+            f"{text[:LONGEST]!r} is not {whole} from {self.low:.12g} to {self.high:.12g}{other}"
+        )
+
+
 KINDS: Mapping[str, Callable[[str], Any]] = {
-    **dict.fromkeys(("K", "N"), int),
-    **dict.fromkeys(("D", "DEG", "FAR", "FPS", "FRACTION", "M", "NEAR", "P", "PX", "S"), float),
-    **dict.fromkeys(
-        ("ADDRESS", "B", "CAMERA", "COLUMN", "DICT", "FRAME", "KIND", "NAME", "ROLES"), str
-    ),
+    **dict.fromkeys(("K", "N"), Number(int, 1, 10**9)),
+    **dict.fromkeys(("B", "D", "M", "S"), Number(float, *POSSIBLE_M)),
+    **dict.fromkeys(("NEAR", "FAR"), Number(float, 0.0, math.inf)),
+    "DEG": Number(float, -360.0, 360.0),
+    "FPS": Number(float, 1e-3, 1e6),
+    "FRACTION": Number(float, 1e-9, 1 - 1e-9),
+    "P": Number(float, 0.0, 1e6),
+    "PX": Number(float, *POSSIBLE_PX),
+    **dict.fromkeys(("ADDRESS", "CAMERA", "COLUMN", "DICT", "FRAME", "KIND", "NAME", "ROLES"), str),
     **dict.fromkeys(("LEFT-RIGHT", "P,S", "WxH", "18x12"), str),
 }
 """What a value is, by its name in the help; else a file."""

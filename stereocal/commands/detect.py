@@ -2,7 +2,7 @@
 
 import argparse
 
-from stereocal.commands.console import Options, report, say
+from stereocal.commands.console import Number, Options, report, say
 from stereocal.commands.options import LENSES_AND_LENGTHS, WORKERS, refuse_given, workers_from
 from stereocal.commands.photographs import PAIR_BY, in_search, write_recording
 from stereocal.detection.target import BOARDS, EXAMPLES, parse_board, parse_target
@@ -13,6 +13,8 @@ from stereocal.frames.search import compile_detection
 from stereocal.rig.recording import Recording
 from stereocal.system.atomic_files import write_atomically
 
+LONGEST_S = 1e9
+"""Between two clocks: 30 years."""
 OPTIONS: Options = {
     "dataset": "folder or zip with dataset.json and photographs",
     "--out OUT": "the table: correspondences.csv; of a board, or of three cameras and more, "
@@ -21,8 +23,11 @@ OPTIONS: Options = {
     "--videos VIDEO...": "take frames of the videos first, of the primary and the secondary, or of "
     "more cameras in the order of dataset.json, into a folder of each in that of the data set",
     "--every N": "of the videos, every N-th frame (default: the sharpest still one of each second)",
-    "--clock-ahead S": "by how many seconds the secondary's time stamps are ahead (default: both "
-    "videos start at the same moment)",
+    "--clock-ahead S": {
+        "type": Number(float, -LONGEST_S, LONGEST_S),
+        "help": "by how many seconds the secondary's time stamps are ahead (default: both "
+        "videos start at the same moment)",
+    },
     "--doubtful": "doubtful frames go into the table too",
     **PAIR_BY,
     **LENSES_AND_LENGTHS,

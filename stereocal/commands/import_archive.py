@@ -5,13 +5,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from stereocal.commands.console import Options, report
+from stereocal.commands.console import Number, Options, report
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
     answers,
     contents,
     image_size,
-    number_of,
     questions,
     two_cameras,
     with_sigmas,
@@ -27,7 +26,7 @@ from stereocal.formats.point_layouts import LAYOUTS
 from stereocal.formats.recording_files import pack_recording
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import POSSIBLE_M, rounded
 from stereocal.system.zip_files import is_zip, unzip
 
 EVERY = "all"
@@ -40,7 +39,10 @@ OPTIONS: Options = {
     "--cameras P,S": "primary and secondary camera: 1,2 or names (default: 1,2); all: a data set "
     "of every camera, for rig",
     **questions("unit"),
-    "--baseline B": f"measured baseline in m; {FREE}: none, the lengths of the bars give the scale",
+    "--baseline B": {
+        "type": Number(float, *POSSIBLE_M, FREE),
+        "help": f"measured baseline in m; {FREE}: none, the lengths of the bars give the scale",
+    },
     "--distance D": "measured distance between A and B in m",
     "--image-size WxH": "of both cameras, if missing in the files, or wrong in easyWand's",
     "--layout": {
@@ -69,8 +71,7 @@ def run(parsed: argparse.Namespace) -> None:
         _show(every.taken)
         files, notes = pack_recording(every.recording), [*every.remarks]
     else:
-        free, wanted = parsed.baseline == FREE, f"a length in metres, or {FREE}"
-        baseline = math.inf if free else number_of(parsed.baseline, "--baseline", wanted)
+        baseline = math.inf if parsed.baseline == FREE else parsed.baseline
         if parsed.cameras is not None:
             options = replace(options, cameras=two_cameras(parsed.cameras))
         found = gather(given, options, baseline_known=baseline is not None)

@@ -11,12 +11,11 @@ from typing import cast
 
 import numpy as np
 
-from stereocal.commands.console import ONE_OF, Options, report, with_bar
+from stereocal.commands.console import ONE_OF, Number, Options, report, with_bar
 from stereocal.commands.options import (
     WITH_RIG,
     WORKERS,
     answers,
-    number_of,
     questions,
     refuse_given,
     two_cameras,
@@ -41,6 +40,7 @@ from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import read_whole
+from stereocal.system.numbers import POSSIBLE_M, POSSIBLE_PX
 
 A_POINT = np.zeros((1, 2))
 BY_HAND = "columns"
@@ -59,7 +59,7 @@ OPTIONS: Options = {
     },
     "--out OUT": "pairs.csv or pairs.parquet",
     "--threshold PX": {
-        "type": str,
+        "type": Number(float, 0.0, POSSIBLE_PX[1], AUTO),
         "help": 'largest reprojection error of a pair in pixels, or "auto" (default): by the noise '
         "of the points",
     },
@@ -83,7 +83,7 @@ OPTIONS: Options = {
         'table; "-" as FRAME counts the rows',
         "--roles ROLES": ROLES_HELP,
         **questions(*ORIGIN),
-        "--px-per-unit N": {"type": float, "help": "pixels in one unit"},
+        "--px-per-unit N": {"type": Number(float, *POSSIBLE_M), "help": "pixels in one unit"},
         "--least-likelihood P": "leave out less likely points",
     },
 }
@@ -97,8 +97,7 @@ def run(parsed: argparse.Namespace) -> None:
     if parsed.unmatched is not None and parsed.unmatched == parsed.out:
         raise StereocalError("--out and --unmatched name the same file.")
     rig, tables = _of_rig(parsed) if parsed.rig is not None else _of_pair(parsed)
-    text = None if parsed.threshold == "auto" else parsed.threshold
-    threshold = number_of(text, "--threshold", "a number of pixels, or auto")
+    threshold = None if parsed.threshold == AUTO else parsed.threshold
     depths = tuple(parsed.depth or ANY_DEPTH)
     stated = Stated(threshold, depths, parsed.sigma_px, parsed.names or AUTO)
     files = partial(match_tables, rig, tables, parsed.out, stated, parsed.unmatched)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.commands.console import Options, report
+from stereocal.commands.console import Number, Options, report
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.formats.exchange.options import QUESTIONS
 from stereocal.formats.inputs import read_input
@@ -23,6 +23,7 @@ from stereocal.system.atomic_files import write_all
 from stereocal.system.executors import engine
 from stereocal.system.limits import Limits
 from stereocal.system.settings import Settings, asked
+from stereocal.system.tables import LARGEST_WHOLE
 
 
 def settings_options(kind: type[Settings]) -> Options:
@@ -33,10 +34,12 @@ def settings_options(kind: type[Settings]) -> Options:
         if isinstance(usual, bool):
             told["action"] = "store_true"
         elif isinstance(usual, tuple):
-            told |= {"type": int, "nargs": "+", "default": usual, "metavar": "FRAME"}
+            frame = Number(int, -LARGEST_WHOLE, LARGEST_WHOLE)
+            told |= {"type": frame, "nargs": "+", "default": usual, "metavar": "FRAME"}
         else:
-            told |= {"choices": [*about.choices]} if about.choices else {"metavar": "N"}
-            told |= {"type": type(usual), "default": usual}
+            number = {"type": Number(type(usual), about.low, about.high), "metavar": "N"}
+            told |= {"choices": [*about.choices]} if about.choices else number
+            told["default"] = usual
             told["help"] += f" (default: {usual})"
         found[f"--{(about.option or name).replace('_', '-')}"] = told
     return found
@@ -46,12 +49,18 @@ def questions(*names: str) -> Options:
     """What files of other programs may not say, as options that `answers` reads."""
     return {
         asked.option: {"dest": name, "help": asked.help}
-        | ({"choices": [*asked.choices]} if asked.choices else {"type": float, "metavar": "N"})
+        | (
+            {"choices": [*asked.choices]}
+            if asked.choices
+            else {"type": Number(float, *asked.between), "metavar": "N"}
+        )
         for name, asked in QUESTIONS.items()
         if name in names
     }
 
 
+MOST_WORKERS = 1000
+LARGEST_SIDE_PX = 1_000_000
 SEARCH = settings_options(CalibrationSettings)
 LENSES_AND_LENGTHS: Options = {
     **questions("lens_model"),
@@ -71,7 +80,7 @@ WORLD: Options = {
     "primary camera's coordinates to yours"
 }
 WORKERS: Options = {
-    "--workers N": "N processes (default: threads)",
+    "--workers N": {"type": Number(int, 1, MOST_WORKERS), "help": "N processes (default: threads)"},
     "--scheduler ADDRESS": "a Dask cluster: tcp://host:8786",
 }
 
@@ -128,17 +137,9 @@ def image_size(text: str | None) -> tuple[int, int] | None:
         raise StereocalError(
             f'The image size "{text}" is not width x height, as 1280x1024.'
         ) from None
-    if width < 1 or height < 1:
+    if not (1 <= width <= LARGEST_SIDE_PX and 1 <= height <= LARGEST_SIDE_PX):
         raise StereocalError(f'The image size "{text}" is not possible.')
     return width, height
-
-
-def number_of(text: str | None, option: str, wanted: str) -> float | None:
-    """The number of an option that is read as text, since it may be a word."""
-    try:
-        return None if text is None else float(text)
-    except ValueError:
-        raise StereocalError(f'{option} is "{text}"; it must be {wanted}.') from None
 
 
 def two_cameras(text: str) -> tuple[str, str]:

@@ -50,8 +50,6 @@ def _take_frames(
     if parsed.dataset.exists() and not parsed.dataset.is_dir():
         raise StereocalError(f"{parsed.dataset}: with --videos, the data set must be a folder.")
     every, ahead = parsed.every, parsed.clock_ahead
-    if every is not None and every < 1:
-        raise StereocalError(f"--every is {every}: it must be 1 or more.")
     by_hand = parsed.pair_by == "motion"
     if by_hand and ahead is not None:
         raise StereocalError(

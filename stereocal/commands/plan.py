@@ -3,19 +3,22 @@
 import argparse
 from functools import partial
 
-from stereocal.commands.console import Options, with_bar
+from stereocal.commands.console import Number, Options, with_bar
 from stereocal.commands.options import WORKERS, finish, questions, workers_from
-from stereocal.errors import StereocalError
 from stereocal.field.planning.drawn_rigs import draw_rigs
 from stereocal.field.planning.forecast import FEWEST_RIGS, MOST_RIGS, forecast, plan_answer
 from stereocal.figures.plan_report import plan_report
 from stereocal.formats.plan_file import read_plan
+from stereocal.system.numbers import SEEDS
 
 OPTIONS: Options = {
     "plan": "plan.json",
     "--out OUT": "folder for the two files",
-    "--seed N": "default: 0",
-    "--rigs N": "rigs drawn from the plan (default: 128, fewer for many frames)",
+    "--seed N": {"type": Number(int, *SEEDS), "help": "default: 0"},
+    "--rigs N": {
+        "type": Number(int, FEWEST_RIGS // 4, MOST_RIGS),
+        "help": "rigs drawn from the plan (default: 128, fewer for many frames)",
+    },
     **questions("lens_model"),
     **WORKERS,
 }
@@ -24,12 +27,6 @@ DEFAULTS = {"seed": 0}
 
 def run(parsed: argparse.Namespace) -> None:
     """Compute the forecast, write forecast.json and report.html, print the answer."""
-    if parsed.rigs is not None and not FEWEST_RIGS // 4 <= parsed.rigs <= MOST_RIGS:
-        raise StereocalError(
-            f"{parsed.rigs} rigs were requested: from {FEWEST_RIGS // 4} to {MOST_RIGS} make sense."
-        )
-    if parsed.seed < 0:
-        raise StereocalError(f"The seed is {parsed.seed}: it must be 0 or more.")
     plan = read_plan(parsed.plan, parsed.lens_model)
     with workers_from(parsed, partial(draw_rigs, plan, 0, 0, 2)) as executor:
         found = with_bar("rigs", partial(forecast, plan, executor, parsed.seed, parsed.rigs))

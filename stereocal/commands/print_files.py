@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Mapping
 
-from stereocal.commands.console import ONE_OF, Options, take
+from stereocal.commands.console import ONE_OF, Number, Options, take
 from stereocal.commands.options import BOARD, LENSES_AND_LENGTHS, contents, pattern_of
 from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
@@ -14,6 +14,7 @@ from stereocal.field.printing.sheet import field_sheet
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.plan_file import read_plan
 from stereocal.system.atomic_files import write_atomically
+from stereocal.system.numbers import POSSIBLE_PX
 
 PAPER: Options = {"--paper NAME": f"{', '.join(PAPERS)} (default: A4)"}
 DRAWN: Options = {**PAPER, "--out FILE": ".pdf or .svg"}
@@ -29,7 +30,7 @@ KINDS: Mapping[str, tuple[str, Options]] = {
             "--far M": "largest distance of the bar",
             "--near M": "least distance (default: --far)",
             "--px N": {
-                "type": float,
+                "type": Number(float, *POSSIBLE_PX),
                 "default": GOOD_PX,
                 "help": f"width in the photographs at the largest distance (default: {GOOD_PX:g})",
             },

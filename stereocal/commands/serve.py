@@ -6,12 +6,12 @@ import os
 import subprocess
 import sys
 
-from stereocal.commands.console import Options
+from stereocal.commands.console import Number, Options
 from stereocal.errors import StereocalError
 from stereocal.system.resources import ROOT
 
 OPTIONS: Options = {
-    "--port N": "default: 8501, or the next free one",
+    "--port N": {"type": Number(int, 1, 65535), "help": "default: 8501, or the next free one"},
     "--headless": "do not open a browser; print the address",
 }
 

@@ -4,27 +4,24 @@ import argparse
 import json
 from pathlib import Path
 
-from stereocal.commands.console import Options, report
-from stereocal.errors import StereocalError
+from stereocal.commands.console import Number, Options, report
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.rig.dataset import Dataset
 from stereocal.simulation.nineteen import NOISE_PX, simulate_nineteen
 from stereocal.simulation.simulate import FIELD_NOISE_PX, TRUTH, simulate_field, truth_of
 from stereocal.system.atomic_files import write_all
+from stereocal.system.numbers import SEEDS
 
 OPTIONS: Options = {
     "--datasets N": "default: 19",
     "--frames N": "default: 25",
     "--out OUT": "folder for the data sets",
-    "--seed N": "default: 0",
+    "--seed N": {"type": Number(int, *SEEDS), "help": "default: 0"},
 }
 DEFAULTS = {"datasets": 19, "frames": 25, "seed": 0}
 
 
 def run(parsed: argparse.Namespace) -> None:
-    for name, lowest in {"seed": 0, "datasets": 1, "frames": 1}.items():
-        if getattr(parsed, name) < lowest:
-            raise StereocalError(f"--{name} must be at least {lowest}.")
     field, nineteen = parsed.out / "field", parsed.out / "nineteen"
     write_field(field, parsed.seed)
     report(written=[field])

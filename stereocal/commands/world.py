@@ -2,7 +2,7 @@
 
 import argparse
 
-from stereocal.commands.console import ONE_OF, Options, report
+from stereocal.commands.console import ONE_OF, Number, Options, report
 from stereocal.commands.options import contents
 from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import Axes, WorldSettings
@@ -10,6 +10,7 @@ from stereocal.formats.world_file import pair_in_table, read_observed, write_wor
 from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import write_atomically
+from stereocal.system.numbers import POSSIBLE_M
 
 OPTIONS: Options = {
     "observed SURVEY.csv|PLUMB.csv|THROW.csv": "surveyed points (point,x,y,z and pixels of both "
@@ -29,7 +30,10 @@ OPTIONS: Options = {
     "--heading DEG": "turn the x axis from there, counter-clockwise seen from above (default: 0)",
     "--sigma-px PX": "noise of a pixel coordinate (default: of the residuals of lines or a throw, "
     "else of the parameter file)",
-    "--survey-sigma M": "standard error of a surveyed coordinate in metres (default: %(default)g)",
+    "--survey-sigma M": {
+        "type": Number(float, 0.0, POSSIBLE_M[1]),
+        "help": "standard error of a surveyed coordinate in metres (default: %(default)g)",
+    },
     "--no-drag": "ignore air drag (for a heavy thrown object)",
     "--upside-down": "the cameras hang upside down (for lines)",
 }

@@ -16,6 +16,7 @@ from stereocal.intrinsics.fisheye_fit import UNDETERMINED, Boards, fit_fisheye, 
 from stereocal.rig.camera import FISHEYE_UNKNOWNS, LENS_MODELS, Camera, LensModel
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
+from stereocal.system.numbers import SEEDS
 from stereocal.system.settings import Settings, described
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
@@ -49,10 +50,7 @@ class LensSettings(Settings):
         between=(2, 10_000),
     )
     seed: int = described(
-        0,
-        "Seed",
-        "Source of the random numbers: the same seed gives the same file.",
-        between=(0, 2**63 - 1),
+        0, "Seed", "Source of the random numbers: the same seed gives the same file.", between=SEEDS
     )
     fix_k3: bool = described(
         False, "Hold k3 at 0", "Steadier for long lenses, which distort little. Paper: not held."

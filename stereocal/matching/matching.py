@@ -22,7 +22,7 @@ from stereocal.matching.pair_candidates import pairs_within
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray, IntArray
-from stereocal.system.numbers import rounded
+from stereocal.system.numbers import POSSIBLE_PX, rounded
 
 ANY_DEPTH = (0.0, float("inf"))
 
@@ -98,8 +98,11 @@ def checked_threshold(rig: RigParameters, threshold_px: float | None) -> float:
             "The parameter file contains no matching threshold (calibrate --validation writes "
             "one): state one in pixels, or have it chosen from the points (auto)."
         )
-    if not (np.isfinite(value) and value >= 0):
-        raise StereocalError(f"The threshold is {value} px: it must be a number of 0 or more.")
+    if not 0 <= value <= POSSIBLE_PX[1]:
+        raise StereocalError(
+            f"The threshold is {value} px: it must be a number of 0 or more, up to "
+            f"{POSSIBLE_PX[1]:g}."
+        )
     return float(value)
 
 

@@ -28,7 +28,7 @@ from stereocal.refined.two_views import shared_unknowns
 from stereocal.refined.uncertainty import point_jacobians
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray, IntArray
-from stereocal.system.numbers import rounded, with_error
+from stereocal.system.numbers import POSSIBLE_PX, rounded, with_error
 
 EXACT_PX = 1e-3
 """Errors of exact points count as this."""
@@ -96,8 +96,11 @@ def on_far(px: float, targets_px: float | None) -> str:
 
 
 def check_sigma(sigma_px: float | None) -> None:
-    if sigma_px is not None and not (np.isfinite(sigma_px) and sigma_px > 0):
-        raise StereocalError(f"The noise of the points is {sigma_px} px: it must be above 0.")
+    low, high = POSSIBLE_PX
+    if sigma_px is not None and not low <= sigma_px <= high:
+        raise StereocalError(
+            f"The noise of the points is {sigma_px} px: it must be from {low:g} to {high:g} px."
+        )
 
 
 def noise_of_calibration(rig: RigParameters) -> PointNoise | None:

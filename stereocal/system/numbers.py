@@ -4,6 +4,13 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+POSSIBLE_M = (1e-9, 1e6)
+"""Lengths and their errors that can be computed with: the square of 1e308 is infinite, of 1e-320
+zero. What is plausible is narrower."""
+POSSIBLE_PX = (1e-6, 1e6)
+"""The same of errors and sizes in an image."""
+SEEDS = (0, 2**63 - 1)
+
 
 def digits(value: float, significant: int = 3) -> str:
     """A number with `significant` digits, with an exponent only from 1e5 or below 1e-4."""

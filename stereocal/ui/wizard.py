@@ -1,6 +1,5 @@
 """Questions about files of other programs, with a preview of their points."""
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -76,7 +75,7 @@ class Questions:
         asked = QUESTIONS[name]
         if not asked.choices:
             told = f"{asked.help[0].upper()}{asked.help[1:]}."
-            number = self.field(name, usual, Number(-math.inf))
+            number = self.field(name, usual, Number(*asked.between))
             return number.number_input(asked.title, place, step=0.5, help=told)
         stated = {None: STATED} if usual is None else {}
         words: dict[Any, str] = {**stated, **asked.choices}

@@ -11,6 +11,7 @@ from stereocal.errors import StereocalError
 from stereocal.rig.camera import LensModel
 from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import FloatArray
+from stereocal.system.numbers import POSSIBLE_PX
 
 Unit = Literal["m", "cm", "mm", "inch"]
 UNITS: Mapping[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
@@ -108,6 +109,8 @@ class Question:
     help: str
     choices: Mapping[str, str] = field(default_factory=dict)
     """Answers and their words on the page; empty: a number."""
+    between: tuple[float, float] = (-POSSIBLE_PX[1], POSSIBLE_PX[1])
+    """Of a number."""
 
 
 QUESTIONS: Mapping[str, Question] = {
