@@ -47,8 +47,8 @@ def test_lengths_and_sizes_that_cannot_be_are_refused(
 ) -> None:
     every = ["--cameras", "all"]
     for words, message in (
-        (["--baseline", "0"], "baseline is 0 m"),
-        ([*every, "--distance", "-1"], "targets is -1 m"),
+        (["--baseline", "5000"], "baseline is 5000 m"),
+        ([*every, "--distance", "5000"], "targets is 5000 m"),
         ([*every, "--image-size", "64x48"], "outside the 64x48 px image"),
     ):
         assert main(["import", str(easywand), *words, "--out", str(tmp_path / "set")]) == 2
