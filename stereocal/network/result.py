@@ -47,10 +47,10 @@ class RigCalibration:
     shifts: tuple[TimeOffset, ...]
     """By how much each camera is late; 0 if they are in step."""
     warnings: tuple[str, ...] = ()
-    sha256: str = ""
-    """Digest of the recording that was given; of `recording`, something may have been left out."""
     moved: str = ""
     """Which camera moved among the frames, and when; empty if none did."""
+    sha256: str = ""
+    """Digest of the recording that was given; of `recording`, something may have been left out."""
 
     @property
     def recording(self) -> Recording:
