@@ -2,7 +2,6 @@
 
 import argparse
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -26,10 +25,10 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.lengths_in_words import question_about_units, rig_in_words
+from stereocal.rig.lengths_in_words import question_about_units, rig_in_words, word_of
 from stereocal.system.executors import engine
 from stereocal.system.numbers import count
-from stereocal.verdict.forecast_draws import ForecastDraws
+from stereocal.verdict.file_figures import stated_in
 from stereocal.verdict.in_words import digits, listed, refuse_unknown_frames
 from stereocal.verdict.recommendation import frames_to_come, in_percent
 from stereocal.workflow import Run, usual_frames
@@ -111,7 +110,7 @@ def _lines_of(found: Run) -> list[str]:
             lines.append(f"refined: left out as well, given its stated uncertainties: {named}")
     if found.forecast:
         of = frames_to_come(calibration, found.forecast)
-        lines += _forecast_lines(found.forecast.draws, found.thresholds_px, of)
+        lines += _forecast_lines(found, of)
     return lines
 
 
@@ -147,19 +146,19 @@ def validate(run: Run, settings: EvaluationSettings) -> Run:
         return with_bar("random splits", partial(run.validate, settings, executor))
 
 
-def _forecast_lines(
-    draws: ForecastDraws, thresholds_px: Mapping[Method, float | None], of: str
-) -> list[str]:
+def _forecast_lines(found: Run, of: str) -> list[str]:
     lines = [f"Forecast for {of} (95 % intervals), with the threshold in each file:"]
-    for method, found in draws.figures.items():
+    held, thresholds = word_of(found.calibration.dataset), found.thresholds_px
+    for method, entries in found.forecast_entries.items():
         fcp, length, metric = (
-            in_percent(each)
-            for each in (found.fcp_reprojection, found.p95_error_3d, found.p95_metric_error_3d)
+            in_percent(stated_in(entries, name))
+            for name in ("fcp_reprojection", "p95_error_3d", "p95_metric_error_3d")
         )
+        threshold = thresholds.get(method)
         lines.append(
             f"{method:<10} overlap of correct and wrong pairs {fcp}, 95 % of lengths within "
-            f"{length} relative to the bar, in metres within {metric}"
-            + (f", threshold {digits(own, 2)} px" if (own := thresholds_px.get(method)) else "")
+            f"{length} relative to the {held}, in metres within {metric}"
+            + (f", threshold {digits(threshold, 2)} px" if threshold else "")
         )
     return lines
 

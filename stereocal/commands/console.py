@@ -46,9 +46,12 @@ class Number:
                 return value
         whole = "a whole number" if self.kind is int else "a number"
         other = f", or {self.word}" if self.word else ""
-        raise argparse.ArgumentTypeError(
-            f"{text[:LONGEST]!r} is not {whole} from {self.low:.12g} to {self.high:.12g}{other}"
-        )
+        between = f"{_exact(self.low)} to {_exact(self.high)}"
+        raise argparse.ArgumentTypeError(f"{text[:LONGEST]!r} is not {whole} from {between}{other}")
+
+
+def _exact(bound: float) -> str:
+    return f"{bound:,}" if isinstance(bound, int) else f"{bound:.12g}"
 
 
 KINDS: Mapping[str, Callable[[str], Any]] = {

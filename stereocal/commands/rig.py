@@ -31,7 +31,10 @@ OPTIONS: Options = {
 }
 
 
-FIGURES = ("fcp_reprojection", "median_error_3d", "p95_error_3d", "threshold_px")
+FIGURES = (
+    *("fcp_reprojection", "median_error_3d", "p95_error_3d", "p95_metric_error_3d"),
+    "threshold_px",
+)
 """Of the forecast of a pair, in rig.json."""
 
 

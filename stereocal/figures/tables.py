@@ -17,8 +17,9 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.two_views import BAR, is_near_pole, largest_turn_sigma
 from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.parameters import ForecastEntries
 from stereocal.system.numbers import digits, rounded
-from stereocal.verdict.forecast_draws import ForecastDraws
+from stereocal.verdict.file_figures import stated_in
 from stereocal.verdict.in_words import interval, percent
 
 LENS_TITLES = {"f": "Focal length", "c": "Image centre"}
@@ -30,20 +31,15 @@ ANGLE_TITLES = {
     "epsilon": "Direction of the baseline ε (degrees)",
 }
 THRESHOLD_ROW = "Matching threshold (px)"
+METRIC_ROW = "95 % of lengths in metres within (%)"
 FORECAST_ROWS = {
     "Overlap of correct and wrong pairs, FCP (%)": "fcp_reprojection",
     "Reprojection error, mean (px)": "mean_reprojection_px",
     THRESHOLD_ROW: "threshold_px",
     "Length error, median (%)": "median_error_3d",
     "95 % of lengths, relative to the bar, within (%)": "p95_error_3d",
-    "95 % of lengths in metres within (%)": "p95_metric_error_3d",
+    METRIC_ROW: "p95_metric_error_3d",
 }
-PLAN_ROWS = {
-    row: name if name != "p95_metric_error_3d" else "p95_error_3d"
-    for row, name in FORECAST_ROWS.items()
-    if name != "p95_error_3d"
-}
-"""Of a plan all length errors are of lengths in metres."""
 
 
 def errors_table(calibration: Calibration) -> pd.DataFrame:
@@ -135,17 +131,20 @@ def contents_table(dataset: Dataset) -> pd.DataFrame:
     return pd.DataFrame({"Read": lines}).rename_axis("What")
 
 
-def forecast_table(draws: ForecastDraws, thresholds: Mapping[Method, float | None]) -> pd.DataFrame:
+def forecast_table(
+    entries: Mapping[Method, ForecastEntries], thresholds: Mapping[Method, float | None]
+) -> pd.DataFrame:
     """What each file will do on frames to come; a row for each figure.
 
     Args:
+        entries: as the files have them.
         thresholds: of the files, px: a file has one, and the forecast has no other.
     """
     columns = {}
-    for method, figures in draws.figures.items():
+    for method, own in entries.items():
         in_file = thresholds.get(method)
         columns[METHOD_NAMES[method]] = {
-            row: _forecast(getattr(figures, name), name)
+            row: _forecast(stated_in(own, name), name)
             for row, name in FORECAST_ROWS.items()
             if row != THRESHOLD_ROW
         } | {THRESHOLD_ROW: "" if in_file is None else digits(in_file, 2)}
@@ -157,8 +156,11 @@ def plan_table(found: PlanForecast) -> pd.DataFrame:
     """What each file of a planned field day will do; a row for each figure."""
     columns = {
         METHOD_NAMES[method]: {
-            row: _forecast(found.estimate(method, name), name) for row, name in PLAN_ROWS.items()
+            row: _forecast(found.estimate(method, name), name)
+            for row, name in FORECAST_ROWS.items()
+            if not name.startswith("p95")  # all length errors of a plan are in metres
         }
+        | {METRIC_ROW: _forecast(found.metric_p95(method), "")}
         for method in FILE_METHODS
     }
     return pd.DataFrame(columns).rename_axis("Mean over field days (95 % of them)")

@@ -95,9 +95,14 @@ def dense_text(content: bytes, source: str) -> bytes:
     return pd.DataFrame(dense, columns=names).to_csv(index=False, lineterminator="\n").encode()
 
 
+LATEST_DLTDV = 1_000_000
+"""The latest frame of a table that has a row for each: 5 hours at 60 frames a second."""
+
+
 def dltdv_table(clicks: Clicks, cameras: Sequence[str]) -> str:
-    """DLTdv8's flat table of all cameras (`xypts.csv`): a row for each frame from 1."""
-    frames = range(1, max((each.frame for each in clicks.every.values()), default=0) + 1)
+    """DLTdv8's flat table of all cameras (`xypts.csv`): a row for each frame from 1, which is for
+    clicks up to `LATEST_DLTDV`."""
+    frames = range(1, clicks.last_frame + 1)
     found = {}
     for number, track in enumerate(clicks.tracks, 1):
         for which, camera in enumerate(cameras, 1):

@@ -33,6 +33,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair
 from stereocal.system.array_types import FloatArray
 from stereocal.system.atomic_files import read_whole
+from stereocal.system.csv_text import unquoted
 from stereocal.system.json_text import read_json
 from stereocal.system.names import label_of
 from stereocal.system.tables import (
@@ -255,7 +256,7 @@ def _check_sizes(raw: pd.DataFrame, kind: str, source: str) -> None:
 def _names(raw: pd.DataFrame, column: str) -> tuple[str, ...]:
     if column not in raw:
         return ("",) * len(raw)
-    return tuple(label_of(str(name).strip()) for name in raw[column])
+    return tuple(label_of(unquoted(str(name).strip())) for name in raw[column])
 
 
 def _columns(values: Values, columns: tuple[str, ...]) -> FloatArray:

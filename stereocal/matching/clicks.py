@@ -89,6 +89,11 @@ class Clicks:
         return Clicks({key: each for key, each in self.every.items() if each.camera in own})
 
     @property
+    def last_frame(self) -> int:
+        """0 without clicks."""
+        return max((each.frame for each in self.every.values()), default=0)
+
+    @property
     def tracks(self) -> list[str]:
         """In the order of their first clicks."""
         return list(dict.fromkeys(each.track for each in self.every.values()))
@@ -130,7 +135,10 @@ class Length(NamedTuple):
     @property
     def mostly(self) -> str:
         """Which part of its error is the larger, if that is the bar."""
-        return ", most of the error from the bar" if 2 * self.scale_m**2 > self.sigma_m**2 else ""
+        if not 2 * self.scale_m**2 > self.sigma_m**2:
+            return ""
+        known = rounded(100 * self.scale_m / self.metres)
+        return f", most of the error from the bar, which is known to ± {known} %"
 
     def __str__(self) -> str:
         return f"{with_error(self.metres, self.sigma_m)} m"

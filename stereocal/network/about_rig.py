@@ -84,6 +84,7 @@ class PairOfRig:
     """The forecast of its refined set: value, low and high; so the next ones."""
     median_error_3d: Mapping[str, float] | None = None
     p95_error_3d: Mapping[str, float] | None = None
+    p95_metric_error_3d: Mapping[str, float] | None = None
     threshold_px: Mapping[str, float] | None = None
 
 

@@ -253,10 +253,16 @@ def _recommended(run: Run) -> Iterator[str]:
 def _lengths(run: Run) -> Iterator[str]:
     """How well lengths in metres are known, and what of that is the bar."""
     found = run.recommendation
-    metric = found.measure.metric_p95.best(found.forecast_holds)
-    if metric is not None:
+    metric, scatter = (
+        own.best(found.forecast_holds)
+        for own in (found.measure.metric_p95, found.measure.length_p95)
+    )
+    if metric is not None and scatter is not None:
         known = bar_known(run.calibration, run.forecast)
-        yield f"95 % of lengths in metres are within {in_percent(metric)}, with {known.in_words}."
+        yield (
+            f"95 % of lengths in metres are within {in_percent(metric)}, with {known.in_words}; "
+            f"relative to the {known.word} within {in_percent(scatter)}."
+        )
 
 
 def _verdict(run: Run) -> Iterator[str]:

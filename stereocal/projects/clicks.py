@@ -1,6 +1,7 @@
 """The points that a person clicked in both images of a project, as acts that can be undone."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from stereocal.errors import damaged
 from stereocal.matching.clicks import Click, Clicks, Key
@@ -44,7 +45,7 @@ class ProjectClicks(ProjectPart):
         stored = self.database.values(CLICKS)
         with damaged("The points clicked here are damaged.", DamagedError):
             # By the names that `act` gives: an untrusted file may have others.
-            return [of_plain(stored[f"{int(name):09d}"], Act) for name in sorted(stored)]
+            return [of_plain(_named(stored[f"{int(name):09d}"]), Act) for name in sorted(stored)]
 
     @property
     def clicks(self) -> Clicks:
@@ -68,3 +69,12 @@ class ProjectClicks(ProjectPart):
             part = self.database.scope + CLICKS
             last = "(SELECT max(name) FROM value WHERE part = ?)"
             db.execute(f"DELETE FROM value WHERE part = ? AND name = {last}", [part, part])
+
+
+def _named(act: Any) -> Any:
+    """A stored act; earlier versions kept a blank where they cut a name."""
+    if not isinstance(act, dict):
+        return act
+    placed = [{**one, "track": one["track"].strip()} for one in act["placed"]]
+    removed = [(frame, camera, track.strip()) for frame, camera, track in act.get("removed", [])]
+    return {**act, "placed": placed, "removed": removed}

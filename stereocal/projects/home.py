@@ -39,7 +39,7 @@ from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import check_quota
 from stereocal.system.atomic_files import flush_folder
 from stereocal.system.numbers import count, rounded
-from stereocal.verdict.file_figures import figures_of
+from stereocal.verdict.file_figures import bar_known, figures_of
 from stereocal.verdict.in_words import percent
 
 DAY_S = 86_400.0
@@ -284,5 +284,7 @@ def _result_of(project: Project) -> str:
         for value in (measure.metric_p95.held_out, match.wrong_let_in.held_out)
     )
     names = " and ".join(dict.fromkeys(METHOD_NAMES[each.method] for each in (match, measure)))
-    within = f"95 % of lengths in metres within {lengths}"
+    bar, metric = bar_known(run.calibration, None), measure.metric_p95.held_out
+    mostly = f", mostly by the {bar.word}" if metric and 2 * bar.p95**2 > metric**2 else ""
+    within = f"95 % of lengths in metres within {lengths}{mostly}"
     return f"{names}, held out: {within}, {wrong} of wrong pairs accepted"

@@ -9,12 +9,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.archives.all_cameras import cameras_in
 from stereocal.formats.archives.gather import is_table
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.recording_files import (
-    DESCRIPTION,
-    find_description,
-    pack_recording,
-    parse_recording,
-)
+from stereocal.formats.recording_files import DESCRIPTION, find_description, parse_recording
 from stereocal.network.pair_of_rig import data_of_pair, settings_of_pair
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RIG, RigFile
@@ -29,6 +24,8 @@ PAIRS, SOURCE = "pairs.zip", "the recording of this project"
 OF_RIG, REFINED = "of_rig", "refined_of_rig"
 """Settings of a pair: the digests of the recording and of the rig that it is of, and with which its
 refined set is the rig's."""
+OBJECT_SIGMA = "object_sigma_m"
+"""Setting: how well the lengths of the object are known, m."""
 VERSION = 2
 """The version of what a pair is given; one of another is given again."""
 
@@ -100,36 +97,46 @@ class ProjectRecording(ProjectPart):
     def give(self, recording: Recording, files: Mapping[str, bytes]) -> None:
         """Store a recording and its files instead of what was there; its rig goes."""
         kept = {name: self.database.keep_file(content, name) for name, content in files.items()}
-        if kept == self.database.files(RECORDING):
+        if kept == (before := self.database.files(RECORDING)):
             return
         with self.database.transaction():
+            if before:  # what was stated is of that one
+                self.project.keep_settings({OBJECT_SIGMA: None})
             self.database.replace_files(RECORDING, kept)
             self.database.forget_files(RIG_FILES)
             self.database.forget_pairs()
             self.database.keep_values(INPUT, {"name": recording.name})
         KEPT[Recording].keep(" ".join(self.digest), recording)
 
-    def know_object(self, sigma_m: float | None) -> None:
-        """Store how well the lengths of the object are known: a rig found before goes, and what was
-        corrected in its pairs stays.
+    @property
+    def object_sigma_m(self) -> float | None:
+        """Standard deviation of the object's longest length as stated on the page; None: as its
+        files say."""
+        stated = self.project.settings.get(OBJECT_SIGMA)
+        return float(stated) if isinstance(stated, int | float) else None
 
-        Args:
-            sigma_m: standard deviation of the longest length; None: not known.
-        """
-        if (recording := self.read()) is None or recording.object.sigma_m == sigma_m:
-            return
-        known = replace(recording, object=replace(recording.object, sigma_m=sigma_m))
-        kept = {
-            name: self.database.keep_file(content, name)
-            for name, content in pack_recording(known).items()
-        }
-        with self.database.transaction():
-            self.database.replace_files(RECORDING, kept)
-            self.database.forget_files(RIG_FILES)
-        KEPT[Recording].keep(" ".join(self.digest), known)
+    def know_object(self, sigma_m: float | None) -> None:
+        """Store how well the lengths of the object are known; a rig found before goes."""
+        if sigma_m != self.object_sigma_m:
+            with self.database.transaction():
+                self.project.keep_settings({OBJECT_SIGMA: sigma_m})
+                self.database.forget_files(RIG_FILES)
+
+    def known(self, recording: Recording) -> Recording:
+        """A recording with what is stated on the page of its object."""
+        if (sigma := self.object_sigma_m) is None:
+            return recording
+        return replace(recording, object=replace(recording.object, sigma_m=sigma))
 
     def read(self) -> Recording | None:
         """The recording; None if the project holds none."""
+        given = self.as_given()
+        if given is None or self.object_sigma_m is None:
+            return given
+        return once(Recording, " ".join(self._identity), lambda: self.known(given))
+
+    def as_given(self) -> Recording | None:
+        """The recording as its files say."""
         if not (digest := self.digest):
             return None
 
@@ -140,6 +147,12 @@ class ProjectRecording(ProjectPart):
             return parse_recording(contents, SOURCE, lens_model="brown")
 
         return once(Recording, " ".join(digest), parsed)
+
+    @property
+    def _identity(self) -> list[str]:
+        """Identifies the recording and what is stated of its object."""
+        sigma = self.object_sigma_m
+        return self.digest if sigma is None else [*self.digest, f"{sigma!r}"]
 
     def keep_rig(self, rig: str, pairs: bytes) -> None:
         """Store rig.json and the zip of the pairs' files."""
@@ -165,7 +178,7 @@ class ProjectRecording(ProjectPart):
         """
         project = Project(self.database.of_pair(name))
         file = self.database.file(RIG_FILES, RIG)
-        about = [*self.digest, VERSION, *([] if file is None else [file.sha256])]
+        about = [*self._identity, VERSION, *([] if file is None else [file.sha256])]
         if project.settings.get(OF_RIG) == about:
             return project
         if (recording := self.read()) is None:

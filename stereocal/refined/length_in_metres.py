@@ -18,8 +18,9 @@ NEARLY_ALL, MOST = 0.8, 0.5
 """Shares of the square of an error."""
 NORMAL_95 = 1.96
 """Standard deviations that 95 % of a normal distribution are within."""
-BETTER_KNOWN = 0.7
-"""Of what was stated of the bar, below which its error is known by the baseline as well."""
+BETTER_KNOWN, CONTRADICTED = 0.7, 1.5
+"""Times what was stated of the bar: below it its error is known by the baseline as well; above it
+the images contradict the bar, which is free then."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,11 @@ class BarKnown:
     @property
     def in_words(self) -> str:
         """`the bar, which is taken as known to ± 0.9 mm`."""
-        if self.p95 < BETTER_KNOWN * NORMAL_95 * self.sigma_m / self.length_m:
+        by_itself = NORMAL_95 * self.sigma_m / self.length_m
+        if self.p95 < BETTER_KNOWN * by_itself:
             return f"the lengths of {self.word} and baseline"
+        if self.p95 > CONTRADICTED * by_itself:
+            return f"the {self.word}, which the images contradict"
         known = f"± {rounded(1000 * self.sigma_m)} mm"
         if self.word != "bar":
             known = f"± {rounded(100 * self.sigma_m / self.length_m)} %"
@@ -62,7 +66,9 @@ class BarKnown:
     @property
     def remedy(self) -> str:
         """What lowers its error."""
-        return "measure it better" + ", or say how it was measured" * (not self.is_stated)
+        known_better = self.p95 < BETTER_KNOWN * NORMAL_95 * self.sigma_m / self.length_m
+        them = "them" if known_better else "it"
+        return f"measure {them} better" + ", or say how it was measured" * (not self.is_stated)
 
 
 def length_in_words(

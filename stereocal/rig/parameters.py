@@ -49,10 +49,11 @@ class ForecastEntries:
     """`sigma_px` and the `covariance` of the file about the truth."""
 
     def raised(self, shown: Mapping[str, float]) -> "ForecastEntries":
-        """With intervals that reach up to what held-out frames have shown, by figure."""
+        """With what held-out frames have shown, by figure, where that is worse."""
         figures = dict(self.figures)
         for name, value in shown.items():
-            figures[name] = {**figures[name], "high": max(figures[name]["high"], value)}
+            worse = {end: max(figures[name][end], value) for end in ("value", "high")}
+            figures[name] = {**figures[name], **worse}
         return replace(self, figures=figures)
 
 

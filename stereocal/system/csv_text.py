@@ -8,6 +8,7 @@ and signs alone, stay as they are.
 import re
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 _RUN = re.compile(r"'*[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20]")
@@ -18,11 +19,11 @@ _SIGNS = re.compile(r"[=+\-@]+")
 def csv_text(table: pd.DataFrame, **options: Any) -> str:
     """The table without its index; `options` are those of pandas."""
     safe = table.rename(columns=lambda name: quoted(str(name)))
-    for name in safe.columns[[dtype.kind not in "biufcM" for dtype in safe.dtypes]]:
-        cells = safe[name].to_numpy(dtype=object).tolist()
+    for at in [at for at, dtype in enumerate(safe.dtypes) if dtype.kind not in "biufcM"]:
+        cells = safe.iloc[:, at].to_numpy(dtype=object).tolist()
         if any(isinstance(each, str) and _RUN.match(each) for each in cells):
             own = [quoted(each) if isinstance(each, str) else each for each in cells]
-            safe[name] = pd.Series(own, safe.index, dtype=object)
+            safe.isetitem(at, np.array(own, dtype=object))
     return str(safe.to_csv(index=False, lineterminator="\n", **options))
 
 

@@ -35,7 +35,7 @@ from stereocal.ui import jobs
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.holding import ask_what_is_held, holds_board, settle
 from stereocal.ui.intake import give_pair
-from stereocal.ui.length_known import OBJECT_KNOWN, ask_object_known, object_sigma_m
+from stereocal.ui.length_known import ask_object_known
 from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import button, readable, show_stale, show_with_button
 from stereocal.ui.navigation import go_to
@@ -56,7 +56,8 @@ def show_recording(project: Project) -> None:
         "This project holds a recording of three cameras or more. The page Rig calibrates them "
         "together."
     )
-    ask_object_known(project)
+    if (given := ProjectRecording(project).as_given()) is not None:
+        ask_object_known(project, given.object)
     if ProjectRecording(project).parts:
         show_files(project)
 
@@ -88,7 +89,7 @@ def show_files(project: Project) -> None:
         return
     _show(found)
     if not store.is_given:
-        ask_object_known(project)
+        ask_object_known(project, found.recording.object)
     title = "Calibrate all" if len(found.recording.cameras) > 2 else "Use these points"
     # Of what is in use already, the next thing to do is on the page Rig.
     digests = (hashlib.sha256(content).hexdigest() for content in found.files.values())
@@ -128,17 +129,10 @@ def _read(project: Project, parts: dict[str, StoredFile], options: ExchangeOptio
         if is_table(table, part.read_bytes()):
             lengths |= _lengths(project, targets_in(part.read_bytes(), table))
     about = [(each, file.sha256) for each, file in parts.items()]
-    known = project.settings.get(OBJECT_KNOWN)
-
-    def gathered() -> Gathered:
-        found = gather_all(_contents(parts), options, name, lengths)
-        held = found.recording.object
-        if (sigma := object_sigma_m(project, held.longest_m)) is None:
-            return found
-        held = replace(held, sigma_m=sigma)
-        return replace(found, recording=replace(found.recording, object=held))
-
-    return GATHERED.once(repr((about, options, lengths, name, known)), gathered)
+    return GATHERED.once(
+        repr((about, options, lengths, name)),
+        lambda: gather_all(_contents(parts), options, name, lengths),
+    )
 
 
 def _lengths(project: Project, targets: Sequence[str]) -> dict[str, float]:
@@ -179,7 +173,8 @@ def _calibrate(store: ProjectRecording, gathered: Gathered) -> None:
     """Store the recording and go on with it: calibrate a rig, or open a pair (a callback)."""
     recording = gathered.recording
     if len(recording.cameras) == 2:
-        give_pair(store.project, with_baseline_found(recording.pair(*recording.cameras)))
+        known = store.known(recording)
+        give_pair(store.project, with_baseline_found(known.pair(*recording.cameras)))
         for name in store.parts:
             store.drop_part(name)
         return

@@ -12,7 +12,7 @@ import numpy as np
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.point_text import dltdv_table, sleap_table
+from stereocal.formats.point_text import LATEST_DLTDV, dltdv_table, sleap_table
 from stereocal.frames.review import centre_at
 from stereocal.frames.video.footage import Footage
 from stereocal.matching.clicks import (
@@ -261,9 +261,10 @@ class _Panel:
         with st.popover("Download the clicks"):
             cameras = [*self.measure.matching.placed]
             tables = clicks.tables(cameras)
-            files = {f"{c}.csv": csv_text(table) for c, table in tables.items()}
-            files["xypts.csv (DLTdv8)"] = dltdv_table(clicks, cameras)
-            files |= {f"sleap_{c}.csv (SLEAP)": sleap_table(clicks, c) for c in tables}
+            files = {f"{c}.csv": partial(csv_text, table) for c, table in tables.items()}
+            if clicks.last_frame <= LATEST_DLTDV:
+                files["xypts.csv (DLTdv8)"] = partial(dltdv_table, clicks, cameras)
+            files |= {f"sleap_{c}.csv (SLEAP)": partial(sleap_table, clicks, c) for c in tables}
             for number, (label, text) in enumerate(files.items()):
                 offer(label, text, label.split(" ")[0], f"clicks_file_{number}")
 

@@ -62,10 +62,8 @@ def _say_how_many(pairs: int, frames: int) -> None:
     if pairs < MINIMUM_PAIRS:
         st.warning(f"{there}: at least {MINIMUM_PAIRS} pairs are needed, {RECOMMENDED}.")
     elif frames < FEW_FRAMES:
-        st.info(
-            f"Complete, but few: {there}. Calibrations of few frames are uncertain: record "
-            f"more, {RECOMMENDED}."
-        )
+        few = f"few, and what is found from few frames is uncertain: record more, {RECOMMENDED}"
+        st.info(f"Complete: {there}. These are {few}.")
     else:
         st.success(f"Complete: {there}.")
 

@@ -1,7 +1,6 @@
 """How well a measured length is known, asked beside it: a preset, or a typed standard deviation."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import streamlit as st
@@ -10,7 +9,8 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.errors import StereocalError
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
-from stereocal.ui.fields import Field, Number, one_of, setting
+from stereocal.rig.rigid_object import RigidObject
+from stereocal.ui.fields import Field, Number, one_of
 from stereocal.ui.messages import clear_refusal, set_refusal
 from stereocal.ui.project import project_to_write
 
@@ -25,8 +25,6 @@ TITLES = {
     TYPED: "Typed, in mm",
     FREE: "Not measured: left free",
 }
-OBJECT_KNOWN = "object_known"
-"""Setting: how well the lengths of the object of a rig are known."""
 LEAST_MM = 0.001
 HELP = (
     "One standard deviation. With it, stereocal can tell which of the numbers that you gave "
@@ -73,7 +71,9 @@ def ask_known(project: Project | None, name: str, assumed: str) -> None:
             return FREE
         chosen = project and project.settings.get(key)
         if (stated := mm()) is None:
-            return str(chosen) if chosen in (TYPED, PRINTED) else NOT_STATED
+            # Of a length that is not there yet, no share is known.
+            waits = chosen == PRINTED and (project is None or getattr(project.inputs, name) is None)
+            return str(chosen) if chosen == TYPED or waits else NOT_STATED
         return str(chosen) if _preset_mm(project, name, str(chosen)) == stated else TYPED
 
     def choose(option: str) -> None:
@@ -126,32 +126,28 @@ def scaled(value: float | None, scale: float) -> float | None:
     return None if value is None else float(f"{scale * value:.6g}")
 
 
-def object_sigma_m(project: Project, longest_m: float) -> float | None:
-    """The standard deviation that was chosen for the lengths of an object; None if none was."""
-    known = project.settings.get(OBJECT_KNOWN)
-    mm = OF_PRINTER * 1000 * longest_m if known == PRINTED else PRESETS_MM.get(str(known))
-    return None if mm is None else mm / 1000
+def ask_object_known(project: Project, held: RigidObject) -> None:
+    """How well the lengths of an object of three cameras and more are known.
 
-
-def ask_object_known(project: Project) -> None:
-    """How well the lengths of the object of three cameras and more are known."""
+    Args:
+        held: the object as its files say.
+    """
     store = ProjectRecording(project)
-    recording = store.read()
-    own = None if recording is None else recording.object
-    chosen = object_sigma_m(project, 1.0 if own is None else own.longest_m)
-    states = own is not None and own.sigma_m is not None and chosen is None
-    titles = {OWN: "As its files state"} if states else {}
-    titles |= {NOT_STATED: "Not known: ± 0.1 % assumed"} | TITLES
+    files = "Not known: ± 0.1 % assumed" if held.sigma_m is None else "As its files state"
+    titles = {NOT_STATED: files} | TITLES
     for option in (TYPED, FREE):
         del titles[option]
-    field = setting(project, OBJECT_KNOWN, OWN if states else NOT_STATED, one_of(titles))
+    presets = {name: mm / 1000 for name, mm in PRESETS_MM.items()}
+    presets[PRINTED] = OF_PRINTER * held.longest_m
+
+    def read() -> str:
+        stated = store.object_sigma_m
+        return next((name for name, own in presets.items() if own == stated), NOT_STATED)
 
     def choose(option: str) -> None:
-        project.keep_settings({OBJECT_KNOWN: option})
-        if own is not None and option != OWN:
-            store.know_object(object_sigma_m(project, own.longest_m))
+        store.know_object(presets.get(option))
 
-    told = HELP.format(assumed="± 0.1 %")
-    replace(field, write=choose).menu(
+    key, told = "object_known", HELP.format(assumed="± 0.1 %")
+    Field(key, key, read, choose, fit=one_of(titles)).menu(
         "How well are the lengths of the object known?", format_func=titles.__getitem__, help=told
     )

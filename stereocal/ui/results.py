@@ -254,7 +254,7 @@ def _show_two_sets(project: Project, run: Run, _answer: Run | None) -> None:
 def _show_parameters(project: Project, run: Run, answer: Run | None) -> None:
     found = run.calibration
     if answer is not None and answer.forecast is not None:
-        st.table(forecast_table(answer.forecast.draws, answer.thresholds_px))
+        st.table(forecast_table(answer.forecast_entries, answer.thresholds_px))
     else:
         st.table(errors_table(found))
     st.table(angles_table(found))

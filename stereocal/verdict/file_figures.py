@@ -10,9 +10,11 @@ from scipy.stats import binom
 
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.summary import Estimate
-from stereocal.refined.length_in_metres import BarKnown
+from stereocal.refined.length_in_metres import NORMAL_95, BarKnown
 from stereocal.refined.results import Calibration
+from stereocal.refined.two_views import BAR
 from stereocal.rig.lengths_in_words import word_of
+from stereocal.rig.parameters import ForecastEntries
 from stereocal.system.numbers import digits
 from stereocal.verdict.forecast import Forecast
 from stereocal.verdict.forecast_draws import ForecastFigures
@@ -132,12 +134,22 @@ def figures_of(
 
 
 def bar_known(calibration: Calibration, forecast: Forecast | None) -> BarKnown:
-    """How well the bar is known, by the forecast if there is one."""
+    """How well the bar is known, by the forecast if there is one, else by the refined set."""
     dataset, refined = calibration.dataset, calibration.refined
-    stated = None if refined is None else refined.settings.distance_sigma_m
-    stated = dataset.target_distance_sigma_m if stated is None else stated
-    p95 = None if forecast is None else forecast.draws.bar_p95
+    stated, p95 = dataset.target_distance_sigma_m, None
+    if refined is not None:
+        given = refined.settings.distance_sigma_m
+        stated = stated if given is None else given
+        p95 = NORMAL_95 * math.sqrt(max(refined.covariance[BAR, BAR], 0.0)) / refined.bar_factor
+    if forecast is not None:
+        p95 = forecast.draws.bar_p95
     return BarKnown.of(word_of(dataset), dataset.target_distance_m, stated, p95)
+
+
+def stated_in(entries: ForecastEntries, name: str) -> Estimate:
+    """A figure as it stands in a file."""
+    known = {end: math.nan if at is None else at for end, at in entries.figures[name].items()}
+    return Estimate(**known)
 
 
 def _finite(value: float | None) -> float | None:

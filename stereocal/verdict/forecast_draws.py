@@ -194,7 +194,8 @@ class ForecastDraws:
         """
         lengths = self.lengths[:, :, at] / self.bar_factors[:, None, None]
         value = float(intervals.quantile_of(np.abs(lengths - 1.0).ravel(), 0.95))
-        low, high = (float(np.hypot(end, self.bar_p95)) for end in (of_bar.low, of_bar.high))
+        own = math.sqrt(max(value**2 - of_bar.value**2, 0.0))  # what the bar adds
+        low, high = (math.hypot(end, own) for end in (of_bar.low, of_bar.high))
         return Estimate(value, min(low, value), max(high, value))
 
 

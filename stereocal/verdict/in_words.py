@@ -47,7 +47,9 @@ def named_frames(frames: Sequence[int], most: int = 12) -> str:
 
 def in_ranges(frames: Collection[int]) -> str:
     """Frame numbers with the gaps between them: `0 to 11, 13 and 20 to 24`."""
-    numbers = np.unique(np.array([*frames]))
+    numbers = np.unique(np.array([*frames], dtype=np.int64))
+    if not len(numbers):
+        return "none"
     ranges = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
     return listed([f"{a[0]} to {a[-1]}" if len(a) > 1 else f"{a[0]}" for a in ranges])
 

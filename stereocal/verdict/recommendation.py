@@ -125,7 +125,7 @@ def recommend(
     lengths = _length_in_words(calibration, forecast, measure, holds)
     use = " ".join(filter(None, (lengths, _use(match, measure, found))))
     ahead = frames_to_come(calibration, forecast)
-    figures = _figures_in_words(match, measure, ahead, holds)
+    figures = _figures_in_words(match, measure, ahead, holds, word_of(calibration.dataset))
     errors = [own["p95_error_3d"] for own in validation.values()]
     if errors:
         caution = why_held_out_not_trusted([calibration.screening], errors)
@@ -141,10 +141,10 @@ def _contradiction(
 ) -> str:
     """Where held-out frames contradict the forecast beyond chance, and the likely reason."""
     found = [
-        f"{in_percent(own.held_out)} of {what} instead of {in_percent(own.forecast)}"
+        f"{what.format(in_percent(own.held_out))} instead of {in_percent(own.forecast)}"
         for own, what in (
-            (match.wrong_let_in, "wrong pairs were accepted"),
-            (measure.length_p95, "length error, below which 95 % lie,"),
+            (match.wrong_let_in, "{} of wrong pairs were accepted"),
+            (measure.length_p95, "95 % of lengths were within {}"),
         )
         if not own.agrees and own.held_out is not None and own.forecast is not None
     ]
@@ -196,22 +196,24 @@ def _use(match: FileFigures, measure: FileFigures, found: Verdict | None) -> str
 
 
 def _figures_in_words(
-    match: FileFigures, measure: FileFigures, ahead: str, holds: bool
+    match: FileFigures, measure: FileFigures, ahead: str, holds: bool, held: str
 ) -> tuple[str, ...]:
     """The figures, a sentence for each thing that they are of; the one to rely on comes first."""
     wrong, within = match.wrong_let_in, measure.length_p95
     doubted = "" if holds else ", which does not hold"
-    forecast = _sentence(f"Forecast for {ahead}{doubted}", wrong.forecast, within.forecast)
-    held_out = _sentence("Held out here", wrong.held_out, within.held_out)
+    forecast = _sentence(f"Forecast for {ahead}{doubted}", wrong.forecast, within.forecast, held)
+    held_out = _sentence("Held out here", wrong.held_out, within.held_out, held)
     return (forecast, held_out) if holds else (held_out, forecast)
 
 
-def _sentence(of: str, wrong: Estimate | float | None, within: Estimate | float | None) -> str:
+def _sentence(
+    of: str, wrong: Estimate | float | None, within: Estimate | float | None, held: str
+) -> str:
     parts = []
     if wrong is not None:
         parts.append(f"{in_percent(wrong)} of wrong pairs are accepted")
     if within is not None:
-        parts.append(f"95 % of lengths are within {in_percent(within)} relative to the bar")
+        parts.append(f"95 % of lengths are within {in_percent(within)} relative to the {held}")
     return f"{of}: {', and '.join(parts)}." if parts else ""
 
 

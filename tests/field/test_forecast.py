@@ -18,6 +18,7 @@ from stereocal.field.planning.plan import AimedPose, Plan, Uncertainty
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, read_plan, write_plan
 from stereocal.rig.geometry import triangulate
+from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import percent
 from tests import known_rig
 from tests.field.plans import FIELD, LENS, contents, plan
@@ -59,6 +60,19 @@ def test_an_accuracy_that_is_needed_is_reached_or_not() -> None:
     assert parse_plan(stated, "plan", str.encode).needed == 0.01
     with pytest.raises(StereocalError, match=r"0\.01 stands for 1 %"):
         plan(needed=1.5)
+
+
+def test_a_bar_that_is_known_badly_is_the_headline_of_a_plan() -> None:
+    """0.5 % of the bar in sharp images: 1.96 of these, not what one field day shows on average."""
+    bar = 0.005 * FIELD.bar_m
+    own = replace(FIELD.uncertainty, bar_m=bar, focal=1e-4, centre_px=0.1)
+    found = forecast(replace(FIELD, noise_px=0.01, uncertainty=own), rigs=64)
+    said = found.metric_p95("3d")
+    assert said.value == pytest.approx(1.96 * 0.005, rel=0.15)
+    assert said.value > 1.5 * found.estimate("3d", "p95_error_3d").value
+    assert f"± {rounded(1000 * bar)} mm" in plan_answer(found)
+    entry = json.loads(found.dumps())["methods"]["3d"]["p95_metric_error_3d"]
+    assert entry["value"] == said.value
 
 
 def test_two_sets_do_what_the_paper_says() -> None:

@@ -153,6 +153,11 @@ def test_a_printed_length_is_known_to_a_share_of_it(app: AppTest, home: Path) ->
     assert app.selectbox(key="target_distance_m_known").value == "Printer"
     choose(app, "target_distance_m", "Not stated")
     assert read(project).target_distance_sigma_m is None
+    # Another data set, which states nothing, is not as printed.
+    choose(app, "target_distance_m", "Printer")
+    project.give({}, target_distance_m=0.7, target_distance_sigma_m=None)
+    app.run()
+    assert app.selectbox(key="target_distance_m_known").value == "Not stated"
 
 
 def test_points_that_are_too_few_are_not_green_and_lead_nowhere(app: AppTest, home: Path) -> None:

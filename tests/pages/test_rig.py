@@ -14,7 +14,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.cli import main
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.recording_files import pack_recording, write_points
+from stereocal.formats.recording_files import pack_recording, parse_recording, write_points
 from stereocal.matching.application import points_by_camera
 from stereocal.matching.clicks import Click
 from stereocal.matching.lengths import check_lengths
@@ -35,6 +35,7 @@ from tests.files import encoded, zipped
 from tests.lens import PATTERN, SMALL, photographed
 from tests.pages.stored_projects import FEW, dashboard, drop, go, page_of, run_job, told, wait_until
 from tests.photographed_rig import BAR_M, CAMERAS, photographed_bars
+from tests.projects.test_recording import given as sample
 from tests.projects.test_recording import rig_text
 from tests.rigs.boards import HERE, placings, stereo
 
@@ -302,6 +303,11 @@ def test_from_files_to_the_rig(app: AppTest, home: Path) -> None:
     assert recording is not None and again.rig is None
     assert recording.object.sigma_m == pytest.approx(0.003 * 0.39)
     assert app.button(key="several_run").proto.type == "secondary"
+    assert app.selectbox(key="object_known").value == "Printer"
+    # Of another recording, nothing is stated.
+    store.give(parse_recording(sample(), "another"), sample())
+    last = ProjectRecording(store.project).read()
+    assert last is not None and last.object.sigma_m is None
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,15 @@ def test_every_act_is_on_disk_and_is_undone_whole(tmp_path: Path) -> None:
         _ = store.clicks
 
 
+def test_a_name_that_was_cut_at_a_blank_is_read(tmp_path: Path) -> None:
+    """Earlier versions cut names to 40 characters, wherever that was."""
+    project = Project.create(tmp_path)
+    placed = [{**vars(TAIL), "track": "the left wing "}]
+    removed = [[3, "secondary", "the left wing "]]
+    project.database.keep_values("clicks", {"000000001": {"placed": placed, "removed": removed}})
+    assert ProjectClicks(project).clicks.tracks == ["the left wing"]
+
+
 def test_other_programs_tables_have_the_same_points(tmp_path: Path) -> None:
     store = ProjectClicks(Project.create(tmp_path))
     store.act(Act([*HEAD, TAIL]))

@@ -180,6 +180,16 @@ def test_the_headline_has_the_error_of_the_bar() -> None:
     assert careful.sentences[0].count("how it was measured") == 0
 
 
+def test_a_bar_that_the_images_contradict_is_not_said_to_be_known() -> None:
+    """Stated 1 % too long, with a baseline that is known to a millimetre."""
+    data = rig.dataset(25, 0.02)
+    bar = 1.01 * data.target_distance_m
+    found = Run(replace(data, target_distance_m=bar, baseline_sigma_m=0.001)).recommendation
+    metric = found.measure.metric_p95.forecast
+    assert metric is not None and metric.low <= metric.value <= metric.high
+    assert "contradict" in found.length and "±" not in found.length
+
+
 def test_held_out_frames_that_contradict_the_forecast_are_the_headline(
     calibration: Calibration, forecast: Forecast
 ) -> None:

@@ -66,6 +66,8 @@ class DrawnRigs:
     """(rigs, files, figures): `FILE_METHODS`, `FIGURES`."""
     position_m: FloatArray
     """(rigs,): mean distance of reconstructed from true points, of the refined set."""
+    length_errors: FloatArray
+    """(rigs, files, TEST_BARS): relative errors of true lengths."""
 
     @property
     def count(self) -> int:
@@ -88,6 +90,7 @@ def draw_rigs(plan: Plan, seed: int, first: int, end: int) -> DrawnRigs:
     bars = place_planned_bars(plan, int(SPARE * needed) + (len(errors) - 1) * plan.frames, rng)
     figures = np.full((len(errors), len(FILE_METHODS), len(FIGURES)), np.nan)
     position = np.full(len(errors), np.nan)
+    lengths = np.full((len(errors), len(FILE_METHODS), TEST_BARS), np.nan)
     partners = partners_in_groups(TEST_BARS, rng, WRONG_PARTNERS)
     own, stated = plan.uncertainty, shared_unknowns(plan.rig)
     for at, error in enumerate(errors):
@@ -101,11 +104,11 @@ def draw_rigs(plan: Plan, seed: int, first: int, end: int) -> DrawnRigs:
         shuffled = bars[rng.permutation(len(bars))[: int(SPARE**2 * needed)]]
         try:
             refined = (first + at) % REFINED_EVERY == 0
-            found, position[at] = _one_rig(plan, truth, shuffled, partners, rng, refined)
-            figures[at, : len(found)] = found
+            found, off, position[at] = _one_rig(plan, truth, shuffled, partners, rng, refined)
+            figures[at, : len(found)], lengths[at, : len(found)] = found, off
         except StereocalError:
             continue
-    return DrawnRigs(figures, position)
+    return DrawnRigs(figures, position, lengths)
 
 
 def _one_rig(
@@ -115,9 +118,9 @@ def _one_rig(
     partners: IntArray,
     rng: np.random.Generator,
     refined: bool,
-) -> tuple[FloatArray, float]:
-    """(files, figures), and the position error of the refined set in metres; without it, the
-    figures of the other two files, and NaN.
+) -> tuple[FloatArray, FloatArray, float]:
+    """(files, figures), the length errors (files, TEST_BARS), and the position error of the refined
+    set in metres; without it, those of the other two files, and NaN.
 
     `truth` (25,) are the shared unknowns, with the true length of the bar over the stated.
     """
@@ -156,7 +159,7 @@ def _judged(
     ends: FloatArray,
     pixels: FloatArray,
     partners: IntArray,
-) -> tuple[FloatArray, float]:
+) -> tuple[FloatArray, FloatArray, float]:
     points = np.ascontiguousarray(ends.reshape(-1, 3))
     seen = pose_of(truth).apply(points)
     start = np.column_stack([points[:, :2] / points[:, 2:], seen[:, :2] / seen[:, 2:]])
@@ -180,9 +183,9 @@ def _judged(
         ]
     )
     if len(sets) < len(FILE_METHODS):
-        return figures, float("nan")
+        return figures, errors, float("nan")
     refined = sets[FILE_METHODS.index("refined")]
     undistort_rays(refined, lenses, pixels, rays, np.empty((len(pixels), 2, 4)))
     pose = pose_of(refined)
     away = np.linalg.norm(triangulate_rays(pose.R, pose.T, rays) - points, axis=1)
-    return figures, float(np.nanmean(away))
+    return figures, errors, float(np.nanmean(away))

@@ -12,6 +12,7 @@ from stereocal.field.world.throw import world_of_throw
 from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.recording import CameraPair
+from stereocal.verdict.in_words import percent
 
 
 def find_world(
@@ -32,21 +33,36 @@ def find_world(
             observed = replace(observed, measured_m=to_first.apply(observed.measured_m))
         found = find_world(rig.pair(*cameras), observed, settings)
         sentence, *notes = (_naming(cameras, text) for text in (found.sentence, *found.notes))
+        figures = rig.about.figures
+        notes += _on_lengths(None if figures is None else figures.metric_error_p95)
         return replace(found, pose=found.pose @ to_first, sentence=sentence, notes=tuple(notes))
     stated = settings or WorldSettings()
     try:
         with np.errstate(all="ignore"):
             if isinstance(observed, Survey):
-                return world_of_survey(rig, observed, stated)
-            if isinstance(observed, Throw):
-                return world_of_throw(rig, observed, stated)
-            return world_of_lines(rig, observed, stated)
+                found = world_of_survey(rig, observed, stated)
+            elif isinstance(observed, Throw):
+                found = world_of_throw(rig, observed, stated)
+            else:
+                found = world_of_lines(rig, observed, stated)
+        predicted = (rig.predicted or {}).get("p95_metric_error_3d") or {}
+        return replace(found, notes=(*found.notes, *_on_lengths(predicted.get("value"))))
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
         if isinstance(error, StereocalError):
             raise
         raise StereocalError(
             "No world frame fits these observations; are the numbers in pixels and metres?"
         ) from error
+
+
+def _on_lengths(within: float | None) -> list[str]:
+    """How well lengths in the frame are known: as by the parameters, with the error of the bar."""
+    if within is None:
+        return []
+    return [
+        f"95 % of lengths in this frame are within {percent(within)} %, with the error of the bar "
+        "that the cameras were calibrated with."
+    ]
 
 
 def _naming(pair: CameraPair, text: str) -> str:
