@@ -60,13 +60,12 @@ from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line
 from stereocal.verdict.other_seeds import conclusions_of_seeds
 from stereocal.verdict.recommendation import Recommendation, recommend
-from stereocal.verdict.tradeoff import TradeOff, trade_off
 
 STEPS = ("screening", "essential", "2d", "3d", "refined", "forecast")
 """What takes time, in order."""
 BEFORE = (
     *("screening", "calibration", "forecast", "no_forecast", "advice"),
-    *("note_on_seeds", "maps", "misfit", "curves"),
+    *("note_on_seeds", "maps", "misfit"),
 )
 """Steps that do not depend on a validation."""
 MAP_SIZE = 45
@@ -255,18 +254,6 @@ class Run:
     def misfit(self) -> Misfit:
         """Residuals of the refined set over the images."""
         return misfit_of(self.refined_set)
-
-    @step
-    def curves(self) -> TradeOff:
-        """All that lies between matching and measuring."""
-        return self.trace_curves()
-
-    def trace_curves(self, progress: Progress = lambda _done, _total: None) -> TradeOff:
-        """Compute `curves`, with progress."""
-        dataset, settings = self.calibration.screening.dataset, self.refined_set.settings
-        found = trade_off(dataset, settings, progress=progress)
-        vars(self)["curves"] = found
-        return found
 
     @property
     def refined_set(self) -> RefinedResult:

@@ -40,9 +40,8 @@ from stereocal.simulation.simulate import Scene, observe, simulate_field
 from stereocal.system import child_process
 from stereocal.system.tasks import Progress
 from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.tradeoff import trade_off
 
-FUNCTIONS = 98
+FUNCTIONS = 96
 """About as many are compiled with an empty cache; test_warming.py counts them."""
 FEW_DRAWS, FEW_FRAMES = 4, 20
 """What is only loaded from the cache need not do much: more took 1.5 of 2.6 s."""
@@ -151,7 +150,6 @@ def _use_refined() -> None:
     assert calibration.refined is not None
     forecast_files(calibration, draws=FEW_DRAWS)
     accuracy_map(calibration.refined, size=4)
-    trade_off(both[0], RefineSettings(), points=2)
     rows = both[0].correspondences
     match_points(calibration.parameters("2d"), rows.primary, rows.secondary, 1.0)
     for dataset in both:

@@ -255,7 +255,7 @@ def _refined(
     angles, table = np.array([found.pose.angles]), dataset.correspondences
     rays, pixels = dataset.rays.copy(), np.hstack([table.primary, table.secondary])
     lenses = lenses_of_cameras(found.primary, found.secondary)
-    if not undistort_rays(found.q, lenses, pixels, rays, np.empty((len(pixels), 2, 4))):
+    if not undistort_rays(found.q, lenses, pixels, rays):
         angles[:] = np.nan
     scale = pixel_scales((found.primary, found.secondary))
     return _test(dataset, ~fit, angles, partners, found.pose.baseline, rays, scale)

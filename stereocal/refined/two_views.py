@@ -203,13 +203,7 @@ MAXIMUM_ITERATIONS = 20
 
 
 @compiled
-def undistort_rays(
-    q: FloatArray,
-    lenses: FloatArray,
-    pixels: FloatArray,
-    rays: FloatArray,
-    inverse_jacobians: FloatArray,
-) -> bool:
+def undistort_rays(q: FloatArray, lenses: FloatArray, pixels: FloatArray, rays: FloatArray) -> bool:
     """Undistort pixels with the lenses of q, by Newton's method.
 
     Args:
@@ -217,7 +211,6 @@ def undistort_rays(
         lenses: (2, 23), as in `views.fill_residuals`.
         pixels: (n, 4): u, v of the primary and of the secondary.
         rays: (4, n), updated; the initial values are used as the start.
-        inverse_jacobians: (n, 2, 4), written: of each camera's distortion, xx, xy, yx, yy.
 
     Returns:
         False if it does not converge.
@@ -243,6 +236,4 @@ def undistort_rays(
             if not error < 1e-9:
                 return False
             rays[2 * camera, k], rays[2 * camera + 1, k] = x, y
-            s = inverse_jacobians[k, camera]
-            s[0], s[1], s[2], s[3] = scale * yy, -scale * xy, -scale * yx, scale * xx
     return True

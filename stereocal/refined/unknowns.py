@@ -198,17 +198,12 @@ def inverse_of(A: FloatArray, least: float = 1e-15) -> FloatArray:
 
 
 def unknowns_of_pair(
-    dataset: Dataset,
-    start: Pose,
-    settings: RefineSettings,
-    bars: bool = True,
-    distortion: bool = True,
+    dataset: Dataset, start: Pose, settings: RefineSettings, bars: bool = True
 ) -> Unknowns:
     """The unknowns of a data set.
 
     Args:
         bars: whether there are bars; if not, the bar's length is held fixed.
-        distortion: whether distortion may be an unknown; if not, it is held fixed.
     """
     origin = np.empty(SHARED)
     origin[: EPSILON + 1] = start.angles
@@ -228,8 +223,6 @@ def unknowns_of_pair(
     cameras = (dataset.primary, settings.primary), (dataset.secondary, settings.secondary)
     for number, (camera, given) in enumerate(cameras):
         prior = lens_prior(camera, given)
-        if not distortion:
-            prior = replace(prior, distortion=(0.0, 0.0, 0.0, 0.0))
         blocks.append(lens_block(CAMERAS[number], prior, shared_lens_places(number)))
     offset, drift = WIDE_TIME * settings.time_offset, WIDE_DRIFT * settings.time_drift
     blocks.append(([("time offset", offset, [TIME]), ("time drift", drift, [DRIFT])], None))

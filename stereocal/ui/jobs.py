@@ -41,7 +41,6 @@ Kind = Literal[
     "lens_secondary",
     "apply",
     "answer",
-    "trade_off",
     "rig",
 ]
 UNFORESEEN = "Unexpected error. Earlier results are unchanged; the server's log says more."

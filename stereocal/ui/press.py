@@ -223,16 +223,11 @@ def answer_when_ready(project: Project) -> Run | None:
     run = final_run(project)
     if run is None:
         return None
-
-    def compute(job: jobs.Job) -> None:
-        job.progress(0, 1)
-        compute_all(run)
-
     if not is_long(run.dataset):
         with st.spinner("Forecasting."):
             compute_all(run)
     elif not (is_made(run, "sets") and is_made(run, "advice")):
-        _compute_in_job(project, "answer", "steps", compute)
+        _show_job_of_answer(project, run)
         return None
     return run
 
@@ -249,32 +244,21 @@ def make(run: Run, *steps: str) -> None:
             jobs.compute(getattr, run, name)
 
 
-def curves_are_ready(project: Project, run: Run) -> bool:
-    """Whether the trade-off is traced: at once, or for a long recording in a job, as above."""
+def _show_job_of_answer(project: Project, run: Run) -> None:
+    """Start the job of the answer, unless it has failed or was cancelled, and show it."""
 
-    def trace(job: jobs.Job) -> None:
-        run.trace_curves(job.progress)
+    def compute(job: jobs.Job) -> None:
+        job.progress(0, 1)
+        compute_all(run)
 
-    if not is_long(run.dataset):
-        with st.spinner("Tracing the trade-off."):
-            make(run, "curves")
-    elif not is_made(run, "curves"):
-        _compute_in_job(project, "trade_off", "fits", trace)
-        return False
-    return True
-
-
-def _compute_in_job(
-    project: Project, kind: jobs.Kind, counted: str, compute: Callable[[jobs.Job], None]
-) -> None:
-    """Start the job, unless it has failed or was cancelled, and show it."""
-    work, last = jobs.PageWork(project, kind, (counted,), compute), jobs.job_of(project, kind)
+    last = jobs.job_of(project, "answer")
+    work = jobs.PageWork(project, "answer", ("steps",), compute)
     ended = last is not None and last.state in ("failed", "cancelled")
     if not ended:  # what was made is kept in memory: after a restart it is made again
         jobs.start(work)
-    jobs.show_job(project, kind, "Cancelled.")
+    jobs.show_job(project, "answer", "Cancelled.")
     if ended:
-        jobs.start_button(work, "Compute it", f"again_{kind}", primary=False)
+        jobs.start_button(work, "Compute it", "again_answer", primary=False)
 
 
 def set_in_use(project: Project, use: Use, run: Run) -> Field:

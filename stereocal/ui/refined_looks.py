@@ -1,25 +1,18 @@
-"""What disagrees, and the looks of Calibrate at the refined set: accuracy, residuals, trade-off."""
+"""What disagrees, and the looks of Calibrate at the refined set: accuracy, residuals, inputs."""
 
 from concurrent.futures import Future
-from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import streamlit as st
 
-from stereocal.calibration.methods import Method
-from stereocal.evaluation.evaluate import count_set
-from stereocal.evaluation.summary import figures_of_set
 from stereocal.figures import accuracy, lens, one_set
 from stereocal.projects.project import Project
 from stereocal.refined.stated_inputs import Input, undetectable_errors
-from stereocal.rig.rig import Rig
 from stereocal.ui import jobs
-from stereocal.ui.fields import Number, choose, setting
+from stereocal.ui.fields import choose
 from stereocal.ui.figure import is_narrow, show_figure
-from stereocal.ui.press import curves_are_ready, make
+from stereocal.ui.press import make
 from stereocal.ui.texts import escape_markdown
-from stereocal.verdict.in_words import percent
-from stereocal.verdict.tradeoff import costs_of
 from stereocal.workflow import Run
 
 _TRIED: WeakKeyDictionary[Run, Future[str]] = WeakKeyDictionary()
@@ -37,10 +30,10 @@ def show_disagreement(inputs: list[Input]) -> None:
         show_figure(one_set.plot_disagreement(inputs), words, "disagreement")
 
 
-def show_inputs(_project: Project, _run: Run, answer: Run | None) -> None:
-    """What was stated, what comes out, and which errors would go unnoticed."""
+def show_inputs(answer: Run | None) -> None:
+    """What was stated, what comes out, which errors would go unnoticed, and what would help."""
     inputs = answer.inputs if answer else []
-    if not inputs:
+    if answer is None or not inputs:
         st.info("Without a forecast, nothing that was typed or measured can be tested.")
         return
     if unknown := undetectable_errors(inputs):
@@ -53,6 +46,11 @@ def show_inputs(_project: Project, _run: Run, answer: Run | None) -> None:
         "The estimate contains what was stated. The disagreement is with what the images "
         "and the other inputs say without it."
     )
+    if (forecast := answer.forecast) is not None:
+        make(answer, "advice")
+        check = forecast.check.text if forecast.check and forecast.check.holds else ""
+        lines = filter(None, [forecast.verdict.figures, check, answer.advice])
+        st.caption(escape_markdown("\n\n".join(lines)))
 
 
 def show_accuracy(project: Project, run: Run, _answer: Run | None) -> None:
@@ -76,42 +74,6 @@ def show_misfit(_project: Project, run: Run, _answer: Run | None) -> None:
         make(run, "misfit")
     figure = lens.plot_misfit(run.misfit, is_narrow())
     show_figure(figure, lens.describe_misfit(run.misfit), "misfit")
-
-
-def show_trade_off(project: Project, run: Run, answer: Run | None) -> None:
-    """The sets in matching and in measuring, and the curves of all that lies between."""
-    found, result = run.calibration, run.calibration.refined
-    if not _has_refined(run) or result is None:
-        return
-    if answer is not None and (forecast := answer.forecast) is not None:
-        check = forecast.check.text if forecast.check and forecast.check.holds else ""
-        lines = filter(None, [forecast.verdict.figures, check, answer.advice])
-        st.caption(escape_markdown("\n\n".join(lines)))
-    dataset = found.screening.dataset
-    if not curves_are_ready(project, run):
-        return
-    curves = run.curves
-    sets: dict[Method, Rig] = {"refined": result.rig}
-    for method, of_method in found.methods.items():
-        sets[method] = Rig(dataset.primary, dataset.secondary, of_method.pose)
-    costs = costs_of(dataset, sets)
-    along = setting(project, "along", 50, Number(0, 100))
-    left, right = st.columns(2)
-    which = choose(
-        project, "curve", "Curve", (one_set.FREED, one_set.FIXED), place=left, tabs_own=False
-    )
-    share = right.slider("From matching (0) to measuring (100)", 0, 100, **along.widget())
-    points = curves.fixed if which == one_set.FIXED else curves.freed
-    chosen = points[round(share / 100 * (len(points) - 1))]
-    words = one_set.describe_trade_off(curves, costs)
-    show_figure(one_set.plot_trade_off(curves, costs, chosen), words, "trade_off")
-    rig = chosen.rig
-    seen = replace(dataset, primary=rig.primary, secondary=rig.secondary)
-    fcp, median = figures_of_set(count_set(seen, rig.pose))
-    st.markdown(
-        "At the slider's point, on the frames it was fitted to: overlap of correct and wrong pairs "
-        f"(FCP) **{percent(fcp)} %**, 3D error (median) **{percent(median)} %**."
-    )
 
 
 def show_seeds(answer: Run) -> None:

@@ -252,6 +252,7 @@ def _show_two_sets(project: Project, run: Run, _answer: Run | None) -> None:
 
 
 def _show_parameters(project: Project, run: Run, answer: Run | None) -> None:
+    refined_looks.show_inputs(answer)
     found = run.calibration
     if answer is not None and answer.forecast is not None:
         st.table(forecast_table(answer.forecast_entries, answer.thresholds_px))
@@ -284,8 +285,6 @@ LOOKS = {
     "Why two sets": _show_two_sets,
     "How accurate, where": refined_looks.show_accuracy,
     "Residuals by place": refined_looks.show_misfit,
-    "Matching against measuring": refined_looks.show_trade_off,
-    "Stated and estimated": refined_looks.show_inputs,
+    "Stated and estimated": _show_parameters,
     "Searches": _show_searches,
-    "Parameters": _show_parameters,
 }

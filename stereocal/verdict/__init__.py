@@ -1,1 +1,1 @@
-"""Does a rig need one parameter set or two? Comparison of the sets, trade-off of the two costs."""
+"""Does a rig need one parameter set or two? Comparison of the sets by what they will do."""

@@ -91,11 +91,11 @@ def judge(
     s, bars, lenses = len(sets), len(distances), stated_lenses.copy()
     counts = np.zeros((s, 2, 2, BINS + 2), dtype=np.int32)
     found = JudgedSets(counts, np.full((s, bars), np.nan), np.full(s, np.nan))
-    nans, inverse_jacobians = np.zeros(2, dtype=np.int64), np.empty((len(pixels), 2, 4))
-    R, T, E, rays = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), start.copy()
+    nans, rays = np.zeros(2, dtype=np.int64), start.copy()
+    R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     for at, q in enumerate(sets):
         lenses[:, 1:5] = q[DISTORTION : DISTORTION + 8].reshape(2, 4)
-        if not undistort_rays(q, lenses, pixels, rays, inverse_jacobians):
+        if not undistort_rays(q, lenses, pixels, rays):
             rays = start.copy()
             continue
         fill_pose(q, q[BASELINE], R, T)

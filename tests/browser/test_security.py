@@ -20,13 +20,7 @@ VIEWS = {
     "plan": ["Position error"],
     "cameras": ["Photograph by photograph", "What the lens leaves", "Without distortion"],
     "data": ["One frame"],
-    "calibrate": [
-        "Why two sets",
-        "How accurate, where",
-        "Residuals by place",
-        "Matching against measuring",
-        "Searches",
-    ],
+    "calibrate": ["Why two sets", "How accurate, where", "Residuals by place", "Searches"],
 }
 """Figures that stand on the page only when somebody asks for them."""
 FIGURES = {"plan": 3, "cameras": 1, "data": 1, "calibrate": 1, "validate": 1, "apply": 3}

@@ -31,9 +31,7 @@ from stereocal.matching.threshold import choose_threshold
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.refined.refine import refine
 from stereocal.refined.disagreement import compare_inputs
-from stereocal.rig.rig import Rig
 from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.tradeoff import costs_of, trade_off
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 
@@ -57,8 +55,6 @@ count_set(dataset, found.methods["2d"].pose)
 refine(dataset, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS))
 refined = refine(dataset, RefineSettings())
 compare_inputs(refined).inputs, accuracy_map(refined, size=5)
-trade_off(dataset, RefineSettings(), points=3)
-costs_of(dataset, {"2d": Rig(dataset.primary, dataset.secondary, found.methods["2d"].pose)})
 forecasts = forecast_files(found).of_files({})
 rig, rows = found.parameters("2d", None, forecasts["2d"]), dataset.correspondences
 reconstruct_points(rig, rows.primary, rows.secondary)

@@ -12,7 +12,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from stereocal import figures
-from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
+from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
 from stereocal.field.checking.repair import FrameErrors, Residuals
@@ -30,8 +30,6 @@ from stereocal.refined.misfit import misfit_of
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.rig import Rig
-from stereocal.verdict.tradeoff import TradeOff, costs_of, trade_off
 from tests.field.plans import plan
 from tests.figures import test_apply_figures as applied
 from tests.known_rig import BAR_M
@@ -71,15 +69,9 @@ def refined_field() -> RefinedResult:
 
 
 @cache
-def curves_of_field() -> TradeOff:
-    """Its trade-off curves, of few points."""
-    return trade_off(read_dataset(FIELD), points=5)
-
-
-@cache
 def every_figure() -> dict[str, Drawn]:
     """By the name of the function without `plot_`; of `points` both meanings of its colour."""
-    dataset, refined, curves = read_dataset(FIELD), refined_field(), curves_of_field()
+    dataset, refined = read_dataset(FIELD), refined_field()
     calibration = calibrate(dataset, trace=True)
     inputs, misfit = compare_inputs(refined).inputs, misfit_of(refined)
     places = [accuracy_map(refined), accuracy_map(refined, plane="side")]
@@ -90,13 +82,6 @@ def every_figure() -> dict[str, Drawn]:
     assert runs is not None and lens is not None
     pooled, by_dataset = summarise_all(["one", "two"], runs)
     check = check_lengths(applied.POINTS, 1.01 * BAR_M, "end_primary", ("A", "B"))
-    sets: dict[Method, Rig] = {
-        method: Rig(dataset.primary, dataset.secondary, calibration.methods[method].pose)
-        for method in METHODS
-    }
-    costs = costs_of(
-        dataset, sets | {"refined": Rig(refined.primary, refined.secondary, refined.pose)}
-    )
     tables = [
         table[table["frame"] == 1] for table in (applied.PRIMARY_TABLE, applied.SECONDARY_TABLE)
     ]
@@ -141,7 +126,6 @@ def every_figure() -> dict[str, Drawn]:
         "story_lengths": ((story,),),
         "story_lines": ((story,),),
         "traces": ((calibration,),),
-        "trade_off": ((curves, costs, curves.freed[1]), (curves, costs)),
         "two_rays": ((story,),),
         "validation": ((pooled,),),
         "view_errors": ((lens,),),

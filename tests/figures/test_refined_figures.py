@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 import pytest
 
-from stereocal.calibration.methods import Method
 from stereocal.figures import one_set
 from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
 from stereocal.figures.lens import (
@@ -24,7 +23,7 @@ from stereocal.refined.disagreement import ACCUSED, compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import Plane, accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
-from tests.figures.every_figure import curves_of_field, refined_field
+from tests.figures.every_figure import refined_field
 from tests.files import encoded
 from tests.intrinsics.test_intrinsics import FEW, usual
 from tests.lens import facing, photographed
@@ -82,25 +81,6 @@ def test_preview_takes_the_distortion_away(tmp_path: Path) -> None:
 
 
 FIELD = read_dataset(Path(__file__).parents[2] / "sample_data" / "field")
-
-
-def test_trade_off_has_both_curves_all_sets_and_the_point() -> None:
-    curves = curves_of_field()
-    costs: dict[Method, tuple[float, float]] = {"2d": (9.0, 0.03), "3d": (1200.0, 0.026)}
-    figure = one_set.plot_trade_off(curves, costs, curves.freed[2])
-    by_name = {trace.name: trace for trace in figure.data}
-    names = ["Nominal lenses", "Lenses freed", "2D set", "3D set", "The slider's point"]
-    assert list(by_name) == names
-    np.testing.assert_allclose(
-        by_name["Lenses freed"].y, [1000 * point.cost_3d_m for point in curves.freed]
-    )
-    assert by_name["The slider's point"].x[0] == curves.freed[2].cost_2d_px
-    assert by_name["3D set"].marker.symbol == "triangle-up"
-    assert by_name["3D set"].x[0] == 1200.0 and by_name["2D set"].x[0] == 9.0
-    assert figure.layout.xaxis.type == "log"  # so that all sets are in it
-    assert figure.layout.yaxis.type == "log"  # 23 to 490 mm
-    words = one_set.describe_trade_off(curves, costs)
-    assert "3D set 1200 px and 26.0 mm" in words
 
 
 @pytest.mark.parametrize(("quantity", "unit"), [("distance", " %"), ("point", " mm")])

@@ -114,7 +114,7 @@ def test_the_recommendation_is_followed(pressed: AppTest, home: Path) -> None:
         "parameters_refined.json",
     ]
     assert [each.type for each in offered] == ["secondary", "secondary", "primary"]
-    pressed.segmented_control(key="view").set_value("Parameters").run()
+    pressed.segmented_control(key="view").set_value("Stated and estimated").run()
     assert pressed.selectbox(key="format_file").value == "refined"
     go(pressed, "validate")
     assert pressed.toggle(key="with_refined").value
@@ -163,7 +163,7 @@ def test_nothing_is_offered_before_its_threshold_is_final(
     assert in_file is not None and tile == f"{digits(in_file, 2)} px"
     assert f"match below {tile}, and measure" in messages(app)
     assert "of parameters_refined.json, from frames held out here" in told(app, "caption")
-    app.segmented_control(key="view").set_value("Parameters").run()
+    app.segmented_control(key="view").set_value("Stated and estimated").run()
     (row,) = [each.value for each in app.table if "Matching threshold (px)" in each.value.index]
     assert str(row.loc["Matching threshold (px)", "Refined set"]) + " px" == tile
 

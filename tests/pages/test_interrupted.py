@@ -140,7 +140,7 @@ def test_the_figure_follows_the_sliders_and_says_of_how_many_runs(
 COMPUTING = (
     (screening, "screened"),
     *((workflow, name) for name in ("screened", "refine", "two_searches", "forecast_files")),
-    *((workflow, name) for name in ("recommend", "trade_off", "misfit_of", "accuracy_map")),
+    *((workflow, name) for name in ("recommend", "misfit_of", "accuracy_map")),
     (results, "pack_dataset"),
 )
 

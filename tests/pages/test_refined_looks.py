@@ -6,7 +6,6 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal import workflow
-from stereocal.figures.one_set import FIXED
 from stereocal.projects.project import Project, packed_table
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
@@ -39,9 +38,9 @@ def test_inputs_are_tested_and_the_settings_are_followed(pressed: AppTest, home:
     assert "What disagrees" not in told(app)
     look(app, "Stated and estimated")
     assert "go unnoticed" in messages(app)
-    assert "Baseline" in list(app.table[-1].value.index)
+    assert "Baseline" in list(app.table[0].value.index)
     row = "Focal length fx, primary camera (px)"
-    table = look(app, "Parameters").table[-1].value
+    table = app.table[-1].value
     assert str(table.loc[row, "Standard error"]).startswith("±")
     app.switch_page("pages/data.py").run()
     for which in ("primary", "secondary"):
@@ -50,7 +49,7 @@ def test_inputs_are_tested_and_the_settings_are_followed(pressed: AppTest, home:
         app.number_input(key=f"lens_{which}_centre_px").set_value(0.0).run()
     go(app, "calibrate").multiselect(key="free_distortion").set_value(["secondary"]).run()
     app.button(key="run").click().run()
-    table = look(app, "Parameters").table[-1].value
+    table = look(app, "Stated and estimated").table[-1].value
     assert table.loc[row, "Standard error"] == "held"
     calibration = project.calibration
     assert calibration is not None and calibration.refined is not None
@@ -58,19 +57,22 @@ def test_inputs_are_tested_and_the_settings_are_followed(pressed: AppTest, home:
 
 
 def test_the_looks_are_computed_from_the_stored_result(pressed: AppTest, home: Path) -> None:
-    seen = {pictured(pressed)}
-    look(pressed, "Matching against measuring")
-    assert "errors on held-out frames are" in told(pressed)
-    for along in (0, 100):
-        pressed.slider(key="along").set_value(along).run()
-        seen.add(told(pressed))
-    pressed.segmented_control(key="curve").set_value(FIXED).run()
-    assert len({*seen, told(pressed)}) == 4
-    assert project_of(pressed, home).settings["along"] == 100
+    run = project_of(pressed, home).run
+    assert run is not None and run.forecast is not None and run.forecast.check is not None
+    look(pressed, "Stated and estimated")
+    for sentence in (run.forecast.verdict.figures, run.forecast.check.text, run.advice):
+        assert sentence and sentence in told(pressed, "caption")
     look(pressed, "Residuals by place")
     assert "they accuse no lens" in pictured(pressed)
     look(pressed, "How accurate, where")
     assert "(median)" in pictured(pressed)
+
+
+def test_a_project_with_a_look_that_is_gone_opens(pressed: AppTest, home: Path) -> None:
+    project_of(pressed, home).keep_settings({"view": "Parameters", "along": 100})
+    tab = again(pressed, "calibrate")
+    assert not tab.exception
+    assert tab.segmented_control(key="view").value == "Errors by frame"
 
 
 def test_other_seeds_are_tried_beside_the_page_and_once(

@@ -34,7 +34,7 @@ SET: dict[str, dict[str, Any]] = {
         "delta": 0.002,
         "delta_min": 3e-6,
         "essential": "linear",
-        "view": "Parameters",
+        "view": "Stated and estimated",
         "rig_method": "2d",
         "refine_sigma_px": 0.3,
     },

@@ -185,7 +185,7 @@ def _judged(
     if len(sets) < len(FILE_METHODS):
         return figures, errors, float("nan")
     refined = sets[FILE_METHODS.index("refined")]
-    undistort_rays(refined, lenses, pixels, rays, np.empty((len(pixels), 2, 4)))
+    undistort_rays(refined, lenses, pixels, rays)
     pose = pose_of(refined)
     away = np.linalg.norm(triangulate_rays(pose.R, pose.T, rays) - points, axis=1)
     return figures, errors, float(np.nanmean(away))
