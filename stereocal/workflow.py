@@ -58,15 +58,11 @@ from stereocal.verdict.file_figures import Validated, figures_of
 from stereocal.verdict.forecast import Forecast, advice_on_improvements, forecast_files
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line
-from stereocal.verdict.other_seeds import conclusions_of_seeds
 from stereocal.verdict.recommendation import Recommendation, recommend
 
 STEPS = ("screening", "essential", "2d", "3d", "refined", "forecast")
 """What takes time, in order."""
-BEFORE = (
-    *("screening", "calibration", "forecast", "no_forecast", "advice"),
-    *("note_on_seeds", "maps", "misfit"),
-)
+BEFORE = ("screening", "calibration", "forecast", "no_forecast", "advice", "maps", "misfit")
 """Steps that do not depend on a validation."""
 MAP_SIZE = 45
 """Points of an accuracy map along each side; both maps take 0.1 s."""
@@ -260,12 +256,6 @@ class Run:
         if self.calibration.refined is None:
             raise StereocalError("There is no refined set of these data.")
         return self.calibration.refined
-
-    @step
-    def note_on_seeds(self) -> str:
-        """A sentence if the files to use depend on the seed of the searches; else empty."""
-        forecast = self.forecast
-        return "" if forecast is None else conclusions_of_seeds(self.calibration, forecast)
 
 
 def _essential(

@@ -126,7 +126,7 @@ def _notes_on(found: Run) -> list[str]:
     timing = calibration.screening.time_note
     step = calibration.dataset.step_notes
     told = *step, question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)
-    return [*told, found.note_on_seeds, found.advice]
+    return [*told, found.advice]
 
 
 def _validated(run: Run, runs: int) -> Run:

@@ -1,22 +1,15 @@
 """What disagrees, and the looks of Calibrate at the refined set: accuracy, residuals, inputs."""
 
-from concurrent.futures import Future
-from weakref import WeakKeyDictionary
-
 import streamlit as st
 
 from stereocal.figures import accuracy, lens, one_set
 from stereocal.projects.project import Project
 from stereocal.refined.stated_inputs import Input, undetectable_errors
-from stereocal.ui import jobs
 from stereocal.ui.fields import choose
 from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.press import make
 from stereocal.ui.texts import escape_markdown
 from stereocal.workflow import Run
-
-_TRIED: WeakKeyDictionary[Run, Future[str]] = WeakKeyDictionary()
-"""What other seeds give: a sentence each."""
 
 
 def show_disagreement(inputs: list[Input]) -> None:
@@ -74,24 +67,6 @@ def show_misfit(_project: Project, run: Run, _answer: Run | None) -> None:
         make(run, "misfit")
     figure = lens.plot_misfit(run.misfit, is_narrow())
     show_figure(figure, lens.describe_misfit(run.misfit), "misfit")
-
-
-def show_seeds(answer: Run) -> None:
-    """Whether another seed would change which files to use, tried beside the page."""
-    if answer not in _TRIED:
-        _TRIED[answer] = jobs.pool().submit(lambda: answer.note_on_seeds)
-    tried = _TRIED[answer]
-    if not tried.done():
-        _wait_for_seeds(tried)
-    elif sentence := tried.result():
-        st.info(escape_markdown(sentence))
-
-
-@st.fragment(run_every=0.5)
-def _wait_for_seeds(tried: Future[str]) -> None:
-    if tried.done():
-        st.rerun()
-    st.caption("Trying other seeds of the search.")
 
 
 def _has_refined(run: Run) -> bool:

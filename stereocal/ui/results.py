@@ -273,11 +273,9 @@ def _show_parameters(project: Project, run: Run, answer: Run | None) -> None:
         other_formats(project, answer)
 
 
-def _show_searches(_project: Project, run: Run, answer: Run | None) -> None:
+def _show_searches(_project: Project, run: Run, _answer: Run | None) -> None:
     found = run.calibration
     show_figure(plot_traces(found), describe_traces(found), "traces")
-    if answer is not None:
-        refined_looks.show_seeds(answer)
 
 
 LOOKS = {

@@ -10,7 +10,7 @@ no held-out bar shows it.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -226,25 +226,9 @@ def draw_forecast(
         workers: threads.
         knowledge: the same fit with other information about its parameters.
     """
-    (judged,) = judge_on_draws(model, [files], seed, draws, bars, workers, knowledge)
-    return replace(judged, further=further_recordings(model, files, seed))
-
-
-def judge_on_draws(
-    model: RefinedResult,
-    several: Sequence[Mapping[Method, Rig]],
-    seed: int = 0,
-    draws: int = DRAWS,
-    bars: int = BARS,
-    workers: int = 2,
-    knowledge: RefinedResult | None = None,
-) -> list[ForecastDraws]:
-    """As `draw_forecast`, of several calibrations on the same images, each set judged once; without
-    what differs on a further recording."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0x5E7]))
-    every = [{method: own[method] for method in ALL_METHODS if method in own} for own in several]
-    rigs = list(dict.fromkeys(rig for files in every for rig in files.values()))
-    sets = np.array([shared_unknowns(rig) for rig in rigs])
+    methods = tuple(method for method in ALL_METHODS if method in files)
+    sets = np.array([shared_unknowns(files[method]) for method in methods])
     lenses = model.lenses
     of_noise = draw_noise(model, draws, rng)
     truths = _truths(knowledge or model, of_noise.across, rng, knowledge is None)
@@ -278,13 +262,17 @@ def judge_on_draws(
     radii = image_radii(model, pixels.reshape(-1, 4)).reshape(halves).mean(axis=-1)
     depths = ends[..., 2].reshape(halves).mean(axis=-1)
     recorded = int(np.isfinite(model.used_points_m).all(axis=(1, 2)).sum())
-    narrow, found = counts.astype(np.uint16), []
-    for files in every:
-        at = [rigs.index(rig) for rig in files.values()]
-        of_files = narrow[:, :, at], correct_px[:, :, at], lengths[:, :, at]
-        own = ForecastDraws(tuple(files), *of_files, depths, radii, recorded, truths[:, BAR])
-        found.append(own)
-    return found
+    return ForecastDraws(
+        methods,
+        counts.astype(np.uint16),
+        correct_px,
+        lengths,
+        depths,
+        radii,
+        recorded,
+        truths[:, BAR],
+        further_recordings(model, files, seed),
+    )
 
 
 def bin_edge(threshold_px: float) -> int:

@@ -5,14 +5,10 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal import workflow
 from stereocal.projects.project import Project, packed_table
-from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
 from stereocal.rig.dataset import Dataset
 from stereocal.ui.forms import refine_settings
-from stereocal.verdict.forecast import Forecast
-from stereocal.verdict.other_seeds import conclusions_of_seeds
 from tests.pages.stored_projects import (
     FEW,
     FULL,
@@ -23,7 +19,6 @@ from tests.pages.stored_projects import (
     placed,
     project_of,
     told,
-    wait_until,
 )
 from tests.pages.test_pages import open_sample, states
 
@@ -73,21 +68,6 @@ def test_a_project_with_a_look_that_is_gone_opens(pressed: AppTest, home: Path) 
     tab = again(pressed, "calibrate")
     assert not tab.exception
     assert tab.segmented_control(key="view").value == "Errors by frame"
-
-
-def test_other_seeds_are_tried_beside_the_page_and_once(
-    pressed: AppTest, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tried = []
-
-    def conclusions(calibration: Calibration, forecast: Forecast) -> str:
-        tried.append(forecast)
-        return conclusions_of_seeds(calibration, forecast, seeds=(1,)) or "Another seed, the same."
-
-    monkeypatch.setattr(workflow, "conclusions_of_seeds", conclusions)
-    look(pressed, "Searches")
-    wait_until(lambda: "Trying other seeds" not in told(pressed.run()))
-    assert "Another seed" in messages(pressed) and len(tried) == 1
 
 
 def test_what_is_stale_is_said_with_the_button_that_mends_it(pressed: AppTest, home: Path) -> None:

@@ -25,7 +25,7 @@ from stereocal.rig.volume import Volume
 from stereocal.simulation.simulate import Scene, observe, place_bars
 from stereocal.system.array_types import FloatArray
 from stereocal.verdict.forecast import Forecast, forecast_files
-from stereocal.verdict.forecast_draws import draw_forecast, judge_on_draws
+from stereocal.verdict.forecast_draws import draw_forecast
 from stereocal.verdict.fresh_frames import _facing, _stand_by_rays, fresh_bars, noise_given
 from stereocal.verdict.intervals import mean_of, share_interval
 from stereocal.verdict.judging import add_noise
@@ -82,24 +82,6 @@ def test_same_seed_same_figures_whatever_the_workers() -> None:
     assert one == two
     other = draw_forecast(model, found.files, seed=6, draws=20, bars=50).figures
     assert other != one
-
-
-def test_calibrations_judged_together_are_judged_as_alone() -> None:
-    """The sets of another seed, and the refined set, which is that of both."""
-    found = forecast()
-    refined, usual = found.files["refined"], found.files["2d"]
-    turned = replace(usual, pose=found.files["3d"].pose)
-    several: list[dict[Method, Rig]] = [
-        {**found.files, "2d": own, "refined": refined} for own in (usual, turned)
-    ]
-    together = judge_on_draws(found.model, several, draws=6, bars=20)
-    for files, judged in zip(several, together, strict=True):
-        alone = draw_forecast(found.model, files, draws=6, bars=20)
-        assert judged.methods == alone.methods
-        assert len({own.tobytes() for own in np.moveaxis(judged.lengths, 2, 0)}) == len(files)
-        np.testing.assert_array_equal(judged.counts, alone.counts)
-        assert_allclose(judged.lengths, alone.lengths, rtol=1e-9)
-        assert_allclose(judged.correct_px, alone.correct_px, rtol=1e-9)
 
 
 def test_the_shares_are_those_at_the_threshold() -> None:
