@@ -29,16 +29,12 @@ COMMANDS = {
     "simulate": ("simulate", "the synthetic sample data"),
     "plan": ("plan", "what a planned field day will measure"),
     "print": ("print_files", "targets, boards and a field sheet to print"),
-    "reproduce": (
-        "reproduce",
-        "compute the parameter files of a paper kit's archive again, and compare them",
-    ),
     "sample": ("sample", "data to try the commands with"),
     "serve": ("serve", "the dashboard, in a browser"),
     "compile": ("warming", "compile everything now, so that later commands start at once"),
 }
 """Their files in `commands`, of which only that in use is imported; and their help."""
-EXTRA = ("matplotlib", "plotly", "reportlab", "streamlit")
+EXTRA = ("plotly", "reportlab", "streamlit")
 """What the extra `dashboard` brings and some commands need."""
 INSTALL = "pip install 'stereocal[dashboard]'"
 
@@ -68,7 +64,7 @@ def _announce(compiled: int) -> None:
 
 def _parser(asked: str | None = None) -> argparse.ArgumentParser:
     """The parser, with the options of one command."""
-    needs = f"Reports, printed sheets, paper kits and serve need more: {INSTALL}"
+    needs = f"Reports, printed sheets and serve need more: {INSTALL}"
     parser = Parser(prog="stereocal", description=__doc__, epilog=needs)
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -79,7 +75,6 @@ def _parser(asked: str | None = None) -> argparse.ArgumentParser:
             known = vars(module)
             take(command, known.get("OPTIONS", {}))
             command.set_defaults(run=module.run, **known.get("DEFAULTS", {}))
-            command.epilog = known.get("EPILOG")
             if "add" in known:
                 module.add(command)
     return parser

@@ -231,6 +231,11 @@ class Run:
         return sets
 
     @property
+    def parameter_files(self) -> dict[str, bytes]:
+        """The contents of these files by name."""
+        return {f"parameters_{name}.json": rig.dumps().encode() for name, rig in self.sets.items()}
+
+    @property
     def thresholds_px(self) -> dict[Method, float | None]:
         """The matching threshold in each file."""
         return {method: rig.matching_threshold_px for method, rig in self.sets.items()}

@@ -11,7 +11,7 @@ import pytest
 
 from tests.terminal import FIELD, ROOT
 
-WITHOUT = ("streamlit", "plotly", "pebble", "reportlab", "matplotlib", "sqlite3")
+WITHOUT = ("streamlit", "plotly", "pebble", "reportlab", "sqlite3")
 BLOCKED = f"""
 import sys
 class Blocked:
@@ -24,7 +24,7 @@ sys.path.insert(0, {str(ROOT)!r})
 
 
 COMMANDS = (
-    "calibrate field --out out --runs 6",
+    "calibrate field --out out --runs 6 --kit",
     "match primary.csv secondary.csv --parameters out/parameters_2d.json --out pairs.csv",
     "reconstruct pairs.csv --parameters out/parameters_3d.json --out points.csv",
     "check out/parameters_refined.json field --out checked",
@@ -33,7 +33,6 @@ NEEDED = {
     "evaluate field --out out": "plotly",
     "plan plan.json --out out": "plotly",
     "print target --side 0.1 --out a.pdf": "reportlab",
-    "calibrate field --out out --kit": "matplotlib",
     "serve": "streamlit",
 }
 LIBRARY = """

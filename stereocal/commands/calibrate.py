@@ -16,11 +16,11 @@ from stereocal.commands.options import (
     refine_settings_from,
     settings_from,
 )
-from stereocal.commands.warming import compile_all
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import MOST_RUNS, EvaluationSettings
 from stereocal.formats.evaluation_files import validation_in_summary
 from stereocal.formats.recording_files import DESCRIPTION
+from stereocal.paper_kit.kit import paper_kit
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.refined.uncertainty import standard_errors
@@ -54,7 +54,7 @@ OPTIONS: Options = {
     },
     "--validation SUMMARY.JSON": "summary.json of evaluate: copies its figures and threshold into "
     "the files",
-    "--kit": "also write paper_kit.zip: methods, figures, table, and an archive for reproduce",
+    "--kit": "also write paper_kit.zip: methods, references, table, data set and parameter files",
 }
 DEFAULTS = {"runs": 100, "free_distortion": ()}
 
@@ -62,22 +62,18 @@ DEFAULTS = {"runs": 100, "free_distortion": ()}
 def run(parsed: argparse.Namespace) -> None:
     if parsed.kit and parsed.validation:
         raise StereocalError(
-            "A paper kit holds what computes its files again: give --kit or --validation."
+            "A paper kit describes the validation of its own run: give --kit or --validation."
         )
     dataset = dataset_from(parsed, parsed.dataset)
     settings = settings_from(parsed, parsed.calibration_frames)
     refuse_unknown_frames(settings, [dataset])
-    if parsed.kit:
-        from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
-
-        compile_all()
     free = tuple(parsed.free_distortion)
     refined = refine_settings_from(parsed, free) if parsed.refined else None
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
     found = Run(dataset, settings, refined, figures=figures)
     if parsed.runs:
         found = _validated(found, parsed.runs)
-    files = {f"parameters_{name}.json": own.dumps().encode() for name, own in found.sets.items()}
+    files = found.parameter_files
     if parsed.kit:
         files["paper_kit.zip"] = paper_kit(found)
     notes = (f"Note: {note}" for note in _notes_on(found) if note)
@@ -134,13 +130,13 @@ def _validated(run: Run, runs: int) -> Run:
     search = replace(run.settings, calibration_frames=None)
     drawn = usual_frames(len(run.calibration.screening.dataset.correspondences.frames))
     try:
-        return validate(run, EvaluationSettings(search, runs, drawn, refined=run.refined))
+        return _validate(run, EvaluationSettings(search, runs, drawn, refined=run.refined))
     except StereocalError as error:
         print(f"No validation: {error}")
         return run
 
 
-def validate(run: Run, settings: EvaluationSettings) -> Run:
+def _validate(run: Run, settings: EvaluationSettings) -> Run:
     """The run with a validation, with its progress on stderr."""
     with engine() as executor:
         return with_bar("random splits", partial(run.validate, settings, executor))

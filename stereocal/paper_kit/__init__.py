@@ -1,1 +1,1 @@
-"""What a paper needs of a result: methods paragraph, figures, table, and an archive to rerun."""
+"""What a paper needs of a result: methods text, references, table, data set, parameter files."""

@@ -1,23 +1,19 @@
-"""The paper kit: a zip with methods, references, figures, table, and an archive to rerun."""
+"""The paper kit: a zip with methods, references, table, data set and parameter files."""
 
-from collections.abc import Iterator, Mapping
-from functools import partial
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
 
-from stereocal.calibration.methods import ALL_METHODS, METHODS
-from stereocal.figures import journal
+from stereocal.calibration.methods import ALL_METHODS
+from stereocal.formats.dataset_files import pack_dataset
 from stereocal.matching.application import Outcome
-from stereocal.paper_kit.digests import is_number
-from stereocal.paper_kit.methods_text import captions_md, methods_md, references_bib
-from stereocal.paper_kit.reproduction import ARCHIVE, archive_files
+from stereocal.paper_kit.methods_text import methods_md, references_bib
 from stereocal.system.zip_files import pack_zip
 from stereocal.workflow import Run
 
 ENDS = ("value", "low", "high")
 INTERVAL = "_interval"
-WIDTHS = (journal.COLUMN_MM, journal.PAGE_MM)
 
 
 def paper_kit(run: Run, applied: Outcome | None = None) -> bytes:
@@ -26,33 +22,15 @@ def paper_kit(run: Run, applied: Outcome | None = None) -> bytes:
     Args:
         applied: how points of the project were matched and measured, if they were.
     """
-    drawn = {
-        f"figures/{name}_{width:.0f}mm.{form}": content
-        for name, draw in _figures(run)
-        for width in WIDTHS
-        for form, content in journal.rendered(draw, width).items()
-    }
     return pack_zip(
         {
-            "methods.md": f"{methods_md(run, applied)}\n{captions_md(run)}".encode(),
+            "methods.md": methods_md(run, applied).encode(),
             "references.bib": references_bib(),
-            **drawn,
             "table.csv": table_csv(run),
-            ARCHIVE: pack_zip(archive_files(run)),
+            **pack_dataset(run.calibration.dataset),
+            **run.parameter_files,
         }
     )
-
-
-def _figures(run: Run) -> Iterator[tuple[str, journal.Draw]]:
-    calibration, evaluation = run.calibration, run.evaluation
-    if evaluation is not None:
-        summaries = evaluation.summaries
-        papers = {method: summaries[method] for method in METHODS}
-        yield "validation", partial(journal.draw_validation, papers)
-        if len(summaries) > len(papers):
-            yield "validation_with_refined", partial(journal.draw_validation, summaries)
-    yield "errors_by_frame", partial(journal.draw_frame_errors, calibration)
-    yield "rig", partial(journal.draw_rig, calibration, run.recommendation.measure.method)
 
 
 def table_csv(run: Run) -> bytes:
@@ -77,11 +55,15 @@ def _flat(figures: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
     """Single numbers, and the three of each interval."""
     found: dict[str, float] = {}
     for name, value in figures.items():
-        if is_number(value):
+        if _is_number(value):
             found.setdefault(prefix + name, value)
         elif isinstance(value, Mapping):
             stem = prefix + name.removesuffix(INTERVAL)
             for end in ENDS:
-                if is_number(value.get(end)):
+                if _is_number(value.get(end)):
                     found[stem if end == "value" else f"{stem}_{end}"] = value[end]
     return found
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -49,12 +49,13 @@ def methods_md(run: Run, applied: Outcome | None = None) -> str:
     )
     parts = (_recording, _left_out, _sets, _validation, _held_out, use, _lengths, _verdict)
     paragraphs = (" ".join(filter(None, part(run))) for part in parts)
-    again = (
-        "Data, settings, parameter files and their digests are in `archive.zip`; `python -m "
-        "stereocal reproduce archive.zip --out DIR` computes the parameter files again (Python "
+    files = (
+        "All figures of each method are in `table.csv`, with 95 % intervals (`_low`, `_high`); "
+        "errors are fractions, `predicted_` figures are forecasts for similar bars. The data set "
+        "and the parameter files are in the same zip (Python "
         f"{platform.python_version()}, NumPy {np.__version__})."
     )
-    return "\n\n".join(["# Calibration", *warning, *filter(None, paragraphs), again]) + "\n"
+    return "\n\n".join(["# Calibration", *warning, *filter(None, paragraphs), files]) + "\n"
 
 
 def _recording(run: Run) -> Iterator[str]:
@@ -220,7 +221,7 @@ def _held_out(run: Run) -> Iterator[str]:
             )
         of_pairs = f"an FCP of {percent(fcp.value)} % ({interval(fcp)})"
         found.append(f"{NAMES[method]} had {of_pairs}{measured}")
-    yield f"On held-out frames: {'; '.join(found)} (figure `validation`, table `table.csv`)."
+    yield f"On held-out frames: {'; '.join(found)} (`table.csv`)."
 
 
 def _applied(applied: Outcome, run: Run) -> Iterator[str]:
@@ -273,27 +274,6 @@ def _verdict(run: Run) -> Iterator[str]:
         yield f"One set serves both purposes here ({sure(verdict.chance_of_one)} sure)."
     elif verdict.kind == "two":
         yield f"Two sets are worth it here ({sure(1 - verdict.chance_of_one)} sure)."
-
-
-def captions_md(run: Run) -> str:
-    measure = NAMES[run.recommendation.measure.method]
-    lines = [
-        "**errors_by_frame** Reprojection error and relative error of the length of the bar in "
-        "each frame, for the sets calibrated with all frames not left out.",
-        f"**rig** Cameras and reconstructed bars, with {measure}, from above and from the side.",
-        "**table.csv** All figures of each method, with 95 % intervals (`_low`, `_high`); errors "
-        "are fractions, `predicted_` figures are forecasts for similar bars.",
-    ]
-    if run.evaluation is not None:
-        shown = " (also with the refined set)" if len(run.evaluation.summaries) > 3 else ""
-        lines.insert(
-            0,
-            "**validation** Probability densities of the errors on held-out frames, by method"
-            f"{shown}: residual and reprojection error of correct and of wrong pairs, with the "
-            "matching threshold (dashed), and 3D error of the bars, with the line of 1 %. Framed: "
-            "best beyond the 95 % intervals (in brackets); level: these overlap.",
-        )
-    return "## Captions\n\n" + "\n\n".join(lines) + "\n"
 
 
 def references_bib() -> bytes:

@@ -3,7 +3,6 @@
 project.json                          what the files are, lengths, settings, corrections
 dataset.json, correspondences.csv ... the data set as used; the command line opens it
 parameters_2d.json ...                the last result's parameter files, as the page offers them
-reproduce.json                        what `reproduce` needs to compute them again
 inputs/, photographs/, results/ ...   all uploaded files, and all results
 pairs/1/inputs/ ...                   the same of each pair of a rig that was opened
 """
@@ -60,7 +59,7 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
     """Write a project with all its inputs and results as a zip, atomically.
 
     Args:
-        result: the files of the last result by name, as for a paper's archive; None: none.
+        result: the parameter files of the last result by name; None: none.
     """
     database = project.database
     with (
@@ -133,15 +132,9 @@ def _packed(table: Table, part: str = "", name: str = ANY) -> Held | None:
 
 
 def _readable_files(project: Project, result: Mapping[str, bytes]) -> dict[str, bytes]:
-    """The data set and the last result, in the formats of the command line.
-
-    If the data have changed since, they do not give the result again: it has no `reproduce.json`.
-    """
+    """The data set and the last result, in the formats of the command line."""
     dataset = project.dataset
-    data = {} if dataset is None else pack_dataset(dataset)
-    if any(result.get(name) != content for name, content in data.items()):
-        result = {name: each for name, each in result.items() if name.startswith("parameters_")}
-    return {**result, **data}
+    return {**result, **({} if dataset is None else pack_dataset(dataset))}
 
 
 def _unused(folder: str, name: str, label: str, taken: set[str]) -> str:

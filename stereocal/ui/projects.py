@@ -12,7 +12,6 @@ from typing import TypeVar
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects import home
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.database import journal_of
@@ -261,7 +260,7 @@ def _offer_packed(project: Project, name: str) -> None:
     # The last result, with the parameter files as *Calibrate* offers them.
     run = final_run(project)
     with st.spinner("Forecasting."):
-        result = {} if run is None else jobs.compute(archive_files, run)
+        result = {} if run is None else jobs.compute(lambda: run.parameter_files)
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "project.zip"
         with st.spinner("Packing."):

@@ -16,6 +16,7 @@ from stereocal.figures.tables import angles_table, errors_table, forecast_table,
 from stereocal.figures.traces import describe_traces, plot_traces
 from stereocal.figures.two_sets import FrameView, frame_views
 from stereocal.formats.dataset_files import pack_dataset
+from stereocal.paper_kit.kit import paper_kit
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -131,12 +132,10 @@ def _offer_kit(project: Project, answer: Run | None) -> None:
     applied = readable(lambda: ProjectApplication(project).result)
 
     def make() -> bytes:
-        from stereocal.paper_kit.kit import paper_kit  # Matplotlib: 0.4 s
-
         assert answer is not None
         return paper_kit(answer, None if applied is None else applied[0])
 
-    label, icon = "Paper kit · methods, figures, table, archive", ":material/article:"
+    label, icon = "Paper kit · methods, table, data set, parameters", ":material/article:"
     offer(label, make if answer else None, "paper_kit.zip", "download_kit", icon=icon)
 
 

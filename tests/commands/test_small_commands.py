@@ -131,7 +131,7 @@ def test_plumb_lines_and_points_in_the_world(
 
 
 COMMANDS = (
-    *("calibrate {}", "evaluate {} --runs 2", "import {}", "detect {}", "plan {}", "reproduce {}"),
+    *("calibrate {}", "evaluate {} --runs 2", "import {}", "detect {}", "plan {}"),
     *("match {0} {0} --parameters {0}", "intrinsics {} --board 9x6 --square 0.03", "check {0} {0}"),
     *(f"{command} {{0}} --parameters {{0}}" for command in ("reconstruct", "world")),
     *("convert {} --to kalibr", "convert {} --from kalibr"),

@@ -87,7 +87,7 @@ SLOW = {
     "docs/howto/rig.md": "tests/commands/test_rig.py takes its steps",
     "docs/tutorial.md": "tests/commands/test_cli.py and test_evaluate_command.py take its steps",
     "docs/photographs.md": "tests/commands/test_from_photographs.py takes its steps",
-    "docs/paper_kit.md": "tests/paper_kit computes a kit again",
+    "docs/paper_kit.md": "tests/paper_kit opens a kit",
 }
 """Pages whose commands take seconds, which the soak runs; and what does the same without a page."""
 

@@ -1,5 +1,6 @@
 """The Calibrate page: one press to the recommendation, and closer looks one at a time."""
 
+import json
 import re
 import threading
 from dataclasses import replace
@@ -14,9 +15,9 @@ from stereocal.cli import main
 from stereocal.evaluation.evaluate import evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.library.calibrations import calibrate
-from stereocal.paper_kit.reproduction import archive_files
 from stereocal.projects.archive import pack_project
 from stereocal.projects.project import Project
+from stereocal.system.zip_files import unzip
 from stereocal.ui import press
 from stereocal.verdict.in_words import digits
 from tests.pages.stored_projects import FEW, SLOW, ended, go, messages, project_of, told
@@ -47,21 +48,26 @@ def test_one_press_gives_everything(pressed: AppTest, home: Path) -> None:
 
 
 def test_a_projects_zip_gives_the_same_files_again(
-    pressed: AppTest, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    pressed: AppTest, home: Path, tmp_path: Path
 ) -> None:
-    """What the page computes in parts, and `reproduce` at once."""
+    """What the page computes in parts, and `calibrate` at once."""
     project = project_of(pressed, home)
     assert project.calibration is not None
     found = project.run
     assert found is not None
-    target = tmp_path / "project.zip"
-    pack_project(project, target, archive_files(found))
-    assert main(["reproduce", str(target), "--out", str(tmp_path / "again")]) == 0
-    assert capsys.readouterr().out.count(": identical") == 3
+    target, again = tmp_path / "project.zip", tmp_path / "again"
+    pack_project(project, target, found.parameter_files)
+    assert main(["calibrate", str(target), "--out", str(again)]) == 0
+    files = unzip(target, target.name)
+    assert len(found.parameter_files) == 3
+    for name in found.parameter_files:
+        now, packed = (json.loads(each) for each in ((again / name).read_bytes(), files[name]))
+        assert {**now, "created": ""} == {**packed, "created": ""}
     project.exchange_targets(3)  # the result is of other data now
-    pack_project(project, target, archive_files(found))
-    assert main(["reproduce", str(target), "--out", str(tmp_path / "again")]) == 2
-    assert "there is no reproduce.json" in capsys.readouterr().err
+    pack_project(project, target, found.parameter_files)
+    dataset = project.dataset
+    assert dataset is not None and dataset.sha256 != found.dataset.sha256
+    assert read_dataset(target).sha256 == dataset.sha256
 
 
 def test_a_frame_is_left_out_and_put_back(pressed: AppTest, home: Path) -> None:

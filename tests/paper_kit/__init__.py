@@ -1,1 +1,1 @@
-"""The paper kit: what it says, draws, and computes again."""
+"""The paper kit: what it says, and what opens of it."""

@@ -144,7 +144,8 @@ def test_a_zip_of_an_earlier_version_has_what_it_has_and_says_what_it_lacks(
                 del item["stored"]
 
     told: list[str] = []
-    opened = unpack_project(changed(members, as_before), "p.zip", tmp_path, told.append)
+    before = changed({**members, "reproduce.json": b"{}"}, as_before)
+    opened = unpack_project(before, "p.zip", tmp_path, told.append)
     days: Key = ("file", "", ANY)
     assert differing(rows_of(whole), rows_of(opened)) == STAY | {days}
     assert len(told) == 1 and CONTENTS[days].words in told[0]
