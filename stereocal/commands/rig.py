@@ -6,13 +6,12 @@ from functools import partial
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.commands.console import Options, with_bar
-from stereocal.commands.options import finish, questions, refuse_given
+from stereocal.commands.options import finish, questions
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import rig_report
 from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
-from stereocal.network.fuse_files import fuse_files
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.pair_of_rig import Sets, files_of_sets, refined_set, sets_of_pairs
 from stereocal.network.rig_file import RIG, rig_file
@@ -21,8 +20,7 @@ from stereocal.rig.dataset import Dataset
 from stereocal.workflow import Run
 
 OPTIONS: Options = {
-    "inputs DATASET...": "a data set with dataset.json of format 2; or refined parameter files of "
-    "its pairs",
+    "inputs DATASET...": "a data set with dataset.json of format 2",
     "--out OUT": "folder for the files",
     "--time-offset": "bring the cameras into step; each its offset",
     "--pairs": "of every pair also the two sets of the paper, with forecast and threshold",
@@ -48,31 +46,26 @@ def paper_sets(dataset: Dataset, settings: RefineSettings) -> Sets:
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Calibrate or fuse, write rig.json, report.html and the pairs' files, print the answer."""
-    pairs: dict[str, bytes] = {}
-    notes: list[str] = []
-    if all(path.suffix == ".json" and path.is_file() for path in parsed.inputs):
-        names = ("time_offset", "pairs", "baseline_sigma", "lens_model")
-        refuse_given(parsed, "is for a data set: the files of pairs have their own", *names)
-        rig = fuse_files(parsed.inputs)
-        name = ", ".join(file.stem for file in parsed.inputs)
-    elif len(parsed.inputs) > 1:
-        raise StereocalError("Give one data set, or the parameter files (.json) of pairs.")
-    else:
-        recording = read_recording(parsed.inputs[0], parsed.lens_model)
-        name, sigma = recording.name, parsed.baseline_sigma
-        settings = RigSettings(baseline_sigma_m=sigma, time_offsets=parsed.time_offset or None)
-        rig = rig_file(with_bar("steps", partial(calibrate_rig, recording, settings)))
-        sets_of = paper_sets if parsed.pairs else refined_set
-        sets, notes = with_bar("pairs", partial(sets_of_pairs, recording, rig, sets_of=sets_of))
-        pairs = files_of_sets(sets)
-        of_pairs = {**rig.about.pairs}
-        for pair, own in sets.items():
-            predicted = own["refined"].predicted or {}
-            figures = {name: predicted[name] for name in FIGURES if name in predicted}
-            of_pairs[pair] = replace(of_pairs[pair], **figures)
-        rig = replace(rig, about=replace(rig.about, pairs=of_pairs))
-        notes = [*recording.step_notes, *notes]
-    files = {RIG: rig.dumps().encode(), "report.html": rig_report(rig, name).encode(), **pairs}
+    """Calibrate, write rig.json, report.html and the pairs' files, print the answer."""
+    if len(parsed.inputs) > 1 or parsed.inputs[0].suffix == ".json":
+        raise StereocalError(
+            "A rig is calibrated from its recording, not from the parameter files of its pairs: "
+            "give one data set, a folder or a zip with dataset.json of format 2."
+        )
+    recording = read_recording(parsed.inputs[0], parsed.lens_model)
+    sigma = parsed.baseline_sigma
+    settings = RigSettings(baseline_sigma_m=sigma, time_offsets=parsed.time_offset or None)
+    rig = rig_file(with_bar("steps", partial(calibrate_rig, recording, settings)))
+    sets_of = paper_sets if parsed.pairs else refined_set
+    sets, notes = with_bar("pairs", partial(sets_of_pairs, recording, rig, sets_of=sets_of))
+    of_pairs = {**rig.about.pairs}
+    for pair, own in sets.items():
+        predicted = own["refined"].predicted or {}
+        figures = {name: predicted[name] for name in FIGURES if name in predicted}
+        of_pairs[pair] = replace(of_pairs[pair], **figures)
+    rig = replace(rig, about=replace(rig.about, pairs=of_pairs))
+    notes = [*recording.step_notes, *notes]
+    files = {RIG: rig.dumps().encode(), "report.html": rig_report(rig, recording.name).encode()}
+    files |= files_of_sets(sets)
     sentences = filter(None, (rig_sentence(rig), loops_sentence(rig)))
     finish(parsed.out, files, *sentences, notes=(*rig_notes(rig), *notes))

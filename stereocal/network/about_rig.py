@@ -78,8 +78,6 @@ class PairOfRig:
     noise_px: float | None = None
     failed: str | None = None
     """Why it could not be calibrated by itself."""
-    chi_square_growth: float | None = None
-    """Of a fused pair."""
     fcp_reprojection: Mapping[str, float] | None = None
     """The forecast of its refined set: value, low and high; so the next ones."""
     median_error_3d: Mapping[str, float] | None = None
@@ -97,7 +95,7 @@ class AboutRig:
     object: Mapping[str, Any] = field(default_factory=dict)
     """The points (m) of the object by name, and the `factor` by which it was found longer."""
     figures: RigFigures | None = None
-    """None for fused pairs, whose points are not known."""
+    """None in files of earlier versions that had no recording."""
     image_errors_px: Mapping[str, float | None] = field(default_factory=dict)
     """By camera; None if unknown."""
     frames_left_out: tuple[int, ...] = ()
@@ -110,10 +108,9 @@ class AboutRig:
     warnings: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """The entries; of fused pairs only those that are known."""
-        entries = plain(self)
+        """The entries; of pairs only those that are known."""
+        entries: dict[str, Any] = plain(self)
         for pair in entries["pairs"].values():
             for name in [name for name, value in pair.items() if value is None]:
                 del pair[name]
-        always = entries if self.figures else ("frames_left_out", "pairs")
-        return {name: value for name, value in entries.items() if value or name in always}
+        return entries

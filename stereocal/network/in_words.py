@@ -22,11 +22,7 @@ def rig_sentence(rig: RigFile) -> str:
     """How good the rig is, and which camera is the weakest."""
     figures, count = rig.about.figures, len(rig.cameras)
     if figures is None:
-        return (
-            f"One rig of {count} cameras, of {len(rig.about.pairs)} pairs fused. Where pairs "
-            "share points of one recording, its errors are larger than stated: give the recording "
-            "instead."
-        )
+        return f"One rig of {count} cameras."
     weakest = figures.weakest_camera
     error = rig.about.image_errors_px.get(weakest)
     known = ""

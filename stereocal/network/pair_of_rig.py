@@ -127,7 +127,7 @@ def settings_of_pair(dataset: Dataset, pair: CameraPair, rig: RigFile) -> Refine
         dataset: of `data_of_pair`.
     """
     of_rig, figures = rig.pair(*pair), rig.about.figures
-    assert figures is not None, "fused pairs have no recording"
+    assert figures is not None, "a rig of a recording"
     values, effect = shared_unknowns(of_rig), figures.design_effect
     values[BAR] = rig.q[-1]
     settings = RefineSettings(

@@ -12,8 +12,8 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.network.about_rig import AboutRig, PairOfRig, RigFigures
-from stereocal.network.fit import camera_at, lens_places, object_sigma
-from stereocal.network.fuse import Fused, PairFit, pair_covariance
+from stereocal.network.fit import lens_places, object_sigma
+from stereocal.network.fuse import pair_covariance
 from stereocal.network.pairs import pair_name
 from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.refined.length_in_metres import NORMAL_95, BarKnown
@@ -353,33 +353,3 @@ def counts_and_shutters(
     }
     wholes = {name: whole for name, (whole, _) in parts.items()}
     return wholes, {name: rest.frames for name, (_, rest) in parts.items()}
-
-
-def fused_file(stated: Mapping[str, Camera], pairs: list[PairFit], fused: Fused) -> RigFile:
-    """The file of fused pairs, whose points are not known."""
-    q, M = fused.q, fused.unknowns.M
-    covariance = M @ fused.unknowns.covariance(fused.information) @ M.T
-    noise = float(np.sqrt(np.mean([fit.noise_px**2 for fit in pairs])))
-    cameras = {
-        name: camera_at(lens, q, number) for number, (name, lens) in enumerate(stated.items())
-    }
-    return RigFile(
-        cameras,
-        dict(zip(stated, fused.poses, strict=True)),
-        {name: float(q[EACH * number + TIME]) for number, name in enumerate(stated)},
-        np.asarray(covariance),
-        noise,
-        AboutRig(
-            object={"factor": float(q[-1])},
-            pairs={
-                pair_name(fit.pair): PairOfRig(
-                    fit.pair,
-                    bars=fit.frames,
-                    frames=fit.frames,
-                    noise_px=fit.noise_px,
-                    chi_square_growth=fused.misfits[fit.pair],
-                )
-                for fit in pairs
-            },
-        ),
-    )

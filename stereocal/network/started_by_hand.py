@@ -102,10 +102,9 @@ def bring_into_step(
         told = failed[pair := next(pair for pair in failed if not lost or {*pair} & {*lost})]
         # Of photographs, which have orders, the rates are known.
         raise StereocalError(told if orders else told + _what_fits(recording, pair))
-    advice = "One of them is wrong: record an irregular motion that all cameras see."
     measured = {pair: replace(own.measured, frames=own.part) for pair, own in found.items()}
     origins = {pair: own.origin for pair, own in found.items()}
-    starts, covariance = closed(names, measured, advice, origins)
+    starts, covariance = _closed(names, measured, origins)
     errors = np.sqrt(np.diag(covariance)).tolist()
     begin = recording.first_frames
     more = {name: begin[names[0]] - at for name, at in begin.items()}
@@ -138,17 +137,15 @@ def _in_order(
     return known
 
 
-def closed(
+def _closed(
     names: Sequence[str],
     pairs: Mapping[CameraPair, MeasuredOffset],
-    advice: str,
-    origins: Mapping[CameraPair, int] = MappingProxyType({}),
+    origins: Mapping[CameraPair, int],
 ) -> tuple[FloatArray, FloatArray]:
     """By how many frames of the first each of n cameras was started later, (n,), and their
     covariance (n, n), from the offsets of pairs that reach all.
 
     Args:
-        advice: what to do if they contradict each other.
         origins: whole frames of each pair that its offset is counted from, which agree.
 
     Raises:
@@ -156,29 +153,20 @@ def closed(
     """
     values, sigmas = np.array([[own.frames, own.sigma] for own in pairs.values()]).T
     sigmas = np.maximum(sigmas, LEAST_SIGMA)
-    starts, covariance, off = fused_values(names, [*pairs], values, sigmas)
+    rows = np.array([[(name == b) - (name == a) for name in names[1:]] for a, b in pairs], float)
+    covariance = np.linalg.inv(rows.T @ (rows / sigmas[:, None] ** 2))
+    starts = covariance @ rows.T @ (values / sigmas**2)
+    off = np.abs(rows @ starts - values)
     if (off > CLOSED + 5 * sigmas).any():
         each = ", ".join(
-            f"{'-'.join(pair)} {exact(origins.get(pair, 0), own.frames):.2f}"
+            f"{'-'.join(pair)} {exact(origins[pair], own.frames):.2f}"
             for pair, own in pairs.items()
         )
         raise StereocalError(
             f"The offsets of the pairs contradict each other by {off.max():.2f} frames: {each}. "
-            f"{advice}"
+            "One of them is wrong: record an irregular motion that all cameras see."
         )
-    return starts, covariance
-
-
-def fused_values(
-    names: Sequence[str], pairs: Sequence[CameraPair], values: FloatArray, sigmas: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """What each of n cameras has more than the first, (n,), of differences (p,) of pairs; their
-    covariance (n, n); and by how much each pair is off, (p,)."""
-    rows = np.array([[(name == b) - (name == a) for name in names[1:]] for a, b in pairs], float)
-    covariance = np.linalg.inv(rows.T @ (rows / sigmas[:, None] ** 2))
-    found = covariance @ rows.T @ (values / sigmas**2)
-    off = np.abs(rows @ found - values)
-    return np.array([0.0, *found]), np.pad(covariance, ((1, 0), (1, 0))), off
+    return np.array([0.0, *starts]), np.pad(covariance, ((1, 0), (1, 0)))
 
 
 def _what_fits(recording: Recording, pair: CameraPair) -> str:

@@ -68,24 +68,6 @@ def covariance_entry(covariance: FloatArray, cameras: Sequence[Camera]) -> dict[
     }
 
 
-def information_entry(result: RefinedResult) -> dict[str, Any]:
-    """The entry of a file on what its images tell, without priors, for fusing pairs.
-
-    `matrix` is half the second derivative of their cost at the values of the file, `gradient` half
-    the first; `lenses` are the stated ones, fx, fy, cx, cy, k1, k2, p1, p2 of each camera.
-    """
-    H, g = result.images_alone
-    dataset = result.dataset
-    return {
-        "of": list(covariance_names((dataset.primary, dataset.secondary))),
-        "matrix": H.tolist(),
-        "gradient": g.tolist(),
-        "bar_factor": result.bar_factor,
-        "frames": int((~result.outlying).sum()),
-        "lenses": [dataset.primary.lens_values.tolist(), dataset.secondary.lens_values.tolist()],
-    }
-
-
 def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dict[str, Any]:
     """Noise, standard errors, covariance, frames left out and inputs that disagree, as JSON."""
     bar = result.dataset.target_distance_m
@@ -102,8 +84,6 @@ def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dic
             "standard_error": bar * float(np.sqrt(result.covariance[BAR, BAR])),
         },
         "covariance": covariance_entry(result.covariance, (result.primary, result.secondary)),
-        # Of a pair of a rig, the stated lenses are not those that its points were fitted with.
-        **({} if result.settings.rest else {"information": information_entry(result)}),
         "design_effect": result.design_effect,
         "frames_left_out": [
             {"frame": frame, "share_of_misfit": share}

@@ -49,8 +49,10 @@ def test_rig_writes_its_files(
     for file in pairs:
         assert RigParameters.load(file).method == "refined"
         assert RigParameters.load(file).inputs["sha256"] == digest
-    # the rig's pairs are not fused again: they share all their points
-    assert main(["rig", *map(str, pairs), "--out", str(tmp_path / "again")]) == 2
+    for given in ([*map(str, pairs)], [str(pairs[0])], [str(dataset), str(dataset)]):
+        assert main(["rig", *given, "--out", str(tmp_path / "again")]) == 2
+        (told,) = capsys.readouterr().err.splitlines()
+        assert "recording" in told and "one data set" in told
     assert not (tmp_path / "again").exists()
 
 
@@ -68,20 +70,8 @@ def test_rig_with_the_sets_of_the_paper(dataset: Path, tmp_path: Path) -> None:
         assert figures["threshold_px"]["value"] > 0
 
 
-def test_files_of_pairs_as_calibrate_writes_them(dataset: Path, tmp_path: Path) -> None:
-    files = []
-    for pair in ("c1-c2", "c2-c3"):
-        out = tmp_path / pair
-        command = ["calibrate", str(dataset), "--pair", pair, "--out", str(out), "--runs", "0"]
-        assert main(command) == 0
-        files.append(str(out / "parameters_refined.json"))
-    assert main(["rig", *files, "--out", str(tmp_path / "rig")]) == 0
-    assert RigFile.load(tmp_path / "rig" / "rig.json").names == ["c1", "c2", "c3"]
-
-
 def test_wrong_input(dataset: Path, tmp_path: Path) -> None:
     assert main(["rig", str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 2
-    assert main(["rig", str(dataset), str(dataset), "--out", str(tmp_path / "out")]) == 2
     description = json.loads((dataset / "dataset.json").read_text())
     first, *others = description["cameras"].items()
     description["cameras"] = {"../../outside": first[1], **dict(others)}
@@ -105,7 +95,6 @@ def test_wrong_input(dataset: Path, tmp_path: Path) -> None:
         ("check rig.json new", "--sigma-px 0.5"),
         ("check rig.json new", "--pair a-b"),
         ("check rig.json new", "--baseline-sigma 0.01"),
-        ("rig rig.json rig.json", "--time-offset"),
         ("detect new", "--every 5"),
         ("detect new", "--clock-ahead 0.1"),
     ],

@@ -1,5 +1,6 @@
 """Points of three cameras: which belong together, and where they are."""
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -192,6 +193,21 @@ def test_the_commands(
         z.append(nearest / [row[f"sigma_{name}"] for name in "xyz"])
     # the errors of the cameras are common to all points: rms of z of this rig 0.9
     assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.5
+
+    # of an earlier version, whose rigs could be of the files of their pairs, without a recording
+    content = rig.to_json()
+    about = ("inputs", "figures", "image_errors_px", "wrong_images", "loops", "third_camera_px")
+    for entry in (*about, "not_connected", "warnings"):
+        del content[entry]
+    for pair in content["pairs"].values():
+        pair["chi_square_growth"] = 3.5
+    content |= {"volume": None, "object": {"factor": 1.0}}
+    (tmp_path / "rig.json").write_text(json.dumps(content))
+    assert main(["match", *given, *files, str(tmp_path / "old.csv")]) == 0
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "old.csv"), tracks)
+    assert main(["reconstruct", tracks_file, *files, str(tmp_path / "old.csv")]) == 0
+    old = pd.read_csv(tmp_path / "old.csv")
+    assert np.array_equal(old[["x", "y", "z"]], points[["x", "y", "z"]])
 
 
 def test_a_world_frame_by_two_of_the_cameras(
