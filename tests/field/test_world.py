@@ -123,6 +123,9 @@ class TestLines:
     def test_one_line_one_camera_and_too_little(self, place: Place) -> None:
         lines = plumb_lines(place, 2)
         one = find_world(place.rig, lines[:1])
+        predicted = {"p95_metric_error_3d": {"value": 0.0042, "low": 0.004, "high": 0.005}}
+        told = find_world(replace(place.rig, predicted=predicted), lines[:1])
+        assert "within 0.42 %" in told.notes[-1] and told.notes[:-1] == one.notes
         assert "nothing to check it" in one.notes[0]
         assert off_vertical(place, one.pose, 4.0) < 0.5
         nothing = np.empty((0, 2))
