@@ -150,6 +150,10 @@ def test_tables_in_memory_are_a_recording(run: CalibrationRun) -> None:
             dataset.to_dataframe()[["frame", "target", "u_primary", "v_secondary"]]
         )
         assert (again.baseline_m, again.target_distance_m) == (dataset.baseline_m, 0.9)
+    # A pair whose baseline nobody measured is calibrated as the command does it: it is found.
+    free = replace(wide, baselines_m={}).pair("primary", "secondary")
+    found = stereocal.calibrate(free).dataset.baseline_m
+    assert free.baseline_m == 1.0 and found == pytest.approx(dataset.baseline_m, rel=0.01)
 
 
 @pytest.mark.parametrize(
