@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.dataset_files import pack_dataset
+from stereocal.formats.dataset_files import pack_dataset, read_recording
+from stereocal.formats.recording_files import pack_recording
 from stereocal.rig.tracks import TimeOffset
+from stereocal.simulation.rigs import simulated_rig
 from stereocal.simulation.simulate import field_rig
 from tests.docs.pages import code_of
 from tests.docs.prepared import videos
@@ -16,6 +18,8 @@ from tests.files import description, write
 from tests.fisheye_rig import recording
 from tests.photographed_rig import BAR_M, PRIMARY, RIG, SECONDARY, TAGS, photographed_bars
 from tests.rigs.moving_bar import move_bar, record
+from tests.rigs.moving_wand import wave_wand
+from tests.rigs.spoiled_rigs import bumped_from
 
 ROOT = Path(__file__).parents[2]
 
@@ -43,6 +47,21 @@ def _tags(folder: Path) -> None:
     write(given, folder)
 
 
+def _rigs(folder: Path) -> None:
+    """The thirds of the real recording of three cameras; and simulated ones: four cameras of which
+    each is late and one drifts, nine, and three of which one is turned by half a degree midway."""
+    real = read_recording(ROOT / "sample_data" / "rig")
+    frames = np.unique(real.frame)
+    thirds = zip(("first", "second", "third"), np.array_split(frames, 3), strict=True)
+    made = {name: real.where(np.isin(real.frame, own)) for name, own in thirds}
+    late = np.array([0.0, 0.3, -0.2, 0.4])
+    made["four"] = wave_wand(3, late, frames=150, drift=2e-4)[1]
+    made["nine"] = simulated_rig(np.random.default_rng(9), 9, 80).recording
+    made["moved"] = bumped_from(simulated_rig(np.random.default_rng(5)), "c2", 0.5, 75)
+    for name, each in made.items():
+        write(pack_recording(each), folder / name)
+
+
 def _plan(folder: Path) -> None:
     """The plan that a page of the documentation shows."""
     for code in code_of(ROOT / "docs" / "howto" / "plan.md"):
@@ -51,7 +70,8 @@ def _plan(folder: Path) -> None:
 
 
 def _scripts(folder: Path) -> None:
-    shutil.copy(Path(__file__).with_name("library.py"), folder)
+    for name in ("library.py", "library_rig.py"):
+        shutil.copy(Path(__file__).with_name(name), folder)
 
 
 def _cases(folder: Path) -> None:
@@ -63,6 +83,7 @@ MADE: Mapping[str, Callable[[Path], None]] = {
     "fisheye": _fisheye,
     "moving": _moving,
     "plan": _plan,
+    "rigs": _rigs,
     "scripts": _scripts,
     "tags": _tags,
     "videos": videos,
