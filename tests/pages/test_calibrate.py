@@ -16,11 +16,14 @@ from stereocal.evaluation.evaluate import evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.library.calibrations import calibrate
 from stereocal.projects.archive import pack_project
-from stereocal.projects.project import Project
+from stereocal.projects.project import KEPT, Project
+from stereocal.system.latest import Latest
 from stereocal.system.zip_files import unzip
 from stereocal.ui import press
+from stereocal.verdict import recommendation
 from stereocal.verdict.in_words import digits
-from tests.pages.stored_projects import FEW, SLOW, ended, go, messages, project_of, told
+from stereocal.workflow import Run
+from tests.pages.stored_projects import FEW, SLOW, again, ended, go, messages, project_of, told
 from tests.pages.test_pages import FIELD, give_zip, open_sample
 
 BAD = 7
@@ -226,3 +229,18 @@ def test_a_bad_frame_is_named_exchanged_and_taken_back(app: AppTest, exchanged: 
     assert ended(project, "calibration").state == "done"
     assert project.inputs.exchanged == []
     assert left_out(project) == (BAD,)
+
+
+def test_a_forecast_that_held_out_frames_contradict_is_yellow(
+    pressed: AppTest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The box, the tile of the figure, and the words; without it the same box is green."""
+    said = "Held-out frames contradict the forecast: seen in a test."
+    for told_of, colour in ((said, "warning"), ("", "success")):
+        monkeypatch.setitem(KEPT, Run, Latest(8))
+        monkeypatch.setattr(recommendation, "_contradiction", lambda *_, own=told_of: own)
+        app = again(pressed, "calibrate")
+        first = next(box.value for box in getattr(app, colour) if "A length of" in str(box.value))
+        assert (said in str(first).replace("\\", "")) is bool(told_of)
+        captions = " ".join(str(each.value) for each in app.caption)
+        assert ("which does not hold" in captions) is bool(told_of)
