@@ -1,8 +1,8 @@
 """What a project holds: the one list by which it is stored, packed, opened and copied.
 
 `Store` writes no value, file or result that is not on it. A zip has what does not stay; *Duplicate*
-as well. `VACUUM INTO` copies the whole file: a job in it counts as interrupted where its server is
-not, and what it had found is used.
+as well. `VACUUM INTO` copies the whole file: a job in it counts as interrupted, and what it had
+found is used.
 """
 
 from collections.abc import Iterable, Iterator

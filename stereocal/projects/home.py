@@ -6,6 +6,7 @@
 
 import math
 import os
+import shutil
 import time
 from collections.abc import Iterable
 from contextlib import suppress
@@ -27,7 +28,7 @@ from stereocal.projects.database import (
     set_journal,
 )
 from stereocal.projects.files import SUFFIX, Store, is_id, new_database, private_folder, store_of
-from stereocal.projects.jobs import forget_released, has_interrupted
+from stereocal.projects.jobs import has_interrupted
 from stereocal.projects.photographs import (
     BOARDS_LABEL,
     FOUND_LABELS,
@@ -183,12 +184,12 @@ def sweep(home: Path, removed_days: float, unused_days: float = math.inf) -> int
                 count += 1
             elif removed is None:
                 store.free_unnamed(now - DAY_S)
+    shutil.rmtree(home / "servers", ignore_errors=True)  # locks of an earlier version
     for path in folder.iterdir():
         alone = path.suffix == REMOVED and not path.with_suffix(SUFFIX).exists()
         with suppress(OSError):
             if (alone or path.name.startswith(WAITING)) and path.stat().st_mtime < now - DAY_S:
                 path.unlink()
-    forget_released(home, now - DAY_S)
     return count
 
 

@@ -140,11 +140,9 @@ def job_of(project: Project, kind: Kind) -> Job | None:
 
 
 def is_running(project: Project, kind: Kind) -> bool:
-    """Whether such a job is running, here or on another server with the same projects."""
+    """Whether such a job is running."""
     job = job_of(project, kind)
-    if job is not None and job.state == "running":
-        return True
-    return stored_jobs.state(project.database, kind) == "elsewhere"
+    return job is not None and job.state == "running"
 
 
 def start(work: PageWork) -> None:
@@ -154,8 +152,7 @@ def start(work: PageWork) -> None:
         if is_running(work.project, work.kind):
             return
         try:
-            if not stored_jobs.begin(work.project.database, work.kind):
-                return
+            stored_jobs.begin(work.project.database, work.kind)
         except StereocalError as error:
             job.sentence, job.state = str(error), "failed"
         JOBS[work.project.database, work.kind] = job
@@ -241,7 +238,7 @@ def show_job(project: Project, kind: Kind, cancelled: str) -> None:
     if is_running(project, kind):
         # Only now: a permanent timer would interrupt every longer run of the page.
         _show_progress(project, kind)
-    elif stored_jobs.state(project.database, kind) == "interrupted":
+    elif stored_jobs.is_interrupted(project.database, kind):
         st.warning(INTERRUPTED)
         button("Discard", f"discard_{kind}", abandon, project, kind)
     elif job is not None and job.state == "failed":
@@ -262,13 +259,10 @@ def abandon(project: Project, kind: Kind) -> None:
 
 @st.fragment(run_every=0.5)
 def _show_progress(project: Project, kind: Kind) -> None:
-    """Of a job of this server, or of another with the same projects."""
-    if not is_running(project, kind):
-        st.rerun()
+    """How far a job is."""
     job, left = job_of(project, kind), ""
     if job is None or job.state != "running":
-        st.info("Another server with the same projects is computing this.")
-        return
+        st.rerun()
     counted, stages = job.done - job.begun_with, job.work.stages
     if counted > 0 and stages[job.at] != UNEVEN:
         pace = (time.monotonic() - job.started) / counted

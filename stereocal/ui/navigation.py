@@ -1,16 +1,22 @@
 """How a page is run: its messages and errors, the way to the next, and the server's own work."""
 
 import os
+import signal
+import sys
+import threading
 from collections.abc import Mapping
 from itertools import pairwise
 
 import streamlit as st
+from streamlit import runtime
 from streamlit.navigation.page import StreamlitPage
 from streamlit.runtime.scriptrunner import StopException
 
+from stereocal.errors import StereocalError
 from stereocal.projects.database import kept_open
+from stereocal.projects.one_server import take_projects
 from stereocal.projects.recording import ProjectRecording
-from stereocal.projects.server_settings import ServerSettings
+from stereocal.projects.server_settings import ServerSettings, default_home
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
@@ -70,15 +76,25 @@ ARRIVAL = """<script>/* {} */
 """Runs in the browser when the text in its comment is new. The focus of a button that led to a page
 would be on nothing, or on the button of the same name at the end. A link of the menu keeps it."""
 
+ENDS_S = 3.0
+"""What a second server of the same projects takes to end: until its page has been drawn."""
 _NEXT, _PAGE = "next_page", "page_at"
 
 
 def check_settings() -> None:
-    """Show an invalid setting of the server on every page, and stop."""
+    """Show an invalid setting of the server on every page, and stop; a second server of the same
+    projects says so and ends."""
     with ErrorsShown(end=True):
         ServerSettings.from_environment()
         Limits.from_environment()
         scheduler_of(os.environ)
+        try:
+            take_projects(default_home())
+        except StereocalError as error:
+            if runtime.exists():  # not in a test without a server
+                print(f"stereocal: {error}", file=sys.stderr)
+                threading.Timer(ENDS_S, os.kill, (os.getpid(), signal.SIGTERM)).start()
+            raise
 
 
 @kept_open()

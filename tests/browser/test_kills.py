@@ -139,3 +139,21 @@ def test_nothing_acknowledged_is_lost(
         for wrong in ("cannot be read", "damaged", "no project at this address"):
             expect(page.get_by_text(wrong)).to_have_count(0)
     assert [each.id for each in recent_projects(tmp_path)] == [project.id]
+
+
+def test_a_second_server_of_the_same_projects_says_so_and_ends(page: Page, tmp_path: Path) -> None:
+    with served(tmp_path) as (first, url):
+        page.goto(url)
+        settle(page)
+        with served(tmp_path) as (second, other):
+            page.goto(other)
+            expect(page.get_by_text("Another stereocal server")).to_be_visible(timeout=LONGEST_MS)
+            assert second.wait(60) is not None
+        assert first.poll() is None
+        page.goto(url)
+        settle(page)
+        expect(page.get_by_text("Another stereocal server")).to_have_count(0)
+    with served(tmp_path) as (_, url):  # once the first has ended
+        page.goto(url)
+        settle(page)
+        expect(page.get_by_text("Another stereocal server")).to_have_count(0)

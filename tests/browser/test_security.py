@@ -122,8 +122,10 @@ def test_websockets_of_other_pages_are_refused(app_url: str) -> None:
             pass
 
 
-def test_server_for_others_is_reached_by_its_own_name(home: Path) -> None:
-    with serve(home, STREAMLIT_SERVER_ALLOWED_HOSTS="lab.example other.example") as url:
+def test_server_for_others_is_reached_by_its_own_name(tmp_path: Path) -> None:
+    with serve(
+        tmp_path / "home", STREAMLIT_SERVER_ALLOWED_HOSTS="lab.example other.example"
+    ) as url:
         port = int(url.rsplit(":", 1)[1])
         for host, allowed in (("lab.example", True), ("other.example", True), ("evil", False)):
             way = socket.create_connection(("127.0.0.1", port))

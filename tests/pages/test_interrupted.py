@@ -2,7 +2,6 @@
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from stereocal.workflow import Run
 from tests.pages.stored_projects import FEW, SLOW, ended, go, messages, project_of, told, wait_until
 from tests.pages.test_pages import open_sample
 from tests.projects.test_found_before import bits
-from tests.projects.test_jobs import run_elsewhere
+from tests.projects.test_jobs import killed
 
 STOPPED = "The server stopped while this ran"
 
@@ -38,29 +37,18 @@ def keys(app: AppTest) -> set[str]:
 
 def test_what_ended_with_its_server_is_said_and_begun_again(pressing: AppTest, home: Path) -> None:
     app, project = pressing, project_of(pressing, home)
-    assert stored_jobs.begin(project.database, "calibration")
-    run_elsewhere(project.database).close()
+    stored_jobs.begin(project.database, "calibration")
+    killed(project.database)
     assert STOPPED in messages(app.run())
     app.button(key="run").click().run()
     assert ended(project, "calibration").state == "done"
     app.run()
     assert STOPPED not in messages(app) and not app.error
     assert project.calibration_evaluation is not None
-    assert stored_jobs.begin(project.database, "calibration")
-    run_elsewhere(project.database).close()
+    stored_jobs.begin(project.database, "calibration")
+    killed(project.database)
     app.run().button(key="discard_calibration").click().run()
     assert STOPPED not in messages(app)
-
-
-def test_a_job_of_another_server_is_shown(pressing: AppTest, home: Path) -> None:
-    app, project = pressing, project_of(pressing, home)
-    assert stored_jobs.begin(project.database, "calibration")
-    with closing(run_elsewhere(project.database)):
-        assert "Another server" in messages(app.run())
-        assert "run" not in keys(app) and STOPPED not in messages(app)
-    stored_jobs.end(project.database, "calibration")
-    app.run()
-    assert "run" in keys(app)
 
 
 def test_a_removed_project_stops_its_job(pressing: AppTest, home: Path) -> None:

@@ -1,16 +1,19 @@
 """Rows of long work: who runs it, what was interrupted, and what a search has found before."""
 
-import sqlite3
-from contextlib import closing
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from stereocal.errors import StereocalError
 from stereocal.projects import jobs
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.home import duplicate
+from stereocal.projects.one_server import LOCK, take_projects
 from tests.projects.test_database import database as database
 from tests.projects.test_project import filled
 
@@ -19,27 +22,21 @@ def found(database: Store) -> jobs.FoundBefore:
     return jobs.FoundBefore(database, "photographs", str)
 
 
-def run_elsewhere(database: Store) -> sqlite3.Connection:
-    """Have another server run the jobs, until the connection is closed: then it was killed."""
-    path = database.path.parents[1] / "servers" / "another.sqlite"
+def killed(database: Store) -> None:
+    """Have the server that ran the jobs have ended."""
     with database.transaction() as db:
-        db.execute("UPDATE job SET server = ?", [path.name])
-    lock = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
-    lock.execute("BEGIN EXCLUSIVE")
-    return lock
+        db.execute("UPDATE job SET server = 'another'")
 
 
 def test_a_job_runs_once_and_leaves_nothing(database: Store) -> None:
-    assert jobs.state(database, "photographs") is None and not jobs.has_interrupted(database)
-    assert jobs.begin(database, "photographs")
-    assert jobs.begin(database, "apply") and not jobs.has_interrupted(database)
-    with closing(run_elsewhere(database)):
-        assert jobs.state(database, "photographs") == "elsewhere"
-        assert not jobs.begin(database, "photographs") and not jobs.has_interrupted(database)
+    assert not jobs.is_interrupted(database, "photographs")
+    for kind in ("photographs", "apply"):
+        jobs.begin(database, kind)
+    assert not jobs.has_interrupted(database)
     found(database).keep("a", "A")
     for kind in ("photographs", "apply"):
         jobs.end(database, kind)
-        assert jobs.state(database, kind) is None
+        assert not jobs.is_interrupted(database, kind)
     assert found(database).get("a") is None
 
 
@@ -47,16 +44,17 @@ def test_a_job_runs_once_and_leaves_nothing(database: Store) -> None:
 def test_what_an_unfinished_search_has_found_is_there_for_the_next(
     failed: bool, database: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert jobs.begin(database, "photographs")
+    jobs.begin(database, "photographs")
     found(database).keep("a", "A")
     if failed:
         jobs.end(database, "photographs", failed=True)
         assert not jobs.has_interrupted(database)
     else:
-        run_elsewhere(database).close()
-        assert jobs.state(database, "photographs") == "interrupted"
+        killed(database)
+        assert jobs.is_interrupted(database, "photographs")
         assert jobs.has_interrupted(database)
-    assert jobs.begin(database, "photographs") and not jobs.has_interrupted(database)
+    jobs.begin(database, "photographs")
+    assert not jobs.has_interrupted(database)
     assert found(database).get("a") == "A" and found(database).get("b") is None
     monkeypatch.setattr(jobs, "SOFTWARE", "of another version")
     assert found(database).get("a") is None
@@ -69,22 +67,34 @@ def test_what_is_damaged_is_looked_for_again(database: Store) -> None:
     assert found(database).get("a") is None
 
 
-def test_a_disk_that_fails_is_no_sign_of_a_running_server(
-    database: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert jobs.begin(database, "photographs")
-    run_elsewhere(database).close()
-    folder = database.path.parents[1] / "servers"
+SERVER = """
+import sys
+from pathlib import Path
+from stereocal.projects.one_server import take_projects
 
-    class Failing:
-        Error, OperationalError = sqlite3.Error, sqlite3.OperationalError
+take_projects(Path(sys.argv[1]))
+print("taken", flush=True)
+sys.stdin.read()
+"""
 
-        @staticmethod
-        def connect(*_: object, **__: object) -> sqlite3.Connection:
-            return sqlite3.connect(folder / "no folder" / "x")
 
-    monkeypatch.setattr(jobs, "sqlite3", Failing)
-    assert jobs.state(database, "photographs") == "interrupted"
+def test_a_second_server_of_the_same_projects_is_refused(tmp_path: Path) -> None:
+    """Until the first has ended, also by a kill; other projects have another server."""
+    first = [sys.executable, "-c", SERVER, str(tmp_path)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(first, text=True, stdin=pipe, stdout=pipe) as process:
+        assert process.stdout is not None and process.stdout.readline() == "taken\n"
+        with pytest.raises(StereocalError, match=re.escape(str(tmp_path))):
+            take_projects(tmp_path)
+        take_projects(tmp_path / "others")
+        process.kill()
+    take_projects(tmp_path)
+    take_projects(tmp_path)  # it is this one
+
+
+def test_a_folder_that_cannot_be_locked_has_a_server_all_the_same(tmp_path: Path) -> None:
+    (tmp_path / LOCK).mkdir()
+    take_projects(tmp_path)
 
 
 def test_on_a_full_disk_the_job_goes_on(database: Store, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,10 +110,10 @@ def test_on_a_full_disk_the_job_goes_on(database: Store, monkeypatch: pytest.Mon
 
 def test_jobs_are_neither_carried_nor_copied(tmp_path: Path) -> None:
     project = filled(tmp_path)
-    assert jobs.begin(project.database, "photographs")
+    jobs.begin(project.database, "photographs")
     found(project.database).keep("a", "A")
     pack_project(project, tmp_path / "packed.zip")
     opened = unpack_project(tmp_path / "packed.zip", "packed.zip", tmp_path)
     for copy in (duplicate(tmp_path, project.id), opened):
-        assert jobs.state(copy.database, "photographs") is None
+        assert not jobs.is_interrupted(copy.database, "photographs")
         assert found(copy.database).get("a") is None

@@ -160,11 +160,12 @@ def test_a_pair_is_there_whole_or_not_at_all(
 def test_jobs_are_kept_by_pair(project: Project) -> None:
     store = ProjectRecording(project)
     one, other = store.pair("1-2").database, store.pair("1-3").database
-    assert jobs.begin(one, "calibration") and jobs.begin(other, "calibration")
-    assert jobs.state(project.database, "calibration") is None
+    jobs.begin(one, "calibration")
+    jobs.begin(other, "calibration")
+    assert not jobs.is_interrupted(project.database, "calibration")
     jobs.end(one, "calibration")
-    assert jobs.state(one, "calibration") is None
-    assert jobs.state(other, "calibration") is not None
+    assert not jobs.is_interrupted(one, "calibration")
+    assert jobs.is_interrupted(other, "calibration")
 
 
 @pytest.mark.parametrize("name", ["1-4", "1", "../1-2", "pair 1-2/"])

@@ -87,7 +87,7 @@ def whole_project(home: Path) -> Project:
             store.add({name: store.keep(name, name.encode()) for name in ("l/1.jpg", "r/1.jpg")})
             store.choose(Choice("order", exchanged=True))
 
-    assert jobs.begin(project.database, "evaluation")
+    jobs.begin(project.database, "evaluation")
     jobs.FoundBefore(project.database, "photographs", str).keep("a", "A")
     return project
 
