@@ -91,7 +91,7 @@ def length_in_words(
     if share > MOST:
         part = "nearly all of it" if share > NEARLY_ALL else "most of it"
         text += f", {part} from {bar.in_words}: {bar.remedy}"
-    elif scatter is not None:
+    else:
         text += ", most of it scatter of single lengths"
     alone = right_to if scatter is None else distance(scatter * length)
     if alone == right_to:
