@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.projects.contents import PAGES, refuse_unlisted
+from stereocal.projects.contents import ANY, PAGES, Key, refuse_unlisted
 from stereocal.projects.database import (
     BESIDE,
     WAITING,
@@ -186,6 +186,22 @@ class Store(Database):
             for table, column in PAIRED.items():
                 pages = "".join(f" AND {column} NOT GLOB '{PAIR}{page}/*'" for page in PAGES)
                 db.execute(f"DELETE FROM {table} WHERE {column} GLOB '{PAIR}*'{pages}")
+
+    def forget_all(self, key: Key) -> None:
+        """Delete all of an entry of `contents`, of the project itself, its pairs and its pages."""
+        table, part, name = key
+        where, values = "1", list[str]()
+        if part:
+            where = f"({PAIRED[table]} = ? OR {PAIRED[table]} GLOB ?)"
+            values = [part, f"*/{part}"]
+        if name != ANY:
+            where, values = f"{where} AND name = ?", [*values, name]
+        # Of files the entry is when they were given.
+        act = (
+            f"UPDATE file SET stored = {time.time()}" if table == "file" else f"DELETE FROM {table}"
+        )
+        with self.transaction() as db:
+            db.execute(f"{act} WHERE {where}", values)
 
     def free_unnamed(self, before: float) -> None:
         """Delete contents without a name.

@@ -115,10 +115,10 @@ def duplicate(home: Path, project_id: str) -> Project:
     check_quota(source.database.size)
 
     def fill(database: Store) -> None:
-        with database.transaction() as db:
-            for (table, part, _), each in CONTENTS.items():
-                if each.stays and not part:
-                    db.execute(f"DELETE FROM {table}")
+        with database.transaction():
+            for key, each in CONTENTS.items():
+                if each.stays:
+                    database.forget_all(key)
         Project(database).rename(f"{title_of(source)} (copy)")
 
     return Project(new_database(home, fill, lambda path: copy_database(source.database, path)))

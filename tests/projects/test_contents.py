@@ -107,6 +107,8 @@ def test_what_is_taken_out_of_the_list_is_missed(
         assert key in NEEDED
     else:
         assert differing(rows_of(whole), rows_of(opened)) == {key} | STAY
+    copy = duplicate(whole.database.path.parents[1], whole.id)
+    assert differing(rows_of(whole), rows_of(copy)) == {NAME, key} | STAY
     monkeypatch.delitem(CONTENTS, key)
     with pytest.raises(StereocalError, match="lost"):
         pack_project(whole, tmp_path / "q.zip")
