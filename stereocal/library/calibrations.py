@@ -137,12 +137,8 @@ class CalibrationRun(TableAnswer, Calibration):
 
     def save(self, folder: str | Path) -> None:
         """Write the parameter files of all sets, all or none."""
-        write_all(
-            {
-                Path(folder) / f"parameters_{method}.json": own.dumps().encode()
-                for method, own in self.sets.items()
-            }
-        )
+        files = self.run.parameter_files
+        write_all({Path(folder) / name: content for name, content in files.items()})
 
     def export(self, to: str, path: str | Path, method: Method | None = None) -> None:
         """Write a set for another program, as `stereocal.export`.

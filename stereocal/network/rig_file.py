@@ -16,7 +16,7 @@ from stereocal.network.fit import lens_places, object_sigma
 from stereocal.network.fuse import pair_covariance
 from stereocal.network.pairs import pair_name
 from stereocal.network.result import RigCalibration, third_cameras
-from stereocal.refined.length_in_metres import NORMAL_95, BarKnown
+from stereocal.refined.length_in_metres import BarKnown, p95_of_factor
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
 from stereocal.rig.camera import Camera
@@ -99,7 +99,7 @@ class RigFile(ResultFile):
         if own is None or figures is None or figures.object_sigma is None:
             return None
         stated = figures.object_sigma * own.longest_m if figures.object_sigma_stated else None
-        p95 = NORMAL_95 * math.sqrt(max(self.covariance[-1, -1], 0.0)) / self.q[-1]
+        p95 = p95_of_factor(self.q[-1], self.covariance[-1, -1])
         return BarKnown.of(own.word, own.longest_m, stated, p95)
 
     @property
@@ -332,7 +332,7 @@ def _figures_of(rig: RigCalibration) -> RigFigures:
     scatter = found.to_expect.length_error_p95
     if scatter is None:
         return found
-    of_object = NORMAL_95 * math.sqrt(rig.covariance[-1, -1]) / float(fit.q[-1])
+    of_object = p95_of_factor(float(fit.q[-1]), rig.covariance[-1, -1])
     sigma, is_stated = object_sigma(rig.recording, settings)
     return replace(
         found,

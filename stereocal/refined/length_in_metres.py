@@ -46,16 +46,20 @@ class BarKnown:
             p95: by a fit that knows the baseline too; None: by what is stated alone.
         """
         sigma = DEFAULT_DISTANCE * length_m if stated_m is None else stated_m
-        by_itself = NORMAL_95 * sigma / length_m
-        return cls(word, length_m, sigma, stated_m is not None, by_itself if p95 is None else p95)
+        own = NORMAL_95 * sigma / length_m if p95 is None else p95
+        return cls(word, length_m, sigma, stated_m is not None, own)
+
+    @property
+    def _by_itself(self) -> float:
+        """The same by what is stated or assumed alone."""
+        return NORMAL_95 * self.sigma_m / self.length_m
 
     @property
     def in_words(self) -> str:
         """`the bar, which is taken as known to ± 0.9 mm`."""
-        by_itself = NORMAL_95 * self.sigma_m / self.length_m
-        if self.p95 < BETTER_KNOWN * by_itself:
+        if self.p95 < BETTER_KNOWN * self._by_itself:
             return f"the lengths of {self.word} and baseline"
-        if self.p95 > CONTRADICTED * by_itself:
+        if self.p95 > CONTRADICTED * self._by_itself:
             return f"the {self.word}, which the images contradict"
         known = f"± {rounded(1000 * self.sigma_m)} mm"
         if self.word != "bar":
@@ -66,9 +70,13 @@ class BarKnown:
     @property
     def remedy(self) -> str:
         """What lowers its error."""
-        known_better = self.p95 < BETTER_KNOWN * NORMAL_95 * self.sigma_m / self.length_m
-        them = "them" if known_better else "it"
+        them = "them" if self.p95 < BETTER_KNOWN * self._by_itself else "it"
         return f"measure {them} better" + ", or say how it was measured" * (not self.is_stated)
+
+
+def p95_of_factor(factor: float, variance: float) -> float:
+    """The relative error that 95 % of a fitted factor of the known distances are within."""
+    return NORMAL_95 * math.sqrt(max(variance, 0.0)) / factor
 
 
 def length_in_words(

@@ -23,7 +23,7 @@ from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.lengths_in_words import as_held
+from stereocal.rig.lengths_in_words import as_held, word_of
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import refined_looks, screening
 from stereocal.ui.downloads import offer
@@ -100,8 +100,9 @@ def _tile(title: str, answer: Run) -> tuple[str, str]:
         measure = answer.recommendation.measure
         shown, words = _expected(measure.metric_p95, answer)
         scatter = measure.length_p95.best(answer.recommendation.forecast_holds)
-        alone = "" if scatter is None else f"  \nrelative to the bar: {in_percent(scatter)}"
-        return shown, as_held(f"{words}{alone}", calibration.dataset)
+        held = word_of(calibration.dataset)
+        alone = "" if scatter is None else f"  \nrelative to the {held}: {in_percent(scatter)}"
+        return shown, f"{words}{alone}"
     value, frames = match.threshold_px, len(calibration.dataset.correspondences.frames)
     source = "from frames held out here" if answer.validation else "forecast"
     left_out = f"{len(calibration.screening.left_out):,} of {frames:,} frames left out"

@@ -5,12 +5,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from scipy.stats import binom
 
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.summary import Estimate
-from stereocal.refined.length_in_metres import NORMAL_95, BarKnown
+from stereocal.refined.length_in_metres import BarKnown, p95_of_factor
 from stereocal.refined.results import Calibration
 from stereocal.refined.two_views import BAR
 from stereocal.rig.lengths_in_words import word_of
@@ -122,7 +121,8 @@ def figures_of(
 
     lengths = figure("p95_error_3d", usual)
     known = bar_known(calibration, forecast)
-    metric = _finite(np.hypot(_finite(own.get("p95_error_3d")) or math.nan, known.p95))
+    held_out = lengths.held_out
+    metric = None if held_out is None else _finite(math.hypot(held_out, known.p95))
     return FileFigures(
         method,
         limit,
@@ -140,7 +140,7 @@ def bar_known(calibration: Calibration, forecast: Forecast | None) -> BarKnown:
     if refined is not None:
         given = refined.settings.distance_sigma_m
         stated = stated if given is None else given
-        p95 = NORMAL_95 * math.sqrt(max(refined.covariance[BAR, BAR], 0.0)) / refined.bar_factor
+        p95 = p95_of_factor(refined.bar_factor, refined.covariance[BAR, BAR])
     if forecast is not None:
         p95 = forecast.draws.bar_p95
     return BarKnown.of(word_of(dataset), dataset.target_distance_m, stated, p95)

@@ -54,8 +54,6 @@ class Recommendation(Answer):
     """For the user: what to use, how sure that is, and what was left out."""
     caution: str
     """Why the result is not to be relied on; else empty."""
-    length: str = ""
-    """How well a length in metres is known; the first sentence has it too."""
     contradiction: str = ""
     """Where held-out frames contradict the forecast beyond chance, and why; else empty."""
 
@@ -133,7 +131,7 @@ def recommend(
         caution = why_not_trusted(calibration)
     caution = " ".join(filter(None, (caution, far_off(calibration.inputs))))
     sentences = tuple(filter(None, (use, *figures, certainty, left_out, in_runs)))
-    return Recommendation(match, measure, found, sentences, caution, lengths, contradiction)
+    return Recommendation(match, measure, found, sentences, caution, contradiction)
 
 
 def _contradiction(

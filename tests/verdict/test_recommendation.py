@@ -187,7 +187,7 @@ def test_a_bar_that_the_images_contradict_is_not_said_to_be_known() -> None:
     found = Run(replace(data, target_distance_m=bar, baseline_sigma_m=0.001)).recommendation
     metric = found.measure.metric_p95.forecast
     assert metric is not None and metric.low <= metric.value <= metric.high
-    assert "contradict" in found.length and "±" not in found.length
+    assert "which the images contradict" in found.sentences[0] and "±" not in found.sentences[0]
 
 
 def test_held_out_frames_that_contradict_the_forecast_are_the_headline(
