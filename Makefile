@@ -60,7 +60,7 @@ audit: $(VENV)/.run
 
 $(VENV)/.run: requirements.txt
 	@$(PYTHON) -c 'import sys; sys.exit("This needs Python 3.11 or newer: make PYTHON=python3.12 ..." if sys.version_info < (3, 11) else 0)'
-	@echo "Installing into $(VENV): about 320 MB to download, 1.2 GB on disk."
+	@echo "Installing into $(VENV): about 300 MB to download, 1.1 GB on disk."
 	$(PYTHON) -m venv $(VENV)
 	$(call install,requirements.txt)
 	@echo "Installed in $(VENV): $$(du -sh $(VENV) | cut -f 1)."
