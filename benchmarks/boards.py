@@ -29,8 +29,8 @@ from stereocal.intrinsics.stereo_boards import (
     stereo_boards,
 )
 from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.refined.parameter_file import standard_errors
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
@@ -150,12 +150,14 @@ def halves(boards: StereoBoards) -> None:
 def bootstrap(boards: StereoBoards) -> None:
     whole = some(boards, range(13))
     known = uncertainties(whole, 20)
-    stated = standard_errors(refined(whole, known))
+    one = refined(whole, known)
+    stated = standard_errors(one.covariance, one.rig)
     found: list[FloatArray] = []
     for seed in range(DRAWS):
         chosen = np.random.default_rng(seed).choice(13, 13)
         fit = refined(some(boards, chosen), known)
-        found.append(np.array([value.value for value in standard_errors(fit).values()]))
+        own = standard_errors(fit.covariance, fit.rig).values()
+        found.append(np.array([value.value for value in own]))
     spread = np.std(found, axis=0)
     for (name, value), own in zip(stated.items(), spread, strict=True):
         print(

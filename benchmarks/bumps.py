@@ -25,7 +25,7 @@ from stereocal.field.checking.findings import FOCAL_LEVEL
 from stereocal.field.checking.fits import ENOUGH
 from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.field.checking.recheck import recheck
-from stereocal.refined.two_views import pose_of
+from stereocal.refined.small_steps import baseline_direction, pose_at, pose_places
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
@@ -106,17 +106,14 @@ def print_repaired(trials: int) -> None:
         images = new_bars(case, rig)
         result = recheck(case.prior, images)
         exact = true_fit(case, images)
-        error = Rotation.from_matrix(pose_of(result.best.q).R @ rig.pose.R.T).as_rotvec()
-        axes = np.column_stack(
-            [[0, 1, 0], [np.cos(exact.q[0]), 0, -np.sin(exact.q[0])], rig.pose.R[:, 2]]
-        )
-        C = exact.covariance
+        error = Rotation.from_matrix(pose_at(result.best.at).R @ rig.pose.R.T).as_rotvec()
+        C, along = exact.covariance, baseline_direction(exact.at)
         rows.append(
             [
                 float(error @ error),
-                np.trace(axes @ C[:3, :3] @ axes.T),
+                np.diag(C)[pose_places(1)][:3].sum(),
                 (result.repaired.pose.baseline - rig.pose.baseline) ** 2,
-                C[5, 5],
+                float(along @ C @ along),
             ]
         )
         true_turn = Rotation.from_matrix(rig.pose.R @ case.truth.pose.R.T).magnitude()

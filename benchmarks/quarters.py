@@ -26,7 +26,7 @@ from stereocal.library.calibrations import calibrate
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
-from stereocal.refined.two_views import BAR, step_between
+from stereocal.refined.small_steps import step_between
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.correspondences import TARGETS, Correspondences
 from stereocal.rig.dataset import Dataset
@@ -113,11 +113,11 @@ def differences(data: Dataset) -> None:
 def rms_of_differences(data: Dataset) -> tuple[float, list[float]]:
     """The rms of the differences of quarters over their stated errors, and the design effects."""
     fits = [refine(data.of_frames(own), FREE) for own, _ in quarters(data)]
-    free = np.setdiff1d(np.flatnonzero(fits[0].unknowns.M.any(axis=1)), BAR)
+    free = np.flatnonzero(fits[0].unknowns.M[:-1].any(axis=1))
     ratios = []
     for a, b in combinations(fits, 2):
         variances = np.diag(a.covariance)[free] + np.diag(b.covariance)[free]
-        ratios.append(step_between(a.q, b.q)[free] / np.sqrt(variances))
+        ratios.append(step_between(a.at, b.at)[free] / np.sqrt(variances))
     return float(np.sqrt(np.mean(np.square(ratios)))), [fit.design_effect for fit in fits]
 
 

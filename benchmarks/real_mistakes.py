@@ -26,6 +26,7 @@ from benchmarks.wrong_rigs import largest_z, told, with_error
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
 from stereocal.network.rig_file import RigFile
+from stereocal.refined.small_steps import pose_places
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
@@ -57,7 +58,7 @@ def of_pair(data: Dataset, asked: argparse.Namespace) -> None:
         said = said_of(partial(run_data, own), None)
         print(f"  frames {part[0]} to {part[-1]}, sound: {said.accusations or 'nothing accused'}")
         pose = sound.sets[sound.recommendation.measure.method].pose
-        sigma = float(np.sqrt(np.trace(sound.refined_set.covariance[:3, :3])))
+        sigma = float(np.sqrt(np.diag(sound.refined_set.covariance)[pose_places(1)][:3].sum()))
         error = partial(far_from, pose, sigma)
         for name, mistake in OF_PAIRS.items():
             if mistake.change is not None and name in (asked.mistake or OF_PAIRS):

@@ -25,9 +25,10 @@ from scipy.sparse import lil_matrix
 
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.refined.refine import refine
-from stereocal.refined.two_views import BAR, PRIMARY, SECONDARY, pose_of
-from stereocal.refined.unknowns import LensPrior, RefineSettings, Unknowns, unknowns_of_pair
-from stereocal.refined.views import OWN
+from stereocal.refined.robust import RobustFit
+from stereocal.refined.small_steps import FACTOR, moved, pose_at, step_between
+from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.refined.views import EACH, LENS, OWN, Cameras
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
@@ -36,6 +37,7 @@ from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 SIGMA_PX, SCATTER_M = 0.2, 0.001
 TURNS = 9
+PRIMARY, SECONDARY = LENS, EACH + LENS
 SETTINGS = RefineSettings(
     primary=LensPrior(0.003, 5.0),
     secondary=LensPrior(0.003, 5.0),
@@ -53,12 +55,30 @@ def lens(camera: Camera, values: FloatArray) -> FloatArray:
     return K
 
 
-class Afternoon:
+class Unknown:
+    """The cameras by free parameters, and what is known of these beside the images."""
+
+    def __init__(self, begin: RobustFit) -> None:
+        self.begin, self.unknowns = begin.at, begin.unknowns
+        self.free = np.isfinite(self.unknowns.sigma)
+        _, _, self.baseline_m, self.baseline_sigma_m = begin.baselines[0]
+
+    def at(self, p: FloatArray) -> Cameras:
+        """The cameras."""
+        return moved(self.begin, self.unknowns.M @ p)
+
+    def priors(self, p: FloatArray, pose: Pose) -> FloatArray:
+        """Their residuals, and that of the measured baseline."""
+        off = (pose.baseline - self.baseline_m) / self.baseline_sigma_m
+        return np.append(p[self.free] / self.unknowns.sigma[self.free], off)
+
+
+class Afternoon(Unknown):
     """The residuals without places, in NumPy."""
 
-    def __init__(self, dataset: Dataset, unknowns: Unknowns) -> None:
-        self.dataset, self.unknowns = dataset, unknowns
-        self.free = np.isfinite(unknowns.sigma)
+    def __init__(self, dataset: Dataset, begin: RobustFit) -> None:
+        super().__init__(begin)
+        self.dataset = dataset
         rows = dataset.correspondences
         self.pixels = [np.ascontiguousarray(rows.primary), np.ascontiguousarray(rows.secondary)]
 
@@ -77,9 +97,9 @@ class Afternoon:
         return stack_rays(found[0], found[1])
 
     def __call__(self, p: FloatArray) -> FloatArray:
-        q = self.unknowns.origin + self.unknowns.M @ p
+        at = self.at(p)
+        q, pose = at.q, pose_at(at)
         rays = self.rays(q)
-        pose = pose_of(q)
         E = pose.essential
         ones = np.ones(rays.shape[1])
         first, second = np.vstack([rays[:2], ones]), np.vstack([rays[2:], ones])
@@ -93,9 +113,8 @@ class Afternoon:
         lengths = np.linalg.norm(points[bars[:, 0]] - points[bars[:, 1]], axis=1)
         # A weight that ours finds for each bar: here one for all, from the mean depth.
         spread = 2.0 * np.median(points[:, 2]) * SIGMA_PX / q[PRIMARY]
-        gaps = (lengths - q[BAR] * self.dataset.bar_distances_m) / np.hypot(SCATTER_M, spread)
-        priors = p[self.free] / self.unknowns.sigma[self.free]
-        return np.concatenate([sampson, gaps, priors])
+        gaps = (lengths - q[FACTOR] * self.dataset.bar_distances_m) / np.hypot(SCATTER_M, spread)
+        return np.concatenate([sampson, gaps, self.priors(p, pose)])
 
     def solve(self) -> FloatArray:
         """The 13 numbers."""
@@ -103,21 +122,23 @@ class Afternoon:
         return np.asarray(least_squares(self, start, x_scale="jac").x)
 
 
-class Kept:
+class Kept(Unknown):
     """Our residuals with all places as unknowns."""
 
-    def __init__(self, dataset: Dataset, unknowns: Unknowns, start: Pose) -> None:
-        self.unknowns, self.cameras = unknowns, (dataset.primary, dataset.secondary)
-        self.free = np.isfinite(unknowns.sigma)
+    def __init__(self, dataset: Dataset, begin: RobustFit, start: Pose) -> None:
+        super().__init__(begin)
+        self.cameras = dataset.primary, dataset.secondary
         rows = dataset.correspondences
         order = rows.bars.ravel()
         self.seen = np.hstack([rows.primary[order], rows.secondary[order]])
         self.distances = dataset.bar_distances_m
         places = triangulate_rays(start.R, start.T, dataset.rays)[order]
-        self.k = len(unknowns.names)
+        self.k = len(self.unknowns.names)
         self.start = np.concatenate([np.zeros(self.k), places.ravel()])
         frames = len(self.distances)
-        pattern = lil_matrix((9 * frames + int(self.free.sum()), len(self.start)), dtype=np.int8)
+        pattern = lil_matrix(
+            (9 * frames + int(self.free.sum()) + 1, len(self.start)), dtype=np.int8
+        )
         pattern[:, : self.k] = 1
         for f in range(frames):
             columns = slice(self.k + OWN * f, self.k + OWN * (f + 1))
@@ -127,23 +148,23 @@ class Kept:
 
     def __call__(self, z: FloatArray) -> FloatArray:
         p = z[: self.k]
-        q = self.unknowns.origin + self.unknowns.M @ p
-        pose = pose_of(q)
+        at = self.at(p)
+        q, pose = at.q, pose_at(at)
         places = z[self.k :].reshape(-1, 3)
         found = []
-        for camera, at, points in (
+        for camera, place, points in (
             (self.cameras[0], PRIMARY, places),
             (self.cameras[1], SECONDARY, pose.apply(places)),
         ):
-            K = lens(camera, q[at:])
+            K = lens(camera, q[place:])
             bent, _ = cv2.projectPoints(
                 points, np.zeros(3), np.zeros(3), np.eye(3), camera.distortion
             )
             found.append(bent[:, 0] @ K[:2, :2].T + K[:2, 2])
         pixels = (np.hstack(found) - self.seen) / SIGMA_PX
         lengths = np.linalg.norm(places[0::2] - places[1::2], axis=1)
-        gaps = (lengths - q[BAR] * self.distances) / SCATTER_M
-        return np.concatenate([pixels.ravel(), gaps, p[self.free] / self.unknowns.sigma[self.free]])
+        gaps = (lengths - q[FACTOR] * self.distances) / SCATTER_M
+        return np.concatenate([pixels.ravel(), gaps, self.priors(p, pose)])
 
     def solve(self) -> FloatArray:
         """The 13 numbers."""
@@ -166,7 +187,7 @@ def seconds(function: Callable[[], object]) -> float:
 
 
 def check_same(
-    name: str, data: Dataset, start: Pose, unknowns: Unknowns, p: FloatArray, tolerance: float
+    name: str, data: Dataset, start: Pose, other: Afternoon | Kept, tolerance: float
 ) -> None:
     """The other side must find the same to so many standard errors, or its time means nothing.
 
@@ -174,8 +195,9 @@ def check_same(
         RuntimeError: it does not.
     """
     ours = refine(data, SETTINGS, start)
-    moved = np.abs(unknowns.origin + unknowns.M @ p - ours.q)
-    off = float(np.max(moved / np.sqrt(np.diag(ours.covariance))))
+    away = np.abs(step_between(other.at(other.solve()), ours.at))
+    sigma = np.sqrt(np.diag(ours.covariance))
+    off = float(np.max(away[sigma > 0.0] / sigma[sigma > 0.0]))
     if off > tolerance:
         raise RuntimeError(f"{name} differs by {off:.2f} standard errors.")
 
@@ -185,14 +207,14 @@ def ratios(frames: int) -> None:
     rng = np.random.default_rng(frames)
     data = stated(random_scene(rng, frames), rng, Misjudged())
     start = calibrate_essential(data.rays, data.baseline_m).pose
-    unknowns = unknowns_of_pair(data, start, SETTINGS)
+    begin = RobustFit.of_pair(data, start, SETTINGS)
     others: dict[str, tuple[Afternoon | Kept, float]] = {
-        "no places": (Afternoon(data, unknowns), 4.0),
-        "places kept": (Kept(data, unknowns, start), 0.01),
+        "no places": (Afternoon(data, begin), 4.0),
+        "places kept": (Kept(data, begin, start), 0.01),
     }
     sides: list[Callable[[], object]] = [lambda: refine(data, SETTINGS, start)]
     for name, (other, tolerance) in others.items():
-        check_same(name, data, start, unknowns, other.solve(), tolerance)
+        check_same(name, data, start, other, tolerance)
         sides.append(other.solve)
     times = np.array([[seconds(side) for side in sides] for _ in range(TURNS)])
     ours, afternoon, kept = np.median(times, axis=0) * 1e3

@@ -22,11 +22,12 @@ from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings, lens_places
+from stereocal.network.fit import RigSettings
 from stereocal.network.result import RigCalibration
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
+from stereocal.refined.small_steps import lens_places
 from stereocal.refined.unknowns import LensPrior
 from stereocal.refined.views import EACH
 from stereocal.rig.recording import Recording

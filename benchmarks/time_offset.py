@@ -15,6 +15,7 @@ from functools import partial
 
 import numpy as np
 
+from stereocal.refined.parameter_file import of_file
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.time_offset import CLAIMED
@@ -71,7 +72,7 @@ def one_rig(study: Study, number: int) -> Found:
         return Found(offered=offered)
     settings = replace(off.settings(), time_offset=True, time_drift=not study.in_step)
     fit = refine(found.dataset, settings)
-    own, sigma = fit.time_offset, np.sqrt(np.diag(fit.covariance))
+    own, sigma = fit.time_offset, np.sqrt(np.diag(of_file(fit.covariance, fit.pose)))
     turn = np.array(fit.pose.angles) - np.array(cameras.pose.angles)
     turn = (turn + np.pi) % (2 * np.pi) - np.pi
     errors = (

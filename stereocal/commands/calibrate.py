@@ -21,9 +21,9 @@ from stereocal.evaluation.evaluate import MOST_RUNS, EvaluationSettings
 from stereocal.formats.evaluation_files import validation_in_summary
 from stereocal.formats.recording_files import DESCRIPTION
 from stereocal.paper_kit.kit import paper_kit
+from stereocal.refined.parameter_file import standard_errors
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import undetectable_errors
-from stereocal.refined.uncertainty import standard_errors
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import question_about_units, rig_in_words, word_of
 from stereocal.system.executors import engine
@@ -96,10 +96,11 @@ def _lines_of(found: Run) -> list[str]:
         lines.append(volume.sentence())
     if (result := calibration.refined) is not None:
         noise, scatter = result.sigma_px, result.scatter_m
+        baseline = standard_errors(result.covariance, result.rig)["baseline_m"]
         lines.append(
             f"refined: noise {noise.value:.3f} px ({noise.source}), scatter of the bar "
             f"{1000 * scatter.value:.2f} mm ({scatter.source}), baseline "
-            f"{result.pose.baseline:.4f} ± {standard_errors(result)['baseline_m'].sigma:.4f} m"
+            f"{baseline.value:.4f} ± {baseline.sigma:.4f} m"
         )
         if result.outlying_frames:
             named = listed([str(frame) for frame in result.outlying_frames])

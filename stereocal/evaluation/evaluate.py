@@ -30,7 +30,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.counting import BINS, count_pairs
 from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.two_views import undistort_rays
+from stereocal.refined.small_steps import undistort_rays
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.dataset import Dataset
@@ -255,7 +255,7 @@ def _refined(
     angles, table = np.array([found.pose.angles]), dataset.correspondences
     rays, pixels = dataset.rays.copy(), np.hstack([table.primary, table.secondary])
     lenses = lenses_of_cameras(found.primary, found.secondary)
-    if not undistort_rays(found.q, lenses, pixels, rays):
+    if not undistort_rays(found.at.q, lenses, pixels, rays):
         angles[:] = np.nan
     scale = pixel_scales((found.primary, found.secondary))
     return _test(dataset, ~fit, angles, partners, found.pose.baseline, rays, scale)

@@ -12,10 +12,10 @@ from stereocal.evaluation.summary import Estimate, MethodSummary
 from stereocal.field.planning.forecast import PlanForecast
 from stereocal.figures.style import in_order
 from stereocal.figures.validation import COLUMNS, standings
+from stereocal.refined.parameter_file import standard_errors
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
-from stereocal.refined.two_views import BAR, is_near_pole, largest_turn_sigma
-from stereocal.refined.uncertainty import standard_errors
+from stereocal.refined.small_steps import FACTOR, largest_turn_sigma
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import ForecastEntries
 from stereocal.system.numbers import digits, rounded
@@ -23,6 +23,8 @@ from stereocal.verdict.file_figures import stated_in
 from stereocal.verdict.in_words import interval, percent
 
 LENS_TITLES = {"f": "Focal length", "c": "Image centre"}
+POLE = 2.0
+"""Where the largest error of an angle is so many times that of any rotation, angles say little."""
 ANGLE_TITLES = {
     "yaw": "Yaw α (degrees)",
     "pitch": "Pitch β (degrees)",
@@ -82,7 +84,8 @@ def angles_table(calibration: Calibration) -> pd.DataFrame:
 def refined_table(result: RefinedResult) -> pd.DataFrame:
     """The refined set with its standard errors: angles in degrees, lengths in m, lenses in px."""
     lines = {}
-    for name, value in standard_errors(result).items():
+    errors = standard_errors(result.covariance, result.rig)
+    for name, value in errors.items():
         title, scale, decimals = "Baseline (m)", 1.0, 4
         if name in ANGLE_TITLES:
             title, scale = ANGLE_TITLES[name], 180 / math.pi
@@ -91,8 +94,8 @@ def refined_table(result: RefinedResult) -> pd.DataFrame:
             title, decimals = f"{LENS_TITLES[key[0]]} {key}, {camera} camera (px)", 2
         error = "held" if value.sigma == 0 else f"± {digits(scale * value.sigma, 2)}"
         lines[title] = {"Value": f"{scale * value.value:.{decimals}f}", "Standard error": error}
-    if is_near_pole(result.q):
-        largest = math.degrees(largest_turn_sigma(result.q, result.covariance))
+    largest = math.degrees(largest_turn_sigma(result.at, result.covariance))
+    if max(math.degrees(errors[name].sigma) for name in ANGLE_TITLES) > POLE * largest:
         lines["Largest error as a rotation (°)"] = {
             "Value": "",
             "Standard error": f"± {digits(largest, 2)}",
@@ -100,7 +103,7 @@ def refined_table(result: RefinedResult) -> pd.DataFrame:
     bar = result.dataset.target_distance_m
     lines["Distance A–B (m)"] = {
         "Value": f"{bar * result.bar_factor:.5f}",
-        "Standard error": f"± {digits(bar * math.sqrt(result.covariance[BAR, BAR]), 2)}",
+        "Standard error": f"± {digits(bar * math.sqrt(result.covariance[FACTOR, FACTOR]), 2)}",
     }
     return pd.DataFrame(lines).T.rename_axis("Refined set")
 

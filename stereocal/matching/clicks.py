@@ -20,7 +20,7 @@ from stereocal.matching.tracks import noise_of_tracks
 from stereocal.matching.trajectories import TRACK
 from stereocal.matching.view_groups import LOST, Measured, ViewFitter
 from stereocal.network.rig_file import Parameters, RigFile
-from stereocal.refined.two_views import BAR
+from stereocal.refined.small_steps import FACTOR
 from stereocal.rig.epipolar_curve import epipolar_curve
 from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import FloatArray, IntArray
@@ -332,6 +332,5 @@ class MeasuredClicks:
         variance = np.einsum("ni,nij,nj->", along, by_pixels[far], along)
         sums = np.einsum("ni,niq->q", along, moved[far])
         sigma = np.sqrt(variance + sums @ shared @ sums) + scatter[~far].sum()
-        bar = -1 if isinstance(self.how.measuring, RigFile) else BAR
-        scale = float(metres.mean() * np.sqrt(shared[bar, bar]))
+        scale = float(metres.mean() * np.sqrt(shared[FACTOR, FACTOR]))
         return Length(float(metres.mean()), float(sigma / len(rows)), len(rows), scale)

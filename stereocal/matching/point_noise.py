@@ -23,8 +23,7 @@ from scipy.special import gammaln, ndtr, stdtr
 
 from stereocal.errors import StereocalError
 from stereocal.matching.reconstruction import noise_of_file
-from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.two_views import shared_unknowns
+from stereocal.refined.small_steps import rig_at
 from stereocal.refined.uncertainty import point_jacobians
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray, IntArray
@@ -156,8 +155,7 @@ def pair_errors(
     """
     pixels = np.column_stack([primary[:, :2], secondary[:, :2]])
     xyz = rig.reconstruct(pixels[:, :2], pixels[:, 2:])
-    lenses = lenses_of_cameras(rig.primary, rig.secondary)
-    by_point, by_shared = point_jacobians(shared_unknowns(rig), lenses, np.ascontiguousarray(xyz))
+    by_point, by_shared = point_jacobians(rig_at(rig), np.ascontiguousarray(xyz))
     kept = np.asarray(np.isfinite(by_point).all(axis=(1, 2)))
     by_shared, pixels, xyz = by_shared[kept], pixels[kept], xyz[kept]
     columns, by_point = np.arange(4), by_point[kept].transpose(0, 2, 1)

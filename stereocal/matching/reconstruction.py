@@ -8,17 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.parameter_file import covariance_names
-from stereocal.refined.two_views import BASELINE, SHARED, shared_unknowns
+from stereocal.refined.parameter_file import covariance_of_entry
+from stereocal.refined.small_steps import OF_PAIR, rig_at
 from stereocal.refined.uncertainty import point_errors
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays, stack_rays, triangulate_rays
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from stereocal.system.array_types import BoolArray, FloatArray
-
-POSE = BASELINE + 1
-"""Number of the shared unknowns that are the pose: five angles and the baseline."""
 
 
 class PointErrors(NamedTuple):
@@ -99,21 +95,12 @@ def reconstruct_points(
 
 
 def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
-    """Image noise (px) and covariance (25, 25) of the shared unknowns of a file, else None."""
+    """Image noise (px) and covariance (33, 33) of the unknowns of `views` of a file, else None."""
     stored = rig.uncertainties
     if not stored:
         return None, None
     try:
-        names = list(stored["covariance"]["of"])
-        whole = np.array(stored["covariance"]["matrix"], dtype=np.float64)
-        if whole.shape != (len(names), len(names)) or not np.isfinite(whole).all():
-            raise ValueError("the covariance is not a square table of numbers")
-        found = np.zeros((SHARED, SHARED))
-        known = covariance_names((rig.primary, rig.secondary))
-        if missing := set(known[:POSE]) - set(names):
-            raise ValueError(f"the covariance is without {sorted(missing)[0]}")
-        at = [known.index(name) for name in names]
-        found[np.ix_(at, at)] = whole
+        found = covariance_of_entry(stored["covariance"], rig)
         return float(stored["sigma_px"]["value"]), found
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise StereocalError(
@@ -124,18 +111,17 @@ def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
 def errors_of_pairs(
     rig: RigParameters, points_m: FloatArray, sigma_px: float | FloatArray
 ) -> PointErrors:
-    """Errors of points (n, 3) in the primary's frame, by the shared unknowns of `two_views`.
+    """Errors of points (n, 3) in the primary's frame, by the unknowns of `views`.
 
     Args:
         sigma_px: of all points, or (n, 2).
     """
     if not (np.isfinite(sigma_px).all() and np.min(sigma_px, initial=0.0) >= 0):
         raise StereocalError(f"The image noise is {sigma_px} px: it must be 0 or more.")
-    lenses = lenses_of_cameras(rig.primary, rig.secondary)
-    errors = point_errors(shared_unknowns(rig), lenses, sigma_px, points_m)
+    errors = point_errors(rig_at(rig), sigma_px, points_m)
     of_parameters = noise_of_file(rig)[1]
     if of_parameters is None:
-        return PointErrors(*errors, np.zeros((SHARED, SHARED)))
+        return PointErrors(*errors, np.zeros((OF_PAIR, OF_PAIR)))
     # In units of the standard errors: an entry near 0 is not known to 1e-6 of itself.
     scale = np.sqrt(np.abs(np.diag(of_parameters)))
     uneven = np.abs(of_parameters - of_parameters.T)

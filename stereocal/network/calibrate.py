@@ -11,7 +11,7 @@ from stereocal.calibration.checks import refuse_same_points
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.network.diagnosis import camera_warnings, moved_in_words, refuse_poor_fit
-from stereocal.network.fit import RigFit, RigSettings
+from stereocal.network.fit import RigSettings
 from stereocal.network.free_distortion import better_held_out, lenses_with_distortion
 from stereocal.network.fuse import Fused, PairFit, fuse
 from stereocal.network.held_out import fitted_to
@@ -34,10 +34,9 @@ from stereocal.refined.refine import refine
 from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened
 from stereocal.refined.time_offset import DRIFTING
 from stereocal.refined.unknowns import LensPrior
-from stereocal.rig.geometry import Pose
+from stereocal.rig.geometry import AT_ORIGIN
 from stereocal.rig.lengths_in_words import question_about_units
 from stereocal.rig.recording import Recording
-from stereocal.rig.tracks import TimeOffset
 from stereocal.system.numbers import count
 from stereocal.system.tasks import Progress
 
@@ -167,11 +166,11 @@ def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration | Non
     refined = refine(screening.dataset, priors)
     pairs = Pairs(bars, {pair: PairFit.of(pair, refined)})
     kept = recording.where(~np.isin(recording.frame, screening.left_out))
-    fit = RigFit(kept, [Pose(np.eye(3), np.zeros(3)), refined.pose], settings)
-    fit.end_at(refined)
-    left_out = tuple(sorted({*screening.left_out, *refined.outlying_frames}))
+    start = Start([AT_ORIGIN, refined.pose], {}, refined.sigma_px.value)
+    fit, shifts = joint_fit(kept, start, settings)
+    left_out = tuple(sorted({*screening.left_out, *fit.frames[fit.outlying].tolist()}))
     warnings = tuple(camera_warnings(fit))
-    return RigCalibration(fit, pairs, (), left_out, {}, (TimeOffset(),) * 2, warnings)
+    return RigCalibration(fit, pairs, (), left_out, {}, shifts, warnings)
 
 
 def _consistent(recording: Recording, pairs: Pairs, settings: RigSettings) -> tuple[Pairs, Fused]:

@@ -7,12 +7,13 @@ import numpy as np
 
 from stereocal.calibration.methods import POOR_LENGTH
 from stereocal.errors import StereocalError
-from stereocal.network.fit import RigFit, RigSettings, lens_places
+from stereocal.network.fit import RigFit, RigSettings
 from stereocal.network.pairs import MOST_NOISE
 from stereocal.network.result import RigCalibration
 from stereocal.refined.diagnosis import heads_in_words
 from stereocal.refined.judge import CONTRADICTED
 from stereocal.refined.movement import Movement
+from stereocal.refined.small_steps import lens_places
 from stereocal.refined.stated_inputs import moved_length
 from stereocal.refined.unknowns import lens_prior
 from stereocal.rig.field_of_view import beyond_in_words

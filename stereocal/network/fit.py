@@ -5,26 +5,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from stereocal.refined.adjustment import add_baselines
 from stereocal.refined.observations import Observations
-from stereocal.refined.refine import RefinedResult
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import unknowns_of_views, with_lens
+from stereocal.refined.small_steps import pose_at
 from stereocal.refined.unknowns import (
     DEFAULT_BASELINE,
     DEFAULT_DISTANCE,
-    WIDE_DRIFT,
-    WIDE_TIME,
-    Block,
     LensPrior,
     RefineSettings,
     Unknowns,
-    free_parameters,
-    lens_block,
     lens_prior,
+    unknowns_of,
 )
-from stereocal.refined.views import DISTORTION, DRIFT, EACH, LENS, TIME, TRANSLATION, Cameras
-from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.system.array_types import FloatArray
@@ -47,12 +39,6 @@ class RigSettings:
     """Whether these offsets drift."""
 
 
-def lens_places(number: int) -> list[int]:
-    """The places in q of the lens unknowns of a camera."""
-    first, distortion = EACH * number + LENS, EACH * number + DISTORTION
-    return [*range(first, first + 4), *range(distortion, distortion + 4)]
-
-
 def unknowns_of_rig(
     recording: Recording, poses: Sequence[Pose], settings: RigSettings, bars: bool = True
 ) -> Unknowns:
@@ -62,34 +48,13 @@ def unknowns_of_rig(
         poses: `camera_from_reference` of each camera.
         bars: whether there are known lengths; if not, their factor is held fixed.
     """
-    count = EACH * len(recording.cameras) + 1
-    origin = np.zeros(count)
-    origin[-1] = 1.0
-    blocks: list[Block] = []
-    focal_lengths: list[int] = []
-    for number, (name, camera) in enumerate(recording.cameras.items()):
-        first, places = EACH * number, lens_places(number)
-        origin[first + TRANSLATION : first + LENS] = poses[number].T
-        origin[places] = camera.lens_values
-        focal_lengths += places[:2]
-        if number:
-            turns = [(f"{name} turn {axis}", np.inf, [first + i]) for i, axis in enumerate("xyz")]
-            shifts = [
-                (f"{name} {axis}", np.inf, [first + TRANSLATION + i])
-                for i, axis in enumerate("xyz")
-            ]
-            blocks.append((turns + shifts, None))
-        blocks.append(lens_block(name, lens_prior(camera, settings.lenses.get(name)), places))
-        offset = WIDE_TIME * bool(settings.time_offsets and number > 0)
-        drift = WIDE_DRIFT * bool(offset and settings.time_drifts)
-        times = [
-            (f"{name} time offset", offset, [first + TIME]),
-            (f"{name} time drift", drift, [first + DRIFT]),
-        ]
-        blocks.append((times, None))
+    lenses = {
+        name: lens_prior(camera, settings.lenses.get(name))
+        for name, camera in recording.cameras.items()
+    }
+    late = bool(settings.time_offsets), bool(settings.time_offsets and settings.time_drifts)
     sigma, _ = object_sigma(recording, settings)
-    blocks.append(([("object", sigma * bars, [count - 1])], None))
-    return free_parameters(blocks, origin, focal_lengths)
+    return unknowns_of(recording.cameras, poses, lenses, sigma * bars, late)
 
 
 def object_sigma(recording: Recording, settings: RigSettings) -> tuple[float, bool]:
@@ -112,11 +77,6 @@ def baselines_of(recording: Recording, settings: RigSettings) -> FloatArray:
         if not np.isinf(stated or 0.0)
     ]
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
-
-
-def camera_at(stated: Camera, q: FloatArray, number: int) -> Camera:
-    """The stated camera with the lens of q."""
-    return with_lens(stated, q[lens_places(number)])
 
 
 class RigFit(RobustFit):
@@ -143,33 +103,11 @@ class RigFit(RobustFit):
         super().__init__(seen, unknowns, held or RefineSettings(), R, baselines)
 
     @property
-    def cameras(self) -> Cameras:
-        """As of `views`, with the stated distortion."""
-        return self.views(self.q)[0]
-
-    @property
     def poses(self) -> list[Pose]:
         """`camera_from_reference` of each camera."""
-        T = self.q[:-1].reshape(-1, EACH)[:, 3:6]
-        return [Pose(R, shift) for R, shift in zip(self.R, T, strict=True)]
-
-    @property
-    def information(self) -> FloatArray:
-        """(Q, Q): of images, lengths and baselines, without the other priors."""
-        H = self.H.copy()
-        add_baselines(self.baselines, self.q, self.R, H, np.empty(len(H)))
-        return H
+        return [pose_at(self.at, number) for number in range(len(self.R))]
 
     @property
     def is_determined(self) -> bool:
         """Whether all that was solved for is a number with an error."""
-        return bool(np.isfinite(self.q).all()) and self.unknowns.determined(self.information)
-
-    def end_at(self, pair: RefinedResult) -> None:
-        """Take the refined set of a pair, where there are no other cameras."""
-        q, self.R, _ = unknowns_of_views(pair.q)
-        self.p = np.linalg.pinv(self.unknowns.M) @ (q - self.unknowns.origin)
-        self.sigma_px, self.scatter = pair.sigma_px.value, pair.scatter_m.value
-        self.outlying = np.isin(self.frames, pair.frames[pair.outlying])
-        self.evaluate(np.where(self.outlying, 0.0, np.inf))
-        self.cost, self.steps, self.converged = pair.cost, pair.steps, True
+        return bool(np.isfinite(self.q).all()) and self.at_end.determined(self.H)

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtrc
 
-from stereocal.network.fit import lens_places
 from stereocal.network.result import RigCalibration
+from stereocal.refined.small_steps import lens_places
 from stereocal.refined.unknowns import FIXED, LensPrior, lens_prior
 
 OF_LENS = 4
@@ -38,9 +38,9 @@ def lenses_with_distortion(rig: RigCalibration) -> dict[str, LensPrior]:
     if not (found and fit.is_determined):
         return {}
     # The score test: what a step in these unknowns would gain, with all others following.
-    (H,), (g,), _ = fit.equations(fit.q, [fit.used])
+    (H,), (g,), _ = fit.equations([fit.used])
     along = H[places] @ fit.unknowns.M
-    left = H[np.ix_(places, places)] - along @ fit.unknowns.covariance(fit.information) @ along.T
+    left = H[np.ix_(places, places)] - along @ fit.at_end.covariance(fit.H) @ along.T
     gain = float(g[places] @ np.linalg.pinv(left, hermitian=True) @ g[places])
     return found if chdtrc(len(places), gain) < CONTRADICTED else {}
 

@@ -9,38 +9,29 @@ once.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from stereocal.network.fit import RigSettings, lens_places, unknowns_of_rig
-from stereocal.refined import views
+from stereocal.network.fit import RigSettings, unknowns_of_rig
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.robust import turned
-from stereocal.refined.two_views import (
-    BAR,
-    BASELINE,
-    TIME,
-    pose_of,
-    shared_lens_places,
-    shared_unknowns,
-    unknowns_of_views,
+from stereocal.refined.small_steps import (
+    FACTOR,
+    OF_PAIR,
+    lens_places,
+    pose_at,
+    pose_places,
+    step_between,
+    turned,
 )
 from stereocal.refined.unknowns import Unknowns
-from stereocal.refined.views import EACH, LENS, TRANSLATION
+from stereocal.refined.views import EACH, LENS, TIME, TRANSLATION, Cameras
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair, Recording
-from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
 
-PLACES = [*shared_lens_places(0), *shared_lens_places(1), BAR, TIME]
-"""Of both lenses, the factor and the lateness among the pair's shared unknowns."""
 MOST_STEPS = 30
 CONVERGED = 1e-6
 """Predicted change of the cost."""
-LOCAL = 24
-"""Unknowns of a pair here: rotation, translation, 8 of each lens, factor of lengths, lateness."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +39,12 @@ class PairFit:
     """A pair's refined set, and what its images say of it."""
 
     pair: CameraPair
-    q: FloatArray
-    """(25,): the pair's shared unknowns, as of `two_views`."""
+    at: Cameras
+    """Both cameras, the second as late as they are apart."""
     information: FloatArray
-    """(25, 25): of images and lengths, without priors."""
+    """(33, 33): of images and lengths, without priors."""
     gradient: FloatArray
-    """(25,): half the derivative of their cost at q, where only the priors hold it."""
+    """(33,): half the derivative of their cost, where only the priors hold it."""
     noise_px: float
     frames: int
 
@@ -61,34 +52,15 @@ class PairFit:
     def of(cls, pair: CameraPair, fit: RefinedResult) -> "PairFit":
         """From a refined set; frames that follow each other count for less."""
         H, g = fit.images_alone
-        q, used = fit.q.copy(), int((~fit.outlying).sum())
+        q, used = fit.at.q.copy(), int((~fit.outlying).sum())
         if fit.dataset.time_offset is not None:
-            q[TIME] += fit.dataset.time_offset.frames  # by which the points have been shifted
-        return cls(pair, q, H, g, float(fit.sigma_px.value), used)
+            q[EACH + TIME] += fit.dataset.time_offset.frames  # by which the points were shifted
+        return cls(pair, fit.at._replace(q=q), H, g, float(fit.sigma_px.value), used)
 
-    @cached_property
+    @property
     def pose(self) -> Pose:
         """`second_from_first`."""
-        return pose_of(self.q)
-
-    @cached_property
-    def local(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Values (18,), information (24, 24) and gradient (24,) by the rotation of the second
-        camera about its own axes, T, the lenses, the factor of lengths, and the lateness.
-
-        The values are those of the lenses, the factor, and the lateness.
-        """
-        J = local_derivatives(self.q)
-        return self.q[PLACES], J.T @ self.information @ J, J.T @ self.gradient
-
-
-def local_derivatives(q: FloatArray) -> FloatArray:
-    """(25, 24): derivatives of a pair's shared unknowns by the local ones."""
-    of_pose = unknowns_of_views(q)[2][: BASELINE + 1, EACH : EACH + LENS]
-    J = np.zeros((len(q), LOCAL))
-    J[: BASELINE + 1, :LENS] = np.linalg.inv(of_pose.T)
-    J[PLACES, range(6, LOCAL)] = 1.0
-    return J
+        return pose_at(self.at)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +118,7 @@ def fuse(recording: Recording, pairs: Sequence[PairFit], settings: RigSettings) 
         for fit in pairs:
             first, second = (numbers[name] for name in fit.pair)
             d, J = difference(fit, first, second, q, R)
-            _, A, b = fit.local
+            A, b = fit.information, fit.gradient
             misfits[fit.pair] = float(d @ A @ d + 2 * b @ d)
             H += J.T @ A @ J
             g += J.T @ (A @ d + b)
@@ -165,36 +137,42 @@ def fuse(recording: Recording, pairs: Sequence[PairFit], settings: RigSettings) 
 def difference(
     pair: PairFit, first: int, second: int, q: FloatArray, R: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The rig's values for a pair less the pair's own, (24,), and their derivatives (24, Q)."""
-    values, _, _ = pair.local
-    a, b = EACH * first, EACH * second
+    """The step from a pair to where the rig has it, (33,), and its derivatives (33, Q)."""
+    d = step_between(pair_at(first, second, q, R, pair.at.lenses), pair.at)
+    J = pair_derivatives(first, second, q, R)
+    return np.where(J.any(axis=1), d, 0.0), J
+
+
+def pair_at(first: int, second: int, q: FloatArray, R: FloatArray, lenses: FloatArray) -> Cameras:
+    """Two cameras of a rig, the first of which is their reference."""
+    found, (a, b) = np.zeros(OF_PAIR), (EACH * first, EACH * second)
     R_pair = R[second] @ R[first].T
-    T = q[b + 3 : b + 6] - R_pair @ q[a + 3 : a + 6]
-    turn = Rotation.from_matrix(R_pair @ pair.pose.R.T).as_rotvec()
-    lens = [*lens_places(first), *lens_places(second), len(q) - 1]
-    offset = q[b + views.TIME] - q[a + views.TIME]
-    d = np.concatenate([turn, T - pair.pose.T, q[lens] - values[:-1], [offset - values[-1]]])
-    return d, pair_derivatives(first, second, q, R)
+    found[pose_places(1)][TRANSLATION:] = q[b + 3 : b + 6] - R_pair @ q[a + 3 : a + 6]
+    for number, camera in enumerate((first, second)):
+        found[lens_places(number)] = q[lens_places(camera)]
+    found[EACH + TIME], found[FACTOR] = q[b + TIME] - q[a + TIME], q[FACTOR]
+    return Cameras(found, np.array([np.eye(3), R_pair]), lenses)
 
 
 def pair_derivatives(first: int, second: int, q: FloatArray, R: FloatArray) -> FloatArray:
-    """(24, Q): derivatives of a pair's local unknowns by those of the rig."""
-    a, b, J = EACH * first, EACH * second, np.zeros((LOCAL, len(q)))
-    R_pair = R[second] @ R[first].T
-    lens = [*lens_places(first), *lens_places(second), len(q) - 1]
-    J[:3, b : b + 3], J[:3, a : a + 3] = np.eye(3), -R_pair
+    """(33, Q): derivatives of the unknowns of a pair by those of the rig."""
+    a, b, J = EACH * first, EACH * second, np.zeros((OF_PAIR, len(q)))
+    R_pair, of_pose = R[second] @ R[first].T, J[pose_places(1)]
+    of_pose[:3, b : b + 3], of_pose[:3, a : a + 3] = np.eye(3), -R_pair
     # T turns with R_pair: dT = dT_b - R_pair dT_a - (w_b - R_pair w_a) x (R_pair T_a)
     arm = np.cross(R_pair @ q[a + 3 : a + 6], np.eye(3)).T
-    J[3:6, b : b + 3], J[3:6, a : a + 3] = arm, -arm @ R_pair
-    J[3:6, b + 3 : b + 6], J[3:6, a + 3 : a + 6] = np.eye(3), -R_pair
-    J[range(6, LOCAL - 1), lens] = 1.0
-    J[LOCAL - 1, b + views.TIME], J[LOCAL - 1, a + views.TIME] = 1.0, -1.0
+    of_pose[3:, b : b + 3], of_pose[3:, a : a + 3] = arm, -arm @ R_pair
+    of_pose[3:, b + 3 : b + 6], of_pose[3:, a + 3 : a + 6] = np.eye(3), -R_pair
+    for number, camera in enumerate((first, second)):
+        J[lens_places(number), lens_places(camera)] = 1.0
+    J[FACTOR, FACTOR] = 1.0
+    J[EACH + TIME, b + TIME], J[EACH + TIME, a + TIME] = 1.0, -1.0
     return J
 
 
 def pair_covariance(
-    rig: Rig, first: int, second: int, q: FloatArray, R: FloatArray, covariance: FloatArray
+    first: int, second: int, q: FloatArray, R: FloatArray, covariance: FloatArray
 ) -> FloatArray:
-    """(25, 25): of a pair's shared unknowns, from that of the rig (Q, Q)."""
-    J = local_derivatives(shared_unknowns(rig)) @ pair_derivatives(first, second, q, R)
+    """(33, 33): of a pair's unknowns, from that of the rig (Q, Q)."""
+    J = pair_derivatives(first, second, q, R)
     return np.asarray(J @ covariance @ J.T)

@@ -14,8 +14,9 @@ from typing import Literal
 
 import numpy as np
 
-from stereocal.network.fit import RigFit, camera_at
+from stereocal.network.fit import RigFit
 from stereocal.refined.observations import Observations
+from stereocal.refined.small_steps import with_lens
 from stereocal.refined.views import Cameras, fit_points
 from stereocal.rig.clusters import evenly_divided
 from stereocal.system.array_types import FloatArray, IntArray
@@ -91,8 +92,8 @@ def seen_by_others(fit: RigFit, seen: Observations, units: IntArray) -> FloatArr
         rows = np.flatnonzero(there[:, number] & (there.sum(axis=1) > 2))
         others, own_rays = pixels[rows], rays[rows]
         others[:, number], own_rays[:, number] = np.nan, np.nan
-        points = pose.apply(fit_points(fit.cameras, others, own_rays).points)
-        images = camera_at(camera, fit.q, number).project(points)
+        points = pose.apply(fit_points(fit.at, others, own_rays).points)
+        images = with_lens(camera, fit.q, number).project(points)
         apart[rows, number] = np.linalg.norm(images - pixels[rows, number], axis=1)
     return apart
 
@@ -139,7 +140,7 @@ def _errors(fit: RigFit, parts: IntArray) -> HeldOut | None:
         if again is None:
             return None
         units = np.flatnonzero(np.isin(seen.frame_of, out))
-        points, residuals = point_fits(again.cameras, seen, units)
+        points, residuals = point_fits(again.at, seen, units)
         pixels.append(frame_errors(residuals, seen.frame_of[units], len(seen.frames))[out])
         lengths.append(relative_length_errors(points, seen.distances[units]))
         apart.append(seen_by_others(again, seen, units))

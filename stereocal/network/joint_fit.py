@@ -62,7 +62,7 @@ def joint_fit(
         values = fit.unknowns.named(fit.p)
         free = [key in values for key in keys]
         remaining = np.array([values.pop(name, 0.0) for name in keys])
-        sigma = np.sqrt(np.diag(fit.unknowns.covariance(fit.information)))
+        sigma = np.sqrt(np.diag(fit.at_end.covariance(fit.H)))
         places = [fit.unknowns.names.index(name) for name in compress(keys, free)]
         late, poses, p, noise_px = late + remaining, fit.poses, values, fit.sigma_px
         if (np.abs(remaining[free]) < IN_STEP * sigma[places]).all():

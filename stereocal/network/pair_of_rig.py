@@ -1,28 +1,27 @@
 """A pair of a rig: its data with the rig's lenses, the fit that is the rig's, and its files.
 
 Fitted by itself with the lenses of the rig as stated ones, a pair would count its own images twice:
-they are in those lenses already. So the information of its images is taken from that of the rig,
-and the rest is the prior. With it the pair's fit ends where the rig's did, with the rig's
-covariance; without some of its frames, their images in this pair are left out.
+they are in those lenses already. So its refined set is the rig's, and its covariance the rig's.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
-from stereocal.network.fit import lens_places
-from stereocal.network.fuse import pair_covariance
+from stereocal.network.fuse import pair_at, pair_covariance
 from stereocal.network.rig_file import RigFile
 from stereocal.network.screening import rows_of
+from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
-from stereocal.refined.robust import RobustFit
+from stereocal.refined.small_steps import lens_places
 from stereocal.refined.time_offset import usable_after
-from stereocal.refined.two_views import BAR, shared_unknowns
-from stereocal.refined.unknowns import RefineSettings, RigPrior, settings_for
+from stereocal.refined.unknowns import RefineSettings, RigMarginal
+from stereocal.refined.views import EACH, TIME
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters, Timing
@@ -31,8 +30,6 @@ from stereocal.system.tasks import Progress
 
 TIED = 1.0 - 1e-9
 """Correlation of fx and fy from which on they share one factor."""
-OF_PAIR = 1.0 - 1e-6
-"""Share of the information in a direction from which on all of it is the pair's own."""
 Sets = Mapping[Method, RigParameters]
 """The parameter sets of a pair."""
 
@@ -126,34 +123,26 @@ def settings_of_pair(dataset: Dataset, pair: CameraPair, rig: RigFile) -> Refine
     Args:
         dataset: of `data_of_pair`.
     """
-    of_rig, figures = rig.pair(*pair), rig.about.figures
+    figures = rig.about.figures
     assert figures is not None, "a rig of a recording"
-    values, effect = shared_unknowns(of_rig), figures.design_effect
-    values[BAR] = rig.q[-1]
-    settings = RefineSettings(
+    first, second = (rig.names.index(name) for name in pair)
+    lenses = lenses_of_cameras(*(rig.cameras[name] for name in pair))
+    at = pair_at(first, second, rig.q, rig.R, lenses)
+    at.q[EACH + TIME] = 0.0  # its points are in step
+    covariance = pair_covariance(first, second, rig.q, rig.R, rig.covariance)
+    return RefineSettings(
         baseline_sigma_m=dataset.baseline_sigma_m,
         distance_sigma_m=dataset.target_distance_sigma_m,
         sigma_px=rig.noise_px,
         scatter_m=figures.length_scatter_m,
         loss="squares",  # the rig has left out what contradicts it
+        of_rig=RigMarginal(
+            tuple(Rotation.from_matrix(at.R[1]).as_rotvec().tolist()),
+            tuple(at.q.tolist()),
+            tuple(map(tuple, covariance.tolist())),
+            figures.design_effect,
+        ),
     )
-    fit = RobustFit.of_pair(dataset, of_rig.pose, settings_for(dataset, settings))
-    H, g, _ = fit.equations(values, [np.arange(len(fit.frames))])
-    first, second = (rig.names.index(name) for name in pair)
-    covariance = pair_covariance(of_rig, first, second, rig.q, rig.R, rig.covariance)
-    M = fit.unknowns.M
-    to_free = np.linalg.pinv(M)
-    L = np.linalg.cholesky(to_free @ covariance @ to_free.T)
-    # In these directions the rig has the information 1; the pair's images a share of it.
-    shares, V = np.linalg.eigh(L.T @ (M.T @ H[0] @ M / effect) @ L)
-    left = np.where(shares < OF_PAIR, 1.0 - shares, 0.0)
-    W = np.linalg.solve(L.T, V)
-    away = np.divide(V.T @ L.T @ (M.T @ g[0]), left, out=np.zeros(len(left)), where=left > 0.0)
-    precision = to_free.T @ (W * left) @ W.T @ to_free
-    mean = values + M @ (L @ (V @ away))
-    rows = (tuple(row) for row in precision.tolist())
-    rest = RigPrior(tuple(values.tolist()), tuple(mean.tolist()), tuple(rows), effect)
-    return replace(settings, rest=rest)
 
 
 def _lens(rig: RigFile, name: str) -> Camera:

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from stereocal.network.about_rig import Gap, Loop, ThirdCamera
-from stereocal.network.fit import RigFit, camera_at
+from stereocal.network.fit import RigFit
 from stereocal.network.held_out import (
     Groups,
     HeldOut,
@@ -21,7 +21,7 @@ from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
 from stereocal.refined.design_effect import design_effect
 from stereocal.refined.out_of_step import SIGNIFICANT, SMALLEST
-from stereocal.refined.two_views import rig_of
+from stereocal.refined.small_steps import rig_of, with_lens
 from stereocal.refined.views import DRIFT, EACH, TIME
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, clusters_of, follow_each_other, in_equal_runs
@@ -71,7 +71,7 @@ class RigCalibration:
         """With the refined lenses."""
         stated = self.recording.cameras
         return {
-            name: camera_at(stated[name], self.fit.q, number)
+            name: with_lens(stated[name], self.fit.q, number)
             for number, name in enumerate(self.names)
         }
 
@@ -79,7 +79,7 @@ class RigCalibration:
     def point_fits(self) -> tuple[FloatArray, FloatArray]:
         """Points (n, 2, 3) of the units of `fit.seen`, from their pixels alone, and residuals
         (n, 2, c, 2) in pixels; NaN where not seen."""
-        return point_fits(self.fit.cameras, self.fit.seen)
+        return point_fits(self.fit.at, self.fit.seen)
 
     @cached_property
     def clusters(self) -> Clusters:
@@ -106,14 +106,13 @@ class RigCalibration:
     def design_effect(self) -> float:
         """How many times the clusters scatter more than independent frames would; at least 1."""
         fit, clusters = self.fit, in_equal_runs(self.clusters, self._places)
-        return design_effect(fit, fit.q, fit.used, clusters)
+        return design_effect(fit, fit.used, clusters)
 
     @cached_property
     def covariance(self) -> FloatArray:
         """(Q, Q): of the unknowns of `views`; 0 for fixed ones."""
         fit, M = self.fit, self.fit.unknowns.M
-        of_baselines = fit.information - fit.H
-        found = fit.unknowns.covariance(fit.H / self.design_effect + of_baselines)
+        found = fit.at_end.covariance(fit.H / self.design_effect)
         return np.asarray(M @ found @ M.T)
 
     @property
@@ -207,7 +206,7 @@ class RigCalibration:
         for pair in ((first, second), (second, first)):
             if (fit := self.pairs.fits.get(pair)) is not None:
                 one, other = (self.recording.cameras[name] for name in pair)
-                rig = rig_of(one, other, fit.q)
+                rig = rig_of(one, other, fit.at)
                 reverse = Rig(rig.secondary, rig.primary, rig.pose.inverse())
                 return rig if pair[0] == first else reverse
         return None

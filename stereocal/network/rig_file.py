@@ -12,12 +12,13 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.network.about_rig import AboutRig, PairOfRig, RigFigures
-from stereocal.network.fit import lens_places, object_sigma
+from stereocal.network.fit import object_sigma
 from stereocal.network.fuse import pair_covariance
 from stereocal.network.pairs import pair_name
 from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.refined.length_in_metres import BarKnown, p95_of_factor
 from stereocal.refined.parameter_file import covariance_entry
+from stereocal.refined.small_steps import lens_places
 from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
@@ -117,7 +118,7 @@ class RigFile(ResultFile):
         pose = self.poses[second] @ self.poses[first].inverse()
         rig = Rig(self.cameras[first], self.cameras[second], pose)
         a, b = self.names.index(first), self.names.index(second)
-        covariance = pair_covariance(rig, a, b, self.q, self.R, self.covariance)
+        covariance = pair_covariance(a, b, self.q, self.R, self.covariance)
         figures, stated = self.about.figures, self.object
         offset = self.shift(first, second)
         return RigParameters(
@@ -134,14 +135,14 @@ class RigFile(ResultFile):
                     "value": self.noise_px,
                     "degrees_of_freedom": max(3 * figures.independent_frames, 1) if figures else 1,
                 },
-                "covariance": covariance_entry(covariance, (rig.primary, rig.secondary)),
+                "covariance": covariance_entry(covariance, rig),
                 "bar_length_m": {"estimate": self.q[-1], "stated": 1.0},
                 "bar_scatter_m": {"value": figures.length_scatter_m if figures else 0.0},
                 "design_effect": figures.design_effect if figures else 1.0,
             },
             noise_px=self.noise_px,
             volume=self.volume,
-            time_offset=replace(offset, sigma=float(np.sqrt(covariance[-2, -2])))
+            time_offset=replace(offset, sigma=float(np.sqrt(covariance[EACH + TIME, EACH + TIME])))
             if offset.is_shift
             else None,
             camera_names=(first, second),

@@ -25,7 +25,7 @@ from stereocal.calibration.readings import (
 )
 from stereocal.calibration.wrong_inputs import essential_fit, inconsistency_message, suspects
 from stereocal.errors import StereocalError
-from stereocal.network.fit import RigFit, RigSettings, camera_at
+from stereocal.network.fit import RigFit, RigSettings
 from stereocal.network.fuse import PairFit, chained
 from stereocal.network.pairs import (
     FEWEST_BARS,
@@ -48,6 +48,7 @@ from stereocal.refined.judge import (
     typical_noise,
 )
 from stereocal.refined.refine import refine
+from stereocal.refined.small_steps import with_lens
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.recording import CameraPair, Recording
@@ -184,7 +185,7 @@ def _fits(fit: RigFit, best_pair_px: float) -> bool:
     """Whether all cameras together leave noise, with lengths and lenses as they are stated."""
     scatter = fit.scatter / fit.recording.object.longest_m
     largest = largest_noise(fit.recording, best_pair_px)
-    noise = Noise(fit.sigma_px, largest, float(fit.p @ fit.unknowns.precision @ fit.p))
+    noise = Noise(fit.sigma_px, largest, fit.prior_cost)
     return noise.fits and scatter < HELD_LENGTHS and not fit.rig_settings.lenses
 
 
@@ -284,10 +285,10 @@ def noise_of_rig(
     with suppress(np.linalg.LinAlgError):
         if fit.run() and fit.is_determined:
             own = enumerate(recording.cameras.items())
-            cameras = {name: camera_at(camera, fit.q, number) for number, (name, camera) in own}
+            cameras = {name: with_lens(camera, fit.q, number) for number, (name, camera) in own}
             parts = PARTS if len(fit.frames) >= PARTS * FEWEST_BARS else 1
             px = typical_noise(fit, fit.sigma_px, fit.poses, parts)
-            of_lenses = float(fit.p @ fit.unknowns.precision @ fit.p)
+            of_lenses = fit.prior_cost
             largest = largest_noise(recording, least)
             return RigNoise(px, largest, of_lenses, cameras, tuple(pairs))
     return RigNoise()

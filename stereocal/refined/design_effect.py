@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import SHARED, shared_lens_places
+from stereocal.refined.small_steps import OF_PAIR, lens_places
 from stereocal.refined.unknowns import RefineSettings, Unknowns, lens_prior
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.correspondences import Correspondences
@@ -48,28 +48,24 @@ def clusters_in(rows: Correspondences, rig: Rig, frames: IntArray) -> Clusters:
 
 
 def design_effect(
-    solve: RobustFit,
-    q: FloatArray,
-    used: IntArray,
-    clusters: Clusters,
-    step: FloatArray | None = None,
+    solve: RobustFit, used: IntArray, clusters: Clusters, step: FloatArray | None = None
 ) -> float:
     """How many times the clusters scatter more than independent frames would; at least 1.
 
     Args:
-        solve: whose minimum is at q.
+        solve: at its minimum, or `step` from it.
         used: (f,): indices of the frames of the clusters among those of the solve.
-        step: (k,): from q to the minimum, in the free parameters, if q is not it.
+        step: (k,): from there to the minimum, in the free parameters.
     """
     if not (clusters.has_runs or solve.seen.has_parts):
         return 1.0
     order = np.argsort(clusters.of_frames, kind="stable")
     groups = np.split(used[order], np.cumsum(np.bincount(clusters.of_frames))[:-1])
-    H, g, _ = solve.equations(q, groups)
+    H, g, _ = solve.equations(groups)
     if not H.any():  # with points behind a camera
         return 1.0
-    M = solve.unknowns.M
-    C = solve.unknowns.covariance(H.sum(axis=0))
+    unknowns = solve.at_end
+    M, C = unknowns.M, unknowns.covariance(H.sum(axis=0))
     H = M.T @ H @ M
     g, CH = g @ M, C @ H
     if step is not None:
@@ -79,7 +75,7 @@ def design_effect(
 
 
 def lenses_without(dataset: Dataset, settings: RefineSettings) -> dict[str, FloatArray]:
-    """The shared unknowns (25,) of both lenses without each board minus those with all, by frame.
+    """The unknowns (33,) of both lenses without each board minus those with all, by frame.
 
     Empty where a lens has another uncertainty than that of its boards.
     """
@@ -90,7 +86,7 @@ def lenses_without(dataset: Dataset, settings: RefineSettings) -> dict[str, Floa
         if known is None or not known.without or prior != lens_prior(camera, None):
             return {}
         for frame, change in known.without.items():
-            found.setdefault(frame, np.zeros(SHARED))[shared_lens_places(number)] = change
+            found.setdefault(frame, np.zeros(OF_PAIR))[lens_places(number)] = change
     return found
 
 

@@ -21,7 +21,7 @@ from stereocal.refined.screening import (
     screen,
     wide_settings,
 )
-from stereocal.refined.two_views import largest_turn_sigma
+from stereocal.refined.small_steps import largest_turn_sigma
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import AT_ORIGIN, Pose, on_their_heads
@@ -156,7 +156,7 @@ def geometry_warning(fit: RefinedResult) -> str:
     """
     if not fit.sigma_px.value < MAXIMUM_NOISE_PX:
         return ""
-    largest = largest_turn_sigma(fit.q, fit.covariance)
+    largest = largest_turn_sigma(fit.at, fit.covariance)
     ends = fit.used_points_m
     points, flat = _finite(ends.reshape(-1, 3)), False
     if len(points) > 3:  # the RMS distances from the best plane, and along it the shorter way

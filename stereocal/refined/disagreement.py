@@ -30,8 +30,8 @@ from scipy.special import chdtrc, fdtrc, ndtri, ndtri_exp
 
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.small_steps import FACTOR, baseline_direction, lens_places
 from stereocal.refined.stated_inputs import LENGTHS, Input, advice_on, note_on_rivals, pair_advice
-from stereocal.refined.two_views import BAR, BASELINE, SHARED, shared_lens_places
 from stereocal.refined.unknowns import (
     LensPrior,
     RefineSettings,
@@ -64,13 +64,10 @@ fraction."""
 
 
 INPUTS: Mapping[str, tuple[tuple[str, ...], list[int]]] = {
-    "baseline": (("baseline",), [BASELINE]),
-    "distance": (("bar",), [BAR]),
+    "baseline": ((), []),
+    "distance": (("object",), [FACTOR]),
     **{
-        f"{camera} {part}": (
-            tuple(f"{camera} {key}" for key in keys),
-            shared_lens_places(number)[own],
-        )
+        f"{camera} {part}": (tuple(f"{camera} {key}" for key in keys), lens_places(number)[own])
         for number, camera in enumerate(CAMERAS)
         for part, keys, own in (
             ("focal", ("focal", "fx", "fy"), slice(0, 2)),
@@ -79,7 +76,7 @@ INPUTS: Mapping[str, tuple[tuple[str, ...], list[int]]] = {
         )
     },
 }
-"""Names of the free parameters of each, and its places among the shared unknowns."""
+"""Names of the free parameters of each, and its places in q; the baseline is a length of T."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +94,7 @@ def compare_inputs(result: RefinedResult) -> InputComparison:
 
     Those of a pair of a rig are the rig's, which tests its own.
     """
-    if result.settings.rest is not None:
+    if result.settings.of_rig is not None:
         return InputComparison([], result)
     current = _with_its_noise(result)
     tests = _tests(current)
@@ -177,15 +174,14 @@ def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
     spread = C - (result.design_effect - 1.0) * C @ M.T @ result.information @ M @ C
     for key in INPUTS:
         columns = _columns(result, key)
-        if not columns and key.endswith("distortion"):
+        if not len(columns) and key.endswith("distortion"):
             found[key] = _distortion_test(result, key), 1.0
-        if not columns or not np.isfinite(result.unknowns.sigma[columns]).all():
+        if not len(columns) or not np.isfinite(prior := _prior(result, key, columns)).all():
             continue
-        prior = result.unknowns.prior_covariance(columns)
-        gained = prior - spread[np.ix_(columns, columns)]
+        gained = prior - columns @ spread @ columns.T
         scale = 1.0 / np.sqrt(np.diag(prior))
         informed, along = np.linalg.eigh(gained * np.outer(scale, scale))
-        moved = along.T @ (result.p[columns] * scale)
+        moved = along.T @ (columns @ result.p * scale)
         keep = informed > MINIMUM_INFORMATION
         if not keep.any():
             found[key] = float("nan"), float("nan")
@@ -225,33 +221,57 @@ def _as_z(probability: float) -> float:
     return max(float(-ndtri(0.5 * max(probability, 1e-300))), 0.0)
 
 
-def _columns(result: RefinedResult, key: str) -> list[int]:
-    """The indices in p of the free parameters of an input; none if it is held fixed."""
+def _columns(result: RefinedResult, key: str) -> FloatArray:
+    """(m, k): the m values of an input by the free parameters; none if it is held fixed."""
     names = result.unknowns.names
-    return [names.index(name) for name in INPUTS[key][0] if name in names]
+    if key == "baseline":
+        known = baseline_sigma_m(result.dataset, result.settings) > 0.0
+        return np.asarray(baseline_direction(result.at) @ result.unknowns.M)[None][: int(known)]
+    return np.eye(len(names))[[names.index(name) for name in INPUTS[key][0] if name in names]]
 
 
-def _values(result: RefinedResult, key: str, values: FloatArray) -> FloatArray:
-    """The values of an input among the 25 shared unknowns, in the input's unit."""
-    unit = result.dataset.target_distance_m if key == "distance" else 1.0
-    return np.asarray(values[INPUTS[key][1]] * unit)
+def _prior(result: RefinedResult, key: str, columns: FloatArray) -> FloatArray:
+    """(m, m): the prior covariance of an input; infinite if it has none."""
+    if key == "baseline":
+        return np.full((1, 1), baseline_sigma_m(result.dataset, result.settings) ** 2)
+    at = np.flatnonzero(columns.any(axis=0))
+    if not np.isfinite(result.unknowns.sigma[at]).all():
+        return np.full((len(at), len(at)), np.inf)
+    return result.unknowns.prior_covariance(at.tolist())
+
+
+def _values(result: RefinedResult, key: str) -> tuple[FloatArray, FloatArray]:
+    """The values of an input, in its unit, and their standard errors."""
+    if key == "baseline":
+        along = baseline_direction(result.at)
+        sigma = np.sqrt(along @ result.covariance @ along)
+        return np.array([result.pose.baseline]), np.array([sigma])
+    unit, places = result.dataset.target_distance_m if key == "distance" else 1.0, INPUTS[key][1]
+    sigmas = np.sqrt(np.diag(result.covariance)[places])
+    return unit * result.at.q[places], unit * sigmas
 
 
 def _input(result: RefinedResult, key: str, standard_errors: float) -> Input:
-    columns = _columns(result, key)
-    M, sigma = result.unknowns.M[:, columns], result.unknowns.sigma[columns]
-    prior = np.sqrt(np.sum(np.square(M * sigma), axis=1)) if len(columns) else np.zeros(SHARED)
-    before = _values(result, key, prior)
-    after = _values(result, key, np.sqrt(np.diag(result.covariance)))
+    columns, places = _columns(result, key), INPUTS[key][1]
+    prior = _prior(result, key, columns)
+    if key == "baseline":
+        stated, before = np.array([result.dataset.baseline_m]), np.sqrt(np.diag(prior))
+    else:
+        unit = result.dataset.target_distance_m if key == "distance" else 1.0
+        M, at = result.unknowns.M[places], np.flatnonzero(columns.any(axis=0))
+        spread = np.abs(M[:, at]) * result.unknowns.sigma[at]
+        before = unit * np.sqrt(np.square(spread).sum(axis=1))
+        stated = unit * result.unknowns.origin[places]
+    estimate, after = _values(result, key)
     with np.errstate(divide="ignore", invalid="ignore"):
         informed = 1.0 - np.square(after / before)
         detectable = ACCUSED * before / np.sqrt(informed)
     return Input(
         key=key,
         unit="m" if key in LENGTHS else "" if key.endswith("distortion") else "px",
-        stated=_values(result, key, result.unknowns.origin),
+        stated=stated,
         prior_sigma=before,
-        estimate=_values(result, key, result.q),
+        estimate=estimate,
         sigma=after,
         standard_errors=standard_errors,
         sigma_stated=_sigma_stated(result, key),
@@ -296,10 +316,7 @@ def _accused(
     inputs: Mapping[str, Input],
 ) -> Input:
     """An input with its estimate from the other data, and the message about it."""
-    others = {
-        key: (_values(fit, key, fit.q), _values(fit, key, np.sqrt(np.diag(fit.covariance))))
-        for key, fit in freed.items()
-    }
+    others = {key: _values(fit, key) for key, fit in freed.items()}
     (say, sigma), fit = others[item.key], freed[item.key]
     if len(freed) > 1:
         other = next(key for key in freed if key != item.key)

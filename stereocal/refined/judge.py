@@ -245,7 +245,7 @@ def typical_noise(
     """
     over = fit.chi_squares / chdtri(np.maximum(fit.degrees_of_freedom, 1), 0.5)
     half = max(float(np.median(part)) for part in np.array_split(over, parts))
-    of_prior = float(fit.p @ fit.unknowns.precision @ fit.p)
+    of_prior = fit.prior_cost
     stretched = np.exp(min(of_prior / (2.0 * fit.degrees_of_freedom.sum()), LARGEST_EXPONENT))
     return float(sigma_px * np.sqrt(half) * stretched * (ALIKE if on_their_heads(poses) else 1.0))
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.two_views import derivatives_by_rig
+from stereocal.refined.small_steps import derivatives_by_rig
 from stereocal.rig.residual_field import ResidualField, cells_of, residual_field
 from stereocal.system.array_types import FloatArray, IntArray
 

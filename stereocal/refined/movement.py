@@ -1,4 +1,4 @@
-"""Whether a camera moved during a recording, of any number of cameras; a pair is the case of two.
+"""Whether a camera moved during a recording.
 
 The recording is divided into blocks of frames. In the fit of all frames, linear at its end, each
 block gets a pose of the camera of its own. One step of the pose, at the best block, is compared
@@ -17,13 +17,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 from scipy.special import fdtrc
 
 from stereocal.errors import StereocalError
 from stereocal.refined.robust import RobustFit
+from stereocal.refined.small_steps import step_between
 from stereocal.refined.unknowns import inverse_of
-from stereocal.refined.views import EACH, LENS, TRANSLATION
+from stereocal.refined.views import EACH, LENS
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 
@@ -139,10 +139,9 @@ def _steps(fit: RobustFit, parts: Sequence[RobustFit]) -> list[_Step]:
     if len(blocks) < 2 * OF_SIDE:
         return []
     H, g = map(np.array, zip(*(_equations(fit, *each) for each in blocks), strict=True))
-    M, B = fit.unknowns.M, fit.views(fit.q)[1]
-    M = M if B is None else B.T @ M
-    C = inverse_of(M.T @ H.sum(axis=0) @ M + fit.unknowns.precision, SMALLEST)
-    step = C @ (M.T @ g.sum(axis=0) + fit.unknowns.precision @ fit.p)
+    M = fit.unknowns.M
+    C = inverse_of(M.T @ H.sum(axis=0) @ M + fit.at_end.precision, SMALLEST)
+    step = C @ (M.T @ g.sum(axis=0) + fit.prior_gradient)
     freedom = sum(int(part.degrees_of_freedom[block].sum()) for part, block in blocks)
     cost = sum(float(part.chi_squares[block].sum()) for part, block in blocks)
     found = list[_Step]()
@@ -204,15 +203,9 @@ def _blocks(part: RobustFit, parts: int = 1) -> list[IntArray]:
 
 
 def _equations(fit: RobustFit, part: RobustFit, block: IntArray) -> tuple[FloatArray, FloatArray]:
-    """H (V, V) and g (V,) of some frames of a part, at the whole fit and by the unknowns of `views`
-    of it."""
-    (H,), (g,), _ = part.equations(part.q, [block], in_views=True)
-    if part is not fit:
-        at, to = fit.views(fit.q)[0], part.views(part.q)[0]
-        away, turns = to.q - at.q, to.R @ at.R.transpose(0, 2, 1)
-        away[:-1].reshape(-1, EACH)[:, :TRANSLATION] += Rotation.from_matrix(turns).as_rotvec()
-        g = g - H @ away
-    return H, g
+    """H (Q, Q) and g (Q,) of some frames of a part, at the whole fit."""
+    (H,), (g,), _ = part.equations([block])
+    return (H, g) if part is fit else (H, g - H @ step_between(part.at, fit.at))
 
 
 def _left_out_from(fit: RobustFit) -> int:

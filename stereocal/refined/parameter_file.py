@@ -1,19 +1,53 @@
 """The parameter file of the refined set, with its lenses and uncertainties."""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from stereocal.refined.refine import RefinedResult
+from stereocal.refined.small_steps import FACTOR, OF_PAIR, lens_places, pose_places
 from stereocal.refined.stated_inputs import Input
-from stereocal.refined.two_views import BAR, SHARED, TIME
-from stereocal.refined.uncertainty import COVARIANCE_OF, standard_errors
+from stereocal.refined.views import DRIFT, EACH, TIME
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.dataset import SMALLEST_UNCERTAINTY, Dataset
+from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import ForecastEntries, RigParameters, about_data
+from stereocal.rig.rig import Rig
 from stereocal.rig.volume import Volume
 from stereocal.system.array_types import FloatArray
+
+POSE = len(Angles._fields) + 1
+"""The first of the values of a file's covariance are the five angles and the baseline."""
+COVARIANCE_OF = (
+    *Angles._fields,
+    "baseline_m",
+    "bar_factor",
+    *(f"{camera}_{key}" for camera in CAMERAS for key in LENS_UNKNOWNS[:4]),
+    *(f"{camera}_{key}" for camera in CAMERAS for key in LENS_UNKNOWNS[4:]),
+    "time_offset_frames",
+    "time_drift",
+)
+"""Names of the rows of a file's covariance, in order; files without a time offset end before it."""
+PLACES = [
+    OF_PAIR + FACTOR,
+    *lens_places(0)[:4],
+    *lens_places(1)[:4],
+    *lens_places(0)[4:],
+    *lens_places(1)[4:],
+    EACH + TIME,
+    EACH + DRIFT,
+]
+"""Of these values, from the factor of the bar on, among the unknowns of `views`."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """An estimate and its standard error, which is 0 if the value was held fixed."""
+
+    value: float
+    sigma: float
 
 
 def covariance_names(cameras: Sequence[Camera]) -> tuple[str, ...]:
@@ -59,31 +93,88 @@ def refined_parameters(
     )
 
 
-def covariance_entry(covariance: FloatArray, cameras: Sequence[Camera]) -> dict[str, Any]:
-    """The entry of a file on the covariance (25, 25) of the shared unknowns."""
-    kept = SHARED if covariance[TIME:].any() else TIME
-    return {
-        "of": list(covariance_names(cameras)[:kept]),
-        "matrix": covariance[:kept, :kept].tolist(),
-    }
+def by_angles(pose: Pose) -> FloatArray:
+    """(6, 6): derivatives of a small rotation of the secondary camera about its own axes, and of T,
+    by the five angles of the paper and the baseline.
+
+    R is a product of rotations about y, x and z: an angle turns about its axis, rotated by the
+    factors to its left. Singular where the angles have no direction: delta and epsilon with a
+    baseline along an optical axis, yaw and roll with a pitch of 90 degrees.
+    """
+    yaw, _, _, delta, epsilon = pose.angles
+    t, found = pose.T / pose.baseline, np.zeros((6, 6))
+    found[:3, 0], found[:3, 1] = [0.0, 1.0, 0.0], [np.cos(yaw), 0.0, -np.sin(yaw)]
+    found[:3, 2] = pose.R[:, 2]
+    across = [-np.sin(delta) * np.cos(epsilon), -np.sin(delta) * np.sin(epsilon), np.cos(delta)]
+    found[3:, 3], found[3:, 4] = pose.baseline * np.array(across), [-pose.T[1], pose.T[0], 0.0]
+    found[3:, 5] = t
+    return found
+
+
+def of_file(covariance: FloatArray, pose: Pose) -> FloatArray:
+    """(25, 25): a covariance (33, 33) of the unknowns of two cameras by the values of a file."""
+    J = np.zeros((len(COVARIANCE_OF), OF_PAIR))
+    J[:POSE, pose_places(1)] = np.linalg.inv(by_angles(pose))
+    J[range(POSE, len(J)), PLACES] = 1.0
+    return np.asarray(J @ covariance @ J.T)
+
+
+def covariance_entry(covariance: FloatArray, rig: Rig) -> dict[str, Any]:
+    """The entry of a file on the covariance (33, 33) of the unknowns of a rig."""
+    values = of_file(covariance, rig.pose)
+    time = len(values) - 2
+    kept = len(values) if values[time:].any() else time
+    names = covariance_names((rig.primary, rig.secondary))
+    return {"of": list(names[:kept]), "matrix": values[:kept, :kept].tolist()}
+
+
+def covariance_of_entry(entry: Mapping[str, Any], rig: Rig) -> FloatArray:
+    """(33, 33): the covariance of the unknowns of `views` that a file states, in one entry.
+
+    Raises:
+        KeyError, TypeError, ValueError: the entry is damaged.
+    """
+    names, whole = list(entry["of"]), np.array(entry["matrix"], dtype=np.float64)
+    if whole.shape != (len(names), len(names)) or not np.isfinite(whole).all():
+        raise ValueError("the covariance is not a square table of numbers")
+    known = covariance_names((rig.primary, rig.secondary))
+    if missing := set(known[:POSE]) - set(names):
+        raise ValueError(f"the covariance is without {sorted(missing)[0]}")
+    B = np.zeros((len(known), OF_PAIR))
+    B[:POSE, pose_places(1)] = by_angles(rig.pose).T
+    B[range(POSE, len(B)), PLACES] = 1.0
+    B = B[[known.index(name) for name in names]]
+    return np.asarray(B.T @ whole @ B)
+
+
+def standard_errors(covariance: FloatArray, rig: Rig) -> dict[str, Value]:
+    """The five angles in radians, `baseline_m`, and fx, fy, cx, cy of each camera in pixels, with
+    their standard errors by a covariance (33, 33)."""
+    lenses = np.concatenate([camera.lens_values[:4] for camera in (rig.primary, rig.secondary)])
+    values = [*rig.pose.angles, rig.pose.baseline, np.nan, *lenses.tolist()]
+    errors = np.sqrt(np.diag(of_file(covariance, rig.pose))).tolist()
+    if errors[POSE - 1] < 2.0 * SMALLEST_UNCERTAINTY * rig.pose.baseline:
+        errors[POSE - 1] = 0.0  # `unknowns.measured_baseline` of one that is held
+    known = zip(COVARIANCE_OF, values, errors, strict=False)
+    return {name: Value(value, sigma) for name, value, sigma in known if name != "bar_factor"}
 
 
 def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dict[str, Any]:
     """Noise, standard errors, covariance, frames left out and inputs that disagree, as JSON."""
-    bar = result.dataset.target_distance_m
+    bar, errors = result.dataset.target_distance_m, standard_errors(result.covariance, result.rig)
     return {
         "sigma_px": {"value": float(result.sigma_px.value), "source": result.sigma_px.source},
         "bar_scatter_m": {
             "value": float(result.scatter_m.value),
             "source": result.scatter_m.source,
         },
-        "standard_errors": {name: value.sigma for name, value in standard_errors(result).items()},
+        "standard_errors": {name: value.sigma for name, value in errors.items()},
         "bar_length_m": {
             "stated": bar,
             "estimate": bar * result.bar_factor,
-            "standard_error": bar * float(np.sqrt(result.covariance[BAR, BAR])),
+            "standard_error": bar * float(np.sqrt(result.covariance[FACTOR, FACTOR])),
         },
-        "covariance": covariance_entry(result.covariance, (result.primary, result.secondary)),
+        "covariance": covariance_entry(result.covariance, result.rig),
         "design_effect": result.design_effect,
         "frames_left_out": [
             {"frame": frame, "share_of_misfit": share}

@@ -26,23 +26,25 @@ from stereocal.refined.design_effect import (
     design_effect,
     lenses_without,
 )
-from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.noise import Noise
 from stereocal.refined.observations import Observations
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import BAR, DRIFT, TIME, pose_of, rig_of
+from stereocal.refined.small_steps import FACTOR, cameras_at, rig_of
 from stereocal.refined.unknowns import (
     RefineSettings,
+    RigMarginal,
     Unknowns,
     baseline_sigma_m,
     distance_sigma_m,
+    inverse_of,
     settings_for,
 )
+from stereocal.refined.views import DRIFT, EACH, LENS, TIME, TRANSLATION, Cameras
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, in_equal_runs
 from stereocal.rig.compiled import clock
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose, residuals, triangulate_rays
+from stereocal.rig.geometry import AT_ORIGIN, Pose, residuals, triangulate_rays
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
@@ -60,6 +62,10 @@ LARGEST_FACTOR, MOST_SIGMAS = 1.5, 10.0
 lenses change lengths by percents; the screening's wide priors may explain a wrong unit of one."""
 
 
+OF_T = slice(EACH + TRANSLATION, EACH + LENS)
+"""The places of T of the secondary camera."""
+
+
 @dataclass(frozen=True, eq=False)
 class RefinedResult:
     """The refined set: pose and lenses with their covariance, and the fit of each frame."""
@@ -72,10 +78,11 @@ class RefinedResult:
     rows: BoolArray | None
     """(n,): mask of the rows that were fitted; None for all."""
     unknowns: Unknowns
+    """With the measured baseline among the priors of T."""
     p: FloatArray
     """(k,): the estimated free parameters, as deviations from `unknowns.origin`."""
     information: FloatArray
-    """(25, 25): information matrix of the shared unknowns from images and lengths, without the
+    """(Q, Q): information matrix of the unknowns of `views` from images and lengths, without the
     priors."""
     sigma_px: Noise
     """Standard deviation of an image coordinate."""
@@ -101,14 +108,15 @@ class RefinedResult:
     seconds: float
 
     @cached_property
-    def q(self) -> FloatArray:
-        """(25,): the shared unknowns, as in `two_views`."""
-        return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
+    def at(self) -> Cameras:
+        """Where both cameras are, with the stated distortion, for the compiled functions."""
+        stated = cameras_at((self.dataset.primary, self.dataset.secondary), (AT_ORIGIN, self.pose))
+        return stated._replace(q=np.asarray(self.unknowns.origin + self.unknowns.M @ self.p))
 
-    @cached_property
-    def lenses(self) -> FloatArray:
-        """(2, 23): skew and distortion of both lenses, for the compiled functions."""
-        return lenses_of_cameras(self.dataset.primary, self.dataset.secondary)
+    @property
+    def prior_cost(self) -> float:
+        """Of priors and the measured baseline."""
+        return float(self.p @ self.unknowns.precision @ self.p)
 
     @property
     def rig(self) -> Rig:
@@ -143,26 +151,26 @@ class RefinedResult:
         """The fit of some points with the parameters and the noise of this one."""
         moving = self.settings.time_offset or self.settings.time_drift
         seen = Observations.of_pair(dataset, moving, rows)
-        found = RobustFit(seen, self.unknowns, self.settings)
+        found = RobustFit(seen, self.unknowns, self.settings, self.at.R, np.empty((0, 4)))
         return found.take(self.p, self.sigma_px.value, self.scatter_m.value)
 
     @cached_property
     def design_effect(self) -> float:
         """How many times the clusters scatter more than independent frames would; at least 1."""
-        if self.settings.rest is not None:
-            return self.settings.rest.design_effect
+        if self.settings.of_rig is not None:
+            return self.settings.of_rig.design_effect
         rows = self.dataset.correspondences.where(self.used_rows)
         places = rows.primary[np.unique(rows.frame, return_index=True)[1]]
         clusters = self.clusters
         # Errors of lenses may be alike at a place though neighbours do not show it.
         clusters = clusters if clusters.has_runs else in_equal_runs(clusters, places)
-        return design_effect(self.fit, self.q, self.used, clusters)
+        return design_effect(self.fit, self.used, clusters)
 
     @cached_property
     def images_alone(self) -> tuple[FloatArray, FloatArray]:
-        """Normal equations of images and lengths at `q`, without priors: H (25, 25) and the
-        gradient (25,), of all unknowns, free or fixed. Frames that follow each other count less."""
-        H, g, _ = self.fit.equations(self.q, [self.used])
+        """Normal equations of images and lengths, without priors: H (Q, Q) and the gradient (Q,),
+        of all unknowns, free or fixed. Frames that follow each other count less."""
+        H, g, _ = self.fit.equations([self.used])
         return H[0] / self.design_effect, g[0] / self.design_effect
 
     @cached_property
@@ -176,7 +184,7 @@ class RefinedResult:
         without = lenses_without(self.dataset, self.settings)
         if not without or len(self.used) < FEWEST:
             return found
-        H, g, _ = self.fit.equations(self.q, [*self.used[:, None]])
+        H, g, _ = self.fit.equations([*self.used[:, None]])
         names = map(str, self.frames[self.used].tolist())
         equations = dict(zip(names, zip(H, g, strict=True), strict=True))
         return covariance_of_boards(self.unknowns, found, equations, without)
@@ -188,7 +196,7 @@ class RefinedResult:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """(25, 25): covariance of the shared unknowns, in the units of `q`; 0 for fixed ones."""
+        """(Q, Q): covariance of the unknowns of `views`; 0 for fixed ones."""
         M = self.unknowns.M
         return np.asarray(M @ self.p_covariance @ M.T)
 
@@ -222,7 +230,7 @@ class RefinedResult:
     @property
     def bar_factor(self) -> float:
         """Estimated over stated length of the bar."""
-        return float(self.q[BAR])
+        return float(self.at.q[FACTOR])
 
     @property
     def time_offset(self) -> MeasuredOffset:
@@ -231,10 +239,12 @@ class RefinedResult:
         The standard errors are 0 if it is not an unknown.
         """
         stated = self.dataset.time_offset or TimeOffset()
-        sigma = np.sqrt(np.diag(self.covariance)[[TIME, DRIFT]])
+        late = [EACH + TIME, EACH + DRIFT]
+        frames, drift = self.at.q[late].tolist()
+        sigma = np.sqrt(np.diag(self.covariance)[late])
         return MeasuredOffset(
-            stated.frames + float(self.q[TIME]),
-            stated.drift + float(self.q[DRIFT]),
+            stated.frames + frames,
+            stated.drift + drift,
             stated.reference,
             float(sigma[0]),
             float(sigma[1]),
@@ -264,6 +274,8 @@ def refine(
     `Dataset.shifted` (see `time_offset.bring_into_step`).
     """
     settings = settings_for(dataset, settings or RefineSettings())
+    if settings.of_rig is not None:
+        return _of_rig(dataset, settings, settings.of_rig, rows)
     started = clock()
     found: RobustFit | None = None
     tried = list[RobustFit]()
@@ -278,17 +290,37 @@ def refine(
             "The refined method found no pose of the cameras that fits: check that points, "
             "targets and camera files are not exchanged."
         )
-    rig = rig_of(dataset.primary, dataset.secondary, found.q)
+    unknowns, p = _with_baseline(found, dataset)
+    result = _result(found, dataset, rows, unknowns, p, clock() - started)
+    if not result.unknowns.determined(result.information):
+        raise StereocalError(
+            "The points do not determine the refined set: record more bars, at other places and in "
+            "other directions."
+        )
+    _check_lengths(result)
+    return result
+
+
+def _result(
+    found: RobustFit,
+    dataset: Dataset,
+    rows: BoolArray | None,
+    unknowns: Unknowns,
+    p: FloatArray,
+    seconds: float,
+) -> RefinedResult:
+    """The result of a fit at its end, with these unknowns of it."""
+    rig = rig_of(dataset.primary, dataset.secondary, found.at)
     seen = np.isfinite(found.seen.pixels[:, :, 0, :1])
-    result = RefinedResult(
+    return RefinedResult(
         dataset=dataset,
-        settings=settings,
+        settings=found.settings,
         pose=rig.pose,
         primary=rig.primary,
         secondary=rig.secondary,
         rows=rows,
-        unknowns=found.unknowns,
-        p=found.p,
+        unknowns=unknowns,
+        p=p,
         information=found.H,
         sigma_px=Noise(found.sigma_px, found.source_px),
         scatter_m=Noise(found.scatter, found.source_scatter),
@@ -301,15 +333,47 @@ def refine(
         cost=float(found.cost),
         steps=found.steps,
         stop_reason="converged" if found.converged else OUT_OF_STEPS,
-        seconds=clock() - started,
+        seconds=seconds,
     )
-    if not result.unknowns.determined(result.information):
-        raise StereocalError(
-            "The points do not determine the refined set: record more bars, at other places and in "
-            "other directions."
-        )
-    _check_lengths(result)
-    return result
+
+
+def _of_rig(
+    dataset: Dataset, settings: RefineSettings, known: RigMarginal, rows: BoolArray | None
+) -> RefinedResult:
+    """The refined set of two cameras of a rig: the rig's.
+
+    With some of the rows only, what the pair's images of the others said is taken out of it, to
+    first order.
+    """
+    fit = RobustFit.of_pair(dataset, known.pose, settings, rows)
+    M, to_free = fit.unknowns.M, np.linalg.pinv(fit.unknowns.M)
+    A = inverse_of(to_free @ np.array(known.covariance) @ to_free.T)
+    values = to_free @ (np.array(known.q) - fit.unknowns.origin)
+    fit.take(values, fit.sigma_px, fit.scatter)
+    if rows is not None and not rows.all():
+        others = RobustFit.of_pair(dataset, known.pose, settings, ~rows)
+        others.take(values, fit.sigma_px, fit.scatter)
+        H, g, _ = others.equations([np.arange(len(others.frames))])
+        A = A - M.T @ H[0] @ M / known.design_effect
+        fit.p = values + np.linalg.solve(A, M.T @ g[0] / known.design_effect)
+    fit.evaluate(np.full(len(fit.frames), np.inf))
+    fit.cost, fit.converged = float(fit.chi_squares.sum()), True
+    precision = A - M.T @ fit.H @ M / known.design_effect
+    # What was found is where the rig's information is: nothing pulls it elsewhere.
+    origin = fit.at.q
+    unknowns = replace(fit.unknowns, origin=origin, precision=precision)
+    return _result(fit, dataset, rows, unknowns, np.zeros(len(values)), 0.0)
+
+
+def _with_baseline(found: RobustFit, dataset: Dataset) -> tuple[Unknowns, FloatArray]:
+    """The unknowns and the free parameters of a fit about a T of the measured length: the measured
+    baseline is a prior of it, linear along T."""
+    unknowns, p, T = found.at_end, found.p.copy(), found.at.q[OF_T]
+    own, stated, origin = unknowns.M[OF_T].any(axis=0), T, unknowns.origin.copy()
+    if len(found.baselines):
+        stated = T * (dataset.baseline_m / np.linalg.norm(T))
+    origin[OF_T], p[own] = stated, T - stated
+    return replace(unknowns, origin=origin), p
 
 
 def _check_lengths(result: RefinedResult) -> None:
@@ -350,14 +414,12 @@ def _solves(
             ended, noise, near.scatter_m.value
         ):
             yield solve, True
-    if settings.rest is not None:
-        at_rest = pose_of(np.array(settings.rest.values))
-        yield RobustFit.of_pair(dataset, at_rest, settings, rows), True
-        return
     rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
     if start is None:
         with suppress(StereocalError):
             start = calibrate_essential(rays, dataset.baseline_m).pose
+    elif dataset.baseline_m != start.baseline:
+        start = replace(start, T=start.T * (dataset.baseline_m / start.baseline))
     robust = robust_start(dataset, rays) if settings.loss == "robust" else None
     known = [pose for pose in (start, robust) if pose is not None]
     off = sorted((median_residual(pose, rays), at) for at, pose in enumerate(known))

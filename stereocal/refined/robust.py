@@ -7,12 +7,13 @@ the rounds.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg.lapack import dposv
-from scipy.spatial.transform import Rotation
 
+from stereocal.errors import StereocalError
 from stereocal.refined.adjustment import (
     add_baselines,
     equations_for,
@@ -31,11 +32,20 @@ from stereocal.refined.noise import (
     unit_freedom,
 )
 from stereocal.refined.observations import Observations
-from stereocal.refined.two_views import EPSILON, SHARED, unknowns_of_views
-from stereocal.refined.unknowns import RefineSettings, Unknowns, inverse_of, unknowns_of_pair
+from stereocal.refined.small_steps import step_between, turned, without_turns
+from stereocal.refined.unknowns import (
+    RefineSettings,
+    Unknowns,
+    distance_sigma_m,
+    inverse_of,
+    lenses_of,
+    measured_baseline,
+    unknowns_of,
+)
 from stereocal.refined.views import EACH, OWN, TRANSLATION, Cameras, Units
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.geometry import Pose
+from stereocal.rig.geometry import AT_ORIGIN, Pose
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 ASSUMED_PX = 0.5
@@ -64,44 +74,55 @@ SAME_NOISE = 0.01
 """Relative change of the noise in a round, below which it has converged."""
 
 
-def turned(R: FloatArray, q: FloatArray) -> FloatArray:
-    """(c, 3, 3): the rotations R after the small ones of the unknowns q of `views`."""
-    turns = q[:-1].reshape(-1, EACH)[:, :TRANSLATION]
-    return np.asarray(Rotation.from_rotvec(turns).as_matrix() @ R)
+def about_first(turns: FloatArray, H: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Normal equations (Q, Q) and (Q,) by the rotation vectors of the cameras about their first
+    rotations, instead of about the present ones.
+
+    Args:
+        turns: (c, 3): where these vectors are.
+    """
+    if not turns.any():
+        return H, g
+    left = np.eye(len(g))  # Jacobian of SO(3) from the left: exp(w + d) = exp(left d) exp(w)
+    for number, w in enumerate(turns):
+        size, first = float(np.linalg.norm(w)), EACH * number
+        if size > 0.0:
+            across = np.cross(w / size, np.eye(3)).T
+            left[first : first + 3, first : first + 3] += (1.0 - np.cos(size)) / size * across + (
+                1.0 - np.sin(size) / size
+            ) * across @ across
+    return left.T @ H @ left, left.T @ g
 
 
 class RobustFit:
-    """A robust fit of frames that N cameras see; a pair is the case of two."""
+    """A robust fit of frames that N cameras see."""
 
     def __init__(
         self,
         seen: Observations,
         unknowns: Unknowns,
         settings: RefineSettings,
-        R: FloatArray | None = None,
-        baselines: FloatArray | None = None,
+        R: FloatArray,
+        baselines: FloatArray,
     ) -> None:
         """A fit before its first step.
 
         Args:
-            unknowns: of free parameters p, and q (Q,): the unknowns of `views` or, of a pair, of
-                `two_views`.
-            R: (c, 3, 3): the first rotations; of a pair they are in the unknowns.
-            baselines: (m, 4): as in `adjustment.add_baselines`; of a pair it is in the unknowns.
+            R: (c, 3, 3): the first rotations.
+            baselines: (m, 4): as in `adjustment.add_baselines`.
         """
         self.seen, self.unknowns, self.settings = seen, unknowns, settings
         self.frames, self.frame_of = seen.frames, seen.frame_of
-        self.R = np.empty((len(seen.lenses), 3, 3)) if R is None else R
-        self.baselines = np.empty((0, 4)) if baselines is None else baselines
+        self.R, self.baselines = R, baselines
         self.p = np.zeros(len(unknowns.names))
-        is_pair, places = len(unknowns.origin) == SHARED, np.arange(len(unknowns.origin) - 1)
-        rotations = places < 0 if is_pair else places % EACH < TRANSLATION
-        poses = places <= EPSILON if is_pair else places % EACH < 2 * TRANSLATION
-        self.rotations, self.of_poses = (
-            np.asarray(unknowns.M[:-1][rows].any(axis=0)) for rows in (rotations, poses)
+        places = np.arange(len(unknowns.origin) - 1) % EACH
+        turns, poses = (
+            np.asarray(unknowns.M[:-1][rows].any(axis=0))
+            for rows in (places < TRANSLATION, places < 2 * TRANSLATION)
         )
-        B, M = self.views(unknowns.origin)[1], np.abs(unknowns.M.T)
-        self.free: BoolArray = np.asarray((M if B is None else M @ np.abs(B)).any(axis=0))
+        # Rotations with priors of their own are about the first ones; others about the present.
+        self.rotations, self.of_poses = turns & np.isinf(unknowns.sigma), poses
+        self.free: BoolArray = np.asarray(unknowns.M.any(axis=1))
         known, of_pixels = np.isfinite(seen.distances), unit_freedom(seen.pixels)
         self.unit_freedom = of_pixels + known
         self.pixel_freedom = self.by_frame(of_pixels).astype(np.int64)
@@ -125,7 +146,7 @@ class RobustFit:
         self.outlying = np.zeros(len(self.frames), dtype=np.bool_)
         self.is_near = False
         self.cost, self.steps, self.converged = np.inf, 0, False
-        self.begun: tuple[FloatArray, FloatArray, BoolArray] | None = None
+        self.begun: tuple[Cameras, FloatArray, BoolArray] | None = None
 
     @classmethod
     def of_pair(
@@ -136,13 +157,21 @@ class RobustFit:
         Args:
             rows: mask (n,) of the rows to fit; all if None.
         """
-        seen = Observations.of_pair(dataset, settings.time_offset or settings.time_drift, rows)
-        unknowns = unknowns_of_pair(dataset, start, settings, seen.has_lengths)
-        found = cls(seen, unknowns, settings)
-        if settings.rest is not None:
-            away = np.array(settings.rest.values) - unknowns.origin
-            found.p = np.asarray(np.linalg.pinv(unknowns.M) @ away)
-        return found
+        late = settings.time_offset, settings.time_drift
+        seen, lenses = Observations.of_pair(dataset, any(late), rows), lenses_of(dataset, settings)
+        bar = distance_sigma_m(dataset, settings) / dataset.target_distance_m
+        length_sigma = bar if seen.has_lengths else 0.0
+        baselines = measured_baseline(dataset, settings)
+        if not len(baselines) and not 0.0 < length_sigma < np.inf:
+            raise StereocalError(
+                "Nothing fixes the scale: give the baseline or the bar a finite uncertainty."
+            )
+        cameras: dict[str, Camera] = dict(
+            zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True)
+        )
+        poses = AT_ORIGIN, start
+        unknowns = unknowns_of(cameras, poses, lenses, length_sigma, late)
+        return cls(seen, unknowns, settings, np.array([each.R for each in poses]), baselines)
 
     def set_limits(self, unknowns: int) -> None:
         """Set the chi-squares above which frames (f,) are outliers, for a number of unknowns, and
@@ -184,8 +213,7 @@ class RobustFit:
         """Whether images, lengths and priors fit better here, both with the smaller noise."""
         noise = min(self.sigma_px, other.sigma_px), min(self.scatter, other.scatter)
         here, there = (
-            np.minimum(fit.chi_squares_with(fit, *noise), fit.limit).sum()
-            + fit.p @ fit.unknowns.precision @ fit.p
+            np.minimum(fit.chi_squares_with(fit, *noise), fit.limit).sum() + fit.prior_cost
             for fit in (self, other)
         )
         return bool(here < there)
@@ -200,13 +228,36 @@ class RobustFit:
         """(Q,): the unknowns."""
         return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
 
-    def views(self, q: FloatArray) -> tuple[Cameras, FloatArray | None]:
-        """The cameras at q, with the stated distortion, and the derivatives (Q, V) of the unknowns
-        of `views` by q; None if they are q."""
-        if len(q) == SHARED:
-            v, R, B = unknowns_of_views(q)
-            return Cameras(v, R, self.seen.lenses), B
-        return Cameras(q, self.R, self.seen.lenses), None
+    @property
+    def at(self) -> Cameras:
+        """The cameras at the present parameters, with the stated distortion."""
+        return Cameras(without_turns(self.q), turned(self.R, self.q), self.seen.lenses)
+
+    def _measured(self) -> tuple[FloatArray, FloatArray, float]:
+        """Normal equations (Q, Q) and (Q,) of the measured baselines, and their cost."""
+        at = self.at
+        H, g = np.zeros((len(at.q),) * 2), np.zeros(len(at.q))
+        return H, g, add_baselines(self.baselines, at.q, at.R, H, g)
+
+    @property
+    def prior_cost(self) -> float:
+        """Of priors and measured baselines."""
+        return self._measured()[2] + float(self.p @ self.unknowns.precision @ self.p)
+
+    @property
+    def prior_gradient(self) -> FloatArray:
+        """(k,): half the derivative of `prior_cost` by the free parameters."""
+        return np.asarray(
+            self.unknowns.M.T @ self._measured()[1] + self.unknowns.precision @ self.p
+        )
+
+    @property
+    def at_end(self) -> Unknowns:
+        """The unknowns with the measured baselines, linear where they are, among their priors."""
+        M = self.unknowns.M
+        return replace(
+            self.unknowns, precision=self.unknowns.precision + M.T @ self._measured()[0] @ M
+        )
 
     def by_frame(self, of_units: npt.ArrayLike) -> FloatArray:
         """(f,): sums over the units of each frame."""
@@ -228,20 +279,22 @@ class RobustFit:
         limits, into = limits[self.frame_of] * self.share_of_limit, equations_for(self.free)
         points, of_units, p = self.points.copy(), self.of_units.copy(), self.p
         gain, damping, self.cost, self.converged = np.inf, 1e-5, np.inf, False
+        M = self.unknowns.M
         for step in range(int(min(most, self.settings.maximum_steps)) + 1):
-            p, cameras, B = self._placed(p)
+            p, cameras, turns = self._placed(p)
             total = sum_normal_equations(cameras, units, limits, points, of_units, into)
             H, g = into.H.copy(), into.g
             total += add_baselines(self.baselines, cameras.q, cameras.R, H, g)
             total += float(p @ precision @ p)
             if total <= self.cost or step == 0:
-                self.cost, self.p, self.R = total, p, cameras.R
+                self.cost, self.p = total, p
+                self.R = self.R if turns.any() else cameras.R
                 self.points[:], self.of_units[:] = points, of_units
-                self.H[:] = into.H if B is None else B @ into.H @ B.T
+                self.H[:], _ = about_first(turns, into.H, into.g)
                 self.converged = gain < tolerance
                 damping *= 0.05 if step > 0 else 1.0
-                D = self.unknowns.M.T if B is None else self.unknowns.M.T @ B
-                A, b = D @ H @ D.T + precision, D @ g + precision @ p
+                H, g = about_first(turns, H, g)
+                A, b = M.T @ H @ M + precision, M.T @ g + precision @ p
             else:
                 self.converged = gain < 1e-6  # rounding, or the remaining error of the points
                 points[:] = self.points
@@ -262,64 +315,56 @@ class RobustFit:
         self.chi_squares[:] = self.by_frame(self.of_units)
         self.steps += step
 
-    def _placed(self, p: FloatArray) -> tuple[FloatArray, Cameras, FloatArray | None]:
-        """The free parameters p (k,), whose small rotations are 0 once the cameras are turned by
-        them, and as of `views`."""
-        cameras, B = self.views(np.asarray(self.unknowns.origin + self.unknowns.M @ p))
-        if B is not None:
-            return p, cameras, B
-        R = turned(self.R, cameras.q)
-        cameras.q[:-1].reshape(-1, EACH)[:, :TRANSLATION] = 0.0
-        return np.where(self.rotations, 0.0, p), Cameras(cameras.q, R, cameras.lenses), None
+    def _placed(self, p: FloatArray) -> tuple[FloatArray, Cameras, FloatArray]:
+        """The free parameters p (k,), the cameras there, and the small rotations (c, 3) that are
+        left in p: those without priors are 0 once the cameras are turned by them."""
+        q = np.asarray(self.unknowns.origin + self.unknowns.M @ p)
+        p = np.where(self.rotations, 0.0, p)
+        left = (self.unknowns.M @ p)[:-1].reshape(-1, EACH)[:, :TRANSLATION]
+        return p, Cameras(without_turns(q), turned(self.R, q), self.seen.lenses), left
 
     def sum_at(
         self,
-        q: FloatArray,
         length_weight: float,
         limits: FloatArray,
         points: FloatArray,
         chi_squares: FloatArray,
         units: IntArray | slice = slice(None),
         free: BoolArray | None = None,
-        in_views: bool = False,
     ) -> tuple[float, FloatArray, FloatArray]:
-        """Cost, H (Q, Q) and g (Q,) at q, as of `adjustment.sum_normal_equations`.
+        """Cost, H (Q, Q) and g (Q,) at the present parameters, as of
+        `adjustment.sum_normal_equations`.
 
         Args:
             limits, points, chi_squares: of the units.
-            free: (V,): None for those that are not held fixed.
-            in_views: H (V, V) and g (V,) by the unknowns of `views` instead.
+            free: (Q,): None for those that are not held fixed.
         """
-        cameras, B = self.views(q)
         measured = self._units(length_weight, units)
         into = equations_for(self.free if free is None else free)
-        cost = sum_normal_equations(cameras, measured, limits, points, chi_squares, into)
-        if B is None or in_views:
-            return cost, into.H, into.g
-        return cost, B @ into.H @ B.T, B @ into.g
+        cost = sum_normal_equations(self.at, measured, limits, points, chi_squares, into)
+        turns = self.q[:-1].reshape(-1, EACH)[:, :TRANSLATION]
+        return cost, *about_first(turns, into.H, into.g)
 
     def chi_squares_with(
         self, other: "RobustFit", sigma_px: float | None = None, scatter_m: float | None = None
     ) -> FloatArray:
         """(f,): of these frames with the cameras of another fit, and the noise of this one if none
         is given."""
-        cameras, of_units = other.views(other.q)[0], np.empty(len(self.points))
+        cameras, of_units = other.at, np.empty(len(self.points))
         measured = self._units(1 / (scatter_m or self.scatter))
         measured = measured._replace(weight=1 / (sigma_px or self.sigma_px))
         points, into = np.full(self.points.shape, np.nan), equations_for(np.zeros_like(self.free))
         sum_normal_equations(cameras, measured, np.zeros(len(points)), points, of_units, into)
         return self.by_frame(of_units)
 
-    def innovations(self, q: FloatArray, points: FloatArray) -> FloatArray:
+    def innovations(self, points: FloatArray) -> FloatArray:
         """(n, 2): as of `adjustment.length_innovations`."""
         innovations = np.empty((len(points), 2))
-        length_innovations(self.views(q)[0], self._units(1.0), points, innovations)
+        length_innovations(self.at, self._units(1.0), points, innovations)
         return innovations
 
-    def equations(
-        self, q: FloatArray, groups: Sequence[IntArray], in_views: bool = False
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Normal equations at q of groups of frames, given by their indices.
+    def equations(self, groups: Sequence[IntArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Normal equations of groups of frames, given by their indices, where the fit is.
 
         They are 0 for an empty group, and for one with a point behind a camera.
 
@@ -331,7 +376,7 @@ class RobustFit:
             units = np.flatnonzero(np.isin(self.frame_of, group)) if self.seen.has_parts else group
             n = len(units)
             own = np.full(n, np.inf), np.full((n, OWN), np.nan), np.empty(n)
-            found.append(self.sum_at(q, 1 / self.scatter, *own, units, every, in_views))
+            found.append(self.sum_at(1 / self.scatter, *own, units, every))
         c, H, g = map(np.array, zip(*found, strict=True))
         lost = ~np.isfinite(c)
         H[lost], g[lost], c[lost] = 0.0, 0.0, 0.0
@@ -340,7 +385,7 @@ class RobustFit:
     def evaluate(self, limits: FloatArray) -> None:
         """Points, chi-squares and H at the present parameters."""
         limits = limits[self.frame_of] * self.share_of_limit
-        _, self.H[:], _ = self.sum_at(self.q, 1 / self.scatter, limits, self.points, self.of_units)
+        _, self.H[:], _ = self.sum_at(1 / self.scatter, limits, self.points, self.of_units)
         self.chi_squares[:] = self.by_frame(self.of_units)
 
     def run(self, others: Iterable["RobustFit"] = ()) -> bool:
@@ -353,11 +398,11 @@ class RobustFit:
         if self.settings.loss == "robust":  # else nothing is fitted yet
             if any(map(self._begins_like, others)):
                 return False
-            self.begun = self.q, self.H.copy(), self.outlying
+            self.begun = self.at, self.H.copy(), self.outlying
         for _ in range(MAXIMUM_ROUNDS):
             before = (self.sigma_px, self.scatter, self.outlying)
             self._solve(np.where(self.outlying, 0.0, np.inf))
-            A = self.unknowns.M.T @ self.H @ self.unknowns.M + self.unknowns.precision
+            A = self.unknowns.M.T @ self.H @ self.unknowns.M + self.at_end.precision
             if not (np.isfinite(self.cost) and (np.diag(A) >= 0.0).all()):
                 return False  # A is rounding alone where a wrong initial pose has diverged
             if not self._estimate_noise():
@@ -375,8 +420,8 @@ class RobustFit:
         left out."""
         if other.begun is None:
             return False
-        q, H, outlying = other.begun
-        d = self.q - q
+        begun, H, outlying = other.begun
+        d = step_between(self.at, begun)
         return bool(d @ H @ d < 1.0) and bool((outlying == self.outlying).all())
 
     def _anneal(self) -> bool:
@@ -419,7 +464,7 @@ class RobustFit:
             return True
         points, of_units = self.points.copy(), np.empty(len(self.points))
         limits = np.where(self.outlying | robust, 0.0, np.inf)[self.frame_of]
-        _, H, _ = self.sum_at(self.q, 0.0, limits, points, of_units)
+        _, H, _ = self.sum_at(0.0, limits, points, of_units)
         chi_squares = self.by_frame(of_units)
         spent_px, spent_m = (0.0, 0.0) if robust else self._spent(H)
         if self.source_px == ESTIMATED:
@@ -434,7 +479,7 @@ class RobustFit:
                 return False
             self.sigma_px = max(self.sigma_px * float(np.sqrt(ratio)), SMALLEST_SIGMA_PX)
         if self.source_scatter == ESTIMATED:
-            lengths = self.innovations(self.q, points)
+            lengths = self.innovations(points)
             lengths = lengths[np.isfinite(lengths[:, 0]) & ~self.outlying[self.frame_of]]
             self.scatter = max(
                 scatter_of(lengths[:, 0], lengths[:, 1], spent_m, robust), self.smallest_scatter
@@ -450,5 +495,5 @@ class RobustFit:
         """
         M = self.unknowns.M
         pixels, everything = M.T @ of_pixels @ M, M.T @ self.H @ M
-        C = inverse_of(everything + self.unknowns.precision)
+        C = inverse_of(everything + self.at_end.precision)
         return float(np.sum(C * pixels)), max(float(np.sum(C * (everything - pixels))), 0.0)

@@ -39,7 +39,7 @@ WIDE_LENGTH_PRIOR = 0.1
 """Standard deviation of baseline and bar in the screening, relative."""
 
 MINIMUM_FRAMES, MINIMUM_BOARDS = 8, 4
-"""With fewer bars, five angles and two lenses can fit wrong points too; boards have more points."""
+"""With fewer bars, a pose and two lenses can fit wrong points too; boards have more points."""
 
 MOST_EXCHANGED = 40
 """Frames that are tried with their targets exchanged where each is tried by itself."""

@@ -18,12 +18,15 @@ from stereocal.refined.design_effect import design_effect
 from stereocal.refined.refine import RefinedResult, median_residual, refine, robust_pose
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 from stereocal.system.array_types import BoolArray
 from stereocal.system.numbers import rounded
 
+TIME_OFFSET, TIME_DRIFT = (f"{CAMERAS[1]} time {what}" for what in ("offset", "drift"))
+"""Names of free parameters."""
 LARGEST, STEP = 3.0, 0.25
 """Range and step of the search for a first value, in frames."""
 SAMPLES = 300
@@ -192,7 +195,7 @@ def fit_from(
 
 def _left_at(fit: RefinedResult, found: MeasuredOffset, shift: TimeOffset) -> RefinedResult:
     """The fit as a start for points that are shifted further: with what remains of its offset."""
-    remaining = {"time offset": found.frames - shift.frames, "time drift": 0.0}
+    remaining = {TIME_OFFSET: found.frames - shift.frames, TIME_DRIFT: 0.0}
     names = fit.unknowns.names
     p = [remaining.get(name, value) for name, value in zip(names, fit.p.tolist(), strict=True)]
     return replace(fit, p=np.array(p))
@@ -232,18 +235,19 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
         scatter_m=fit.scatter_m.value,
     )
     solve = RobustFit.of_pair(recorded, fit.pose, settings, fit.rows)
-    unknowns = solve.unknowns
-    p = np.append(fit.p, [0.0, 0.0])
+    names = solve.unknowns.names
+    known = {**fit.unknowns.named(fit.p), TIME_OFFSET: 0.0, TIME_DRIFT: 0.0}
+    solve.take(np.array([known[name] for name in names]), fit.sigma_px.value, fit.scatter_m.value)
     limits = np.where(fit.outlying[fit.frame_of], 0.0, np.inf)
-    units = solve.points, np.empty(len(solve.points))
-    _, H, g = solve.sum_at(fit.q, 1 / solve.scatter, limits, *units)
+    _, H, g = solve.sum_at(1 / solve.scatter, limits, solve.points, np.empty(len(solve.points)))
+    unknowns, late = solve.at_end, [names.index(TIME_OFFSET), names.index(TIME_DRIFT)]
     with np.errstate(invalid="ignore"):  # of points behind a camera
-        C = unknowns.covariance(H)
-        step = -C @ (unknowns.M.T @ g + unknowns.precision @ p)
+        step = -unknowns.covariance(H) @ (unknowns.M.T @ g + solve.prior_gradient)
         # Of what the offset does not explain: bars that are waved by cameras out of step have
         # errors that follow each other for that reason alone.
-        effect = design_effect(solve, fit.q, fit.used, fit.clusters, step)
-        sigmas = np.sqrt(np.diag(unknowns.covariance(H / effect))[-2:])
+        effect = design_effect(solve, fit.used, fit.clusters, step)
+        sigmas = np.sqrt(np.diag(unknowns.covariance(H / effect))[late])
     assert recorded.time_offset is not None
     reference = recorded.time_offset.reference
-    return MeasuredOffset(float(step[-2]), float(step[-1]), reference, *sigmas.tolist())
+    frames, drift = step[late].tolist()
+    return MeasuredOffset(frames, drift, reference, *sigmas.tolist())

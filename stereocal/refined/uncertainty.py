@@ -1,7 +1,7 @@
 """Standard errors of the refined set, and of the points and distances that it reconstructs.
 
 The midpoint of two rays is the point X with the least sum of squared distances to them. Let J_c
-(2, 3) be the Jacobian of camera c's pixels by X. A change du of the pixels, or dq of the shared
+(2, 3) be the Jacobian of camera c's pixels by X. A change du of the pixels, or dq of the
 unknowns, shifts the ray near X by J_c^+ (du - J_q dq), perpendicular to the ray, and the midpoint
 by N^-1 times the sum of both shifts, N = sum of J_c^+ J_c. The error of a point therefore has two
 parts: one from the noise of its pixels, one from the cameras, which all points share.
@@ -15,40 +15,13 @@ import numpy.typing as npt
 
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.two_views import BAR, DISTORTION, SHARED, unknowns_of_views
+from stereocal.refined.small_steps import OF_PAIR
 from stereocal.refined.views import EACH, Cameras, jacobians_of
-from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS
-from stereocal.rig.geometry import Angles
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
-COVARIANCE_OF = (
-    *Angles._fields,
-    "baseline_m",
-    "bar_factor",
-    *(f"{camera}_{key}" for camera in CAMERAS for key in LENS_UNKNOWNS[:4]),
-    *(f"{camera}_{key}" for camera in CAMERAS for key in LENS_UNKNOWNS[4:]),
-    "time_offset_frames",
-    "time_drift",
-)
-"""Names of the rows of the covariance, in order; files without a time offset end before it."""
 MEAN_OF_NORMAL = float(np.sqrt(2 / np.pi))
 """Mean absolute value over standard deviation of a normal error."""
 Plane = Literal["above", "side"]
-
-
-@dataclass(frozen=True)
-class Value:
-    """An estimate and its standard error, which is 0 if the value was held fixed."""
-
-    value: float
-    sigma: float
-
-
-def standard_errors(result: RefinedResult) -> dict[str, Value]:
-    """The five angles in radians, `baseline_m`, and fx, fy, cx, cy of each camera in pixels."""
-    errors = np.sqrt(np.diag(result.covariance)).tolist()
-    known = zip(COVARIANCE_OF[:DISTORTION], result.q.tolist(), errors, strict=False)
-    return {name: Value(value, sigma) for name, value, sigma in known if name != COVARIANCE_OF[BAR]}
 
 
 def point_covariances(result: RefinedResult, points_m: npt.ArrayLike) -> FloatArray:
@@ -59,13 +32,12 @@ def point_covariances(result: RefinedResult, points_m: npt.ArrayLike) -> FloatAr
     Args:
         points_m: (n, 3), in the primary's frame.
     """
-    of_pixels, jacobian = point_errors(result.q, result.lenses, result.sigma_px.value, points_m)
+    of_pixels, jacobian = point_errors(result.at, result.sigma_px.value, points_m)
     return np.asarray(of_pixels + jacobian @ result.covariance @ jacobian.transpose(0, 2, 1))
 
 
 def length_sigmas(
-    q: FloatArray,
-    lenses: FloatArray,
+    at: Cameras,
     sigma_px: float,
     covariance: FloatArray,
     first_m: npt.ArrayLike,
@@ -74,27 +46,23 @@ def length_sigmas(
     """Standard errors (n,) of reconstructed distances, in metres; NaN behind a camera.
 
     Args:
-        covariance: (25, 25); the others as in `point_errors`.
+        covariance: (33, 33); the others as in `point_errors`.
         first_m, second_m: (n, 3) each, in the primary's frame.
     """
-    of_pixels, jacobian = length_variances(q, lenses, sigma_px, first_m, second_m)
+    of_pixels, jacobian = length_variances(at, sigma_px, first_m, second_m)
     return np.asarray(np.sqrt(of_pixels + np.einsum("ni,ni->n", jacobian @ covariance, jacobian)))
 
 
 def length_variances(
-    q: FloatArray,
-    lenses: FloatArray,
-    sigma_px: float,
-    first_m: npt.ArrayLike,
-    second_m: npt.ArrayLike,
+    at: Cameras, sigma_px: float, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Variances (n,) of distances from the noise of their pixels, and derivatives (n, 25) of the
-    distances by the shared unknowns; arguments as in `point_errors`.
+    """Variances (n,) of distances from the noise of their pixels, and derivatives (n, 33) of the
+    distances by the unknowns of `views`; arguments as in `point_errors`.
     """
     a, b = (np.asarray(points, dtype=np.float64) for points in (first_m, second_m))
     along = (a - b) / np.linalg.norm(a - b, axis=1, keepdims=True)
-    own_a, jacobian_a = point_errors(q, lenses, sigma_px, a)
-    own_b, jacobian_b = point_errors(q, lenses, sigma_px, b)
+    own_a, jacobian_a = point_errors(at, sigma_px, a)
+    own_b, jacobian_b = point_errors(at, sigma_px, b)
     of_pixels = np.einsum("ni,nij,nj->n", along, own_a + own_b, along)
     return of_pixels, np.einsum("ni,nij->nj", along, jacobian_a - jacobian_b)
 
@@ -139,7 +107,7 @@ def accuracy_map(result: RefinedResult, size: int = 60, plane: Plane = "above") 
         covariances = point_covariances(result, points[seen])
         point[seen] = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
         length, noise = result.dataset.target_distance_m, float(result.sigma_px.value)
-        known = result.q, result.lenses, noise, result.covariance
+        known = result.at, noise, result.covariance
         sigmas = [
             length_sigmas(*known, points[seen] - half_bar, points[seen] + half_bar)
             for half_bar in 0.5 * length * np.eye(3)
@@ -150,22 +118,22 @@ def accuracy_map(result: RefinedResult, size: int = 60, plane: Plane = "above") 
 
 
 def point_errors(
-    q: FloatArray, lenses: FloatArray, sigma_px: float | FloatArray, points_m: npt.ArrayLike
+    at: Cameras, sigma_px: float | FloatArray, points_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 25)
-    of the points by the shared unknowns; NaN behind a camera.
+    """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 33)
+    of the points by the unknowns of `views`; NaN behind a camera.
 
     Args:
-        q: (25,): as of `two_views`; lenses: (2, 23): as in `views.Cameras`.
+        at: two cameras.
         sigma_px: standard deviation of a pixel coordinate, of all points or (n, 2) of each point in
             both cameras.
         points_m: (n, 3), in the primary's frame.
     """
     points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)
-    by_point, by_shared = point_jacobians(q, lenses, points)
+    by_point, by_shared = point_jacobians(at, points)
     usable = np.asarray(np.isfinite(by_point).all(axis=(1, 2)))
     of_pixels = np.full((len(points), 3, 3), np.nan)
-    jacobian = np.full((len(points), 3, SHARED), np.nan)
+    jacobian = np.full((len(points), 3, OF_PAIR), np.nan)
     J = by_point[usable]
     each = J.reshape(-1, 2, 2, 3)  # J_c^+ = J_c^T (J_c J_c^T)^-1, in a fifth of the time of `pinv`
     own = np.linalg.solve(each @ each.transpose(0, 1, 3, 2), each)
@@ -178,17 +146,16 @@ def point_errors(
     return of_pixels, jacobian
 
 
-def point_jacobians(
-    q: FloatArray, lenses: FloatArray, points_m: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of the pixels of points (n, 3) by the points (n, 4, 3) and by the shared unknowns
-    (n, 4, 25); NaN behind a camera. Arguments as in `point_errors`."""
-    n, (v, R, B) = len(points_m), unknowns_of_views(q)
-    by_point, by_views = jacobians_of(Cameras(v, R, lenses), points_m)
-    of_each = np.ascontiguousarray(by_views.transpose(1, 0, 2, 3)).reshape(2, 2 * n, EACH)
-    by_shared = of_each @ B[:, :-1].reshape(SHARED, 2, EACH).transpose(1, 2, 0)
-    by_shared = by_shared.reshape(2, n, 2, SHARED).transpose(1, 0, 2, 3)
-    return by_point.reshape(n, 4, 3), by_shared.reshape(n, 4, SHARED)
+def point_jacobians(at: Cameras, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of the pixels of points (n, 3) in two cameras by the points (n, 4, 3) and by the
+    unknowns of `views` (n, 4, 33); NaN behind a camera."""
+    n = len(points_m)
+    by_point, by_views = jacobians_of(at, points_m)
+    by_unknown = np.zeros((n, 4, OF_PAIR))
+    for camera in range(2):
+        own = slice(EACH * camera, EACH * (camera + 1))
+        by_unknown[:, 2 * camera : 2 * camera + 2, own] = by_views[:, camera]
+    return by_point.reshape(n, 4, 3), by_unknown
 
 
 @dataclass(frozen=True)
@@ -204,7 +171,7 @@ class Innovations:
     points_m: FloatArray
     """(f, 2, 3): the points, fitted to the pixels alone."""
     of_pixels: FloatArray
-    """(25, 25): information matrix of the pixels alone."""
+    """(Q, Q): information matrix of the pixels alone."""
 
 
 def bar_innovations(result: RefinedResult, rows: BoolArray) -> Innovations:
@@ -215,8 +182,8 @@ def bar_innovations(result: RefinedResult, rows: BoolArray) -> Innovations:
     """
     solve = result.fit_of(result.dataset, rows)
     n = len(solve.points)
-    _, H, _ = solve.sum_at(result.q, 0.0, np.full(n, np.inf), solve.points, np.empty(n))
-    errors, variances = solve.innovations(result.q, solve.points).T
+    _, H, _ = solve.sum_at(0.0, np.full(n, np.inf), solve.points, np.empty(n))
+    errors, variances = solve.innovations(solve.points).T
     frames = solve.frames[solve.frame_of]
     return Innovations(frames, errors, variances, solve.points.reshape(n, 2, 3), H)
 

@@ -1,23 +1,17 @@
 """The unknowns of the refined method, their priors, and its settings."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
-from stereocal.refined.two_views import (
-    BAR,
-    BASELINE,
-    DRIFT,
-    EPSILON,
-    SHARED,
-    TIME,
-    shared_lens_places,
-)
+from stereocal.refined.small_steps import FACTOR, OF_PAIR, cameras_at, lens_places
+from stereocal.refined.views import DRIFT, EACH, LENS, TIME, TRANSLATION
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, CameraName
-from stereocal.rig.dataset import Dataset, check_uncertainty
+from stereocal.rig.dataset import SMALLEST_UNCERTAINTY, Dataset, check_uncertainty
 from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import FloatArray
 from stereocal.system.settings import Settings
@@ -39,8 +33,6 @@ equations, and the covariance has negative variances."""
 WIDE_TIME, WIDE_DRIFT = 10.0, 0.1
 """Standard deviations of the time offset, in frames, and of its drift, that hardly restrict them;
 they keep those finite about which the motion says nothing."""
-
-ANGLES = ("yaw", "pitch", "roll", "delta", "epsilon")
 
 
 @dataclass(frozen=True)
@@ -65,22 +57,28 @@ class LensPrior:
 
 
 @dataclass(frozen=True)
-class RigPrior:
-    """What the other images of a rig tell of a pair of it: a normal prior of its unknowns."""
+class RigMarginal:
+    """What a rig says of two of its cameras: no fit of their own images changes it."""
 
-    values: tuple[float, ...]
-    """(25,): those of the rig, where the fit begins."""
-    mean: tuple[float, ...]
-    """(25,)."""
-    precision: tuple[tuple[float, ...], ...]
-    """(25, 25): in the directions of the free parameters; 0 of all others."""
+    turn: tuple[float, ...]
+    """(3,): rotation vector of the second camera from the first."""
+    q: tuple[float, ...]
+    """(33,): as of `views`, without turns."""
+    covariance: tuple[tuple[float, ...], ...]
+    """(33, 33)."""
     design_effect: float
-    """Of the rig."""
 
     def __post_init__(self) -> None:
-        numbers = np.array([self.values, self.mean, *self.precision], dtype=np.float64)
-        if numbers.shape != (SHARED + 2, SHARED) or not np.isfinite(numbers).all():
+        numbers = np.array([self.q, *self.covariance], dtype=np.float64)
+        whole = numbers.shape == (OF_PAIR + 1, OF_PAIR) and len(self.turn) == TRANSLATION
+        if not (whole and np.isfinite(numbers).all() and np.isfinite(self.turn).all()):
             raise ValueError("what the rig says of its pair has other numbers")
+
+    @property
+    def pose(self) -> Pose:
+        """`second_from_first`."""
+        T = self.q[EACH + TRANSLATION : EACH + LENS]
+        return Pose(Rotation.from_rotvec(self.turn).as_matrix(), np.array(T))
 
 
 FIXED_LENS = LensPrior(0.0, 0.0)
@@ -118,8 +116,9 @@ class RefineSettings(Settings):
     """Whether its drift is one too."""
     maximum_steps: int = 60
     """Maximum number of steps of each solve."""
-    rest: RigPrior | None = None
-    """Of a pair of a rig: what the other images tell, instead of the priors above."""
+
+    of_rig: RigMarginal | None = None
+    """Of a pair of a rig: its cameras as the rig has them, instead of the priors above."""
 
     def __post_init__(self) -> None:
         for name in ("baseline_sigma_m", "distance_sigma_m", "scatter_m", "sigma_px"):
@@ -143,11 +142,11 @@ correlation; None if independent."""
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """The free parameters p of a solve and the shared unknowns q = origin + M p: 25 of a pair."""
+    """The free parameters p of a solve and the unknowns of `views`, q = origin + M p."""
 
     names: tuple[str, ...]
     origin: FloatArray
-    """(Q,): the initial pose, and the stated values of the others."""
+    """(Q,): the first T of each camera, and the stated values of the others."""
     M: FloatArray
     """(Q, k)."""
     sigma: FloatArray
@@ -160,7 +159,7 @@ class Unknowns:
         return dict(zip(self.names, p.tolist(), strict=True))
 
     def covariance(self, information: FloatArray) -> FloatArray:
-        """(k, k): covariance of p, from the priors and the information (25, 25) about q; NaN where
+        """(k, k): covariance of p, from the priors and the information (Q, Q) about q; NaN where
         nothing is known of one."""
         A = self.M.T @ information @ self.M + self.precision
         if not (np.diag(A) > 0.0).all():
@@ -169,7 +168,7 @@ class Unknowns:
         return np.asarray(np.linalg.inv(A * np.outer(scale, scale)) * np.outer(scale, scale))
 
     def determined(self, information: FloatArray) -> bool:
-        """Whether priors and information (25, 25) determine all of p, in double precision."""
+        """Whether priors and information (Q, Q) determine all of p, in double precision."""
         A = self.M.T @ information @ self.M + self.precision
         diagonal = np.diag(A)
         if not (np.isfinite(A).all() and (diagonal > 0).all()):
@@ -197,59 +196,53 @@ def inverse_of(A: FloatArray, least: float = 1e-15) -> FloatArray:
     return np.asarray(np.linalg.pinv(A * units, least, hermitian=True) * units)
 
 
-def unknowns_of_pair(
-    dataset: Dataset, start: Pose, settings: RefineSettings, bars: bool = True
+def unknowns_of(
+    cameras: Mapping[str, Camera],
+    poses: Sequence[Pose],
+    lenses: Mapping[str, LensPrior],
+    length_sigma: float,
+    late: tuple[bool, bool] = (False, False),
 ) -> Unknowns:
-    """The unknowns of a data set.
+    """The unknowns of cameras; the first is the reference and has no pose.
 
     Args:
-        bars: whether there are bars; if not, the bar's length is held fixed.
+        poses: `camera_from_reference` of each camera, where the fit begins.
+        lenses: priors by camera.
+        length_sigma: standard deviation of the factor of the lengths.
+        late: whether the time offsets of the cameras, and their drifts, are unknowns.
     """
-    origin = np.empty(SHARED)
-    origin[: EPSILON + 1] = start.angles
-    origin[BASELINE], origin[BAR], origin[TIME], origin[DRIFT] = dataset.baseline_m, 1.0, 0.0, 0.0
-    for number, camera in enumerate((dataset.primary, dataset.secondary)):
-        origin[shared_lens_places(number)] = camera.lens_values
-    baseline = baseline_sigma_m(dataset, settings)
-    bar = distance_sigma_m(dataset, settings) / dataset.target_distance_m if bars else 0.0
-    if np.isinf(baseline) and (np.isinf(bar) or not bars):
-        raise StereocalError(
-            "Nothing fixes the scale: give the baseline or the bar a finite uncertainty."
-        )
-    blocks: list[Block] = [
-        ([(name, np.inf, [i]) for i, name in enumerate(ANGLES)], None),
-        ([("baseline", baseline, [BASELINE]), ("bar", bar, [BAR])], None),
-    ]
-    cameras = (dataset.primary, settings.primary), (dataset.secondary, settings.secondary)
-    for number, (camera, given) in enumerate(cameras):
-        prior = lens_prior(camera, given)
-        blocks.append(lens_block(CAMERAS[number], prior, shared_lens_places(number)))
-    offset, drift = WIDE_TIME * settings.time_offset, WIDE_DRIFT * settings.time_drift
-    blocks.append(([("time offset", offset, [TIME]), ("time drift", drift, [DRIFT])], None))
-    focal_lengths = [place for number in range(2) for place in shared_lens_places(number)[:2]]
-    unknowns = free_parameters(blocks, origin, focal_lengths)
-    return unknowns if settings.rest is None else _with_prior(unknowns, settings.rest)
-
-
-def _with_prior(unknowns: Unknowns, rest: RigPrior) -> Unknowns:
-    """The unknowns with the prior of a rig; a parameter that is fixed in it keeps its own."""
-    M = unknowns.M
-    precision = M.T @ np.array(rest.precision) @ M
-    fixed = np.diag(precision) == 0.0
-    precision += np.where(np.outer(fixed, fixed), unknowns.precision, 0.0)
-    with np.errstate(divide="ignore"):
-        sigma = 1.0 / np.sqrt(np.diag(precision))
-    return replace(unknowns, origin=np.array(rest.mean), sigma=sigma, precision=precision)
+    origin = cameras_at([*cameras.values()], poses).q
+    blocks: list[Block] = []
+    focal_lengths: list[int] = []
+    for number, name in enumerate(cameras):
+        first, places = EACH * number, lens_places(number)
+        focal_lengths += places[:2]
+        if number:
+            turns = [(f"{name} turn {axis}", np.inf, [first + i]) for i, axis in enumerate("xyz")]
+            shifts = [
+                (f"{name} {axis}", np.inf, [first + TRANSLATION + i])
+                for i, axis in enumerate("xyz")
+            ]
+            blocks.append((turns + shifts, None))
+        blocks.append(lens_block(name, lenses[name], places))
+        offset, drift = (bool(number) * asked for asked in late)
+        times = [
+            (f"{name} time offset", WIDE_TIME * offset, [first + TIME]),
+            (f"{name} time drift", WIDE_DRIFT * drift, [first + DRIFT]),
+        ]
+        blocks.append((times, None))
+    blocks.append(([("object", length_sigma, [len(origin) + FACTOR])], None))
+    return free_parameters(blocks, origin, focal_lengths)
 
 
 def free_parameters(
     blocks: Sequence[Block], origin: FloatArray, focal_lengths: Sequence[int]
 ) -> Unknowns:
-    """The free parameters among some shared unknowns.
+    """The free parameters among some unknowns.
 
     Args:
         blocks: all that may be free.
-        origin: (Q,): the shared unknowns where the free parameters are 0.
+        origin: (Q,): the unknowns where the free parameters are 0.
         focal_lengths: places in q whose free parameters are fractions of their origin.
     """
     unit = np.ones(len(origin))
@@ -359,6 +352,22 @@ def distance_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
         dataset.target_distance_sigma_m,
         DEFAULT_DISTANCE * dataset.target_distance_m,
     )
+
+
+def lenses_of(dataset: Dataset, settings: RefineSettings) -> dict[str, LensPrior]:
+    """The priors of the lenses of both cameras."""
+    return {
+        which: lens_prior(getattr(dataset, which), getattr(settings, which)) for which in CAMERAS
+    }
+
+
+def measured_baseline(dataset: Dataset, settings: RefineSettings) -> FloatArray:
+    """The measured baseline of a pair, as `adjustment.add_baselines` takes it; none if it is
+    free. One that is held has the smallest uncertainty that double precision tells from 0."""
+    sigma, length = baseline_sigma_m(dataset, settings), dataset.baseline_m
+    if np.isinf(sigma):
+        return np.empty((0, 4))
+    return np.array([[0.0, 1.0, length, max(sigma, SMALLEST_UNCERTAINTY * length)]])
 
 
 def check_stated(settings: RefineSettings, dataset: Dataset) -> None:

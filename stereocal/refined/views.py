@@ -3,8 +3,8 @@
 The unknowns `q` are, camera by camera, 16 values: a small rotation of the camera about its own axes
 (x_camera = exp(w) R x + T), T in metres, fx, fy, cx, cy, k1, k2, p1, p2, by how many frames the
 camera is late, and by how many more per frame; after those of all cameras the factor of the
-object's lengths. R is kept apart, and w is 0 after each step. A pair has shared unknowns of its own
-(`two_views`), of which these are a function.
+object's lengths. R is kept apart, and w is 0 after each step. The five angles of the paper, which
+have poles, are in its methods and in parameter files (`parameter_file`), nowhere else.
 
 Points come in units of two: the ends of a known length, or one point and nothing. Given q, units
 are independent, so that each is fitted and eliminated by itself (Schur complement): time and memory

@@ -11,7 +11,7 @@ from stereocal.calibration.methods import Method
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.length_in_metres import BarKnown, p95_of_factor
 from stereocal.refined.results import Calibration
-from stereocal.refined.two_views import BAR
+from stereocal.refined.small_steps import FACTOR
 from stereocal.rig.lengths_in_words import word_of
 from stereocal.rig.parameters import ForecastEntries
 from stereocal.system.numbers import digits
@@ -140,7 +140,7 @@ def bar_known(calibration: Calibration, forecast: Forecast | None) -> BarKnown:
     if refined is not None:
         given = refined.settings.distance_sigma_m
         stated = stated if given is None else given
-        p95 = p95_of_factor(refined.bar_factor, refined.covariance[BAR, BAR])
+        p95 = p95_of_factor(refined.bar_factor, refined.covariance[FACTOR, FACTOR])
     if forecast is not None:
         p95 = forecast.draws.bar_p95
     return BarKnown.of(word_of(dataset), dataset.target_distance_m, stated, p95)

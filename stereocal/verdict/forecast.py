@@ -24,10 +24,11 @@ from stereocal.evaluation.summary import Estimate
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
-from stereocal.refined.two_views import BAR, carried, shared_unknowns, step_between
+from stereocal.refined.small_steps import FACTOR, baseline_direction, rig_at, step_between
+from stereocal.rig.camera import LENS_UNKNOWNS
 from stereocal.rig.parameters import ForecastEntries
 from stereocal.rig.rig import Rig
-from stereocal.system.array_types import BoolArray, FloatArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import digits, rounded
 from stereocal.verdict.forecast_draws import DRAWS, ForecastDraws, draw_forecast
 from stereocal.verdict.intervals import TAILS
@@ -46,6 +47,7 @@ Kind = Literal["one", "two", "level"]
 FEW_DRAWS, FEW_BARS = 32, 100
 """Draws and bars of each half, for improvements."""
 KNOWN = 1e6
+LENS_PARTS = ("focal", *LENS_UNKNOWNS)
 """Factor of the information about a parameter that is known exactly."""
 MORE_FRAMES = 4
 WORTH_IT = 0.93
@@ -175,7 +177,6 @@ class Forecast:
             threshold_px: at which the shares are given; None: the recommended one.
         """
         model = self.model
-        cameras = model.primary, model.secondary
         noises = {"sigma_px": model.sigma_px, "bar_scatter_m": model.scatter_m}
         return ForecastEntries(
             self.draws.figures_of(method, threshold_px).to_json(),
@@ -184,7 +185,7 @@ class Forecast:
                     name: {"value": float(each.value), "source": each.source}
                     for name, each in noises.items()
                 },
-                "covariance": covariance_entry(self.covariance(method), cameras),
+                "covariance": covariance_entry(self.covariance(method), self.files[method]),
                 "design_effect": model.design_effect,
             },
         )
@@ -199,15 +200,14 @@ class Forecast:
         }
 
     def covariance(self, method: Method) -> FloatArray:
-        """(25, 25): mean square deviation of a file from the truth, of the shared unknowns.
+        """(33, 33): mean square deviation of a file from the truth, of the unknowns of `views`.
 
         That of the model about the truth, and the deviation of the file from the model.
         """
         model = self.model
-        own = shared_unknowns(self.files[method])
-        away = step_between(own, model.q)
-        away[BAR] = 0.0
-        return carried(model.covariance + np.outer(away, away), model.q, own)
+        away = step_between(rig_at(self.files[method]), model.at)
+        away[FACTOR] = 0.0
+        return model.covariance + np.outer(away, away)
 
 
 def forecast_files(calibration: Calibration, draws: int = DRAWS) -> Forecast:
@@ -244,17 +244,19 @@ def improvements(model: RefinedResult) -> dict[str, float]:
     """The mean length errors of the refined set, a fraction, as they are (key ""), and with each
     improvement, on the same simulated bars.
     """
-    names = model.unknowns.names
-    of_lens = np.array([name.split()[0] in ("primary", "secondary") for name in names])
-    of_baseline = np.array([name == "baseline" for name in names])
+    unknowns = model.unknowns
+    every = np.eye(len(unknowns.names))
+    of_lens = np.array([name.split()[-1] in LENS_PARTS for name in unknowns.names])
     cases = {
         "": model,
-        "exactly known lenses": _knowing(model, of_lens),
-        "an exactly known baseline": _knowing(model, of_baseline),
+        "exactly known lenses": _knowing(model, every[of_lens]),
+        "an exactly known baseline": _knowing(
+            model, baseline_direction(model.at)[None] @ unknowns.M
+        ),
         f"{MORE_FRAMES} times as many frames": replace(
             model, information=MORE_FRAMES * model.information
         ),
-        "everything known exactly": _knowing(model, np.ones(len(names), dtype=np.bool_)),
+        "everything known exactly": _knowing(model, every),
     }
     files: Mapping[Method, Rig] = {"refined": Rig(model.primary, model.secondary, model.pose)}
     found = {}
@@ -264,12 +266,13 @@ def improvements(model: RefinedResult) -> dict[str, float]:
     return found
 
 
-def _knowing(model: RefinedResult, known: BoolArray) -> RefinedResult:
-    """The model with some of its free parameters known."""
-    M, precision = model.unknowns.M, model.unknowns.precision
-    whole = np.diag(M.T @ model.information @ M + precision)
-    narrow = precision + np.diag(np.where(known, KNOWN * whole, 0.0))
-    return replace(model, unknowns=replace(model.unknowns, precision=narrow))
+def _knowing(model: RefinedResult, known: FloatArray) -> RefinedResult:
+    """The model with some combinations (m, k) of its free parameters known."""
+    unknowns = model.unknowns
+    whole = unknowns.M.T @ model.information @ unknowns.M + unknowns.precision
+    sizes = np.einsum("mk,kl,ml->m", known, whole, known) / np.square(known).sum(axis=1) ** 2
+    narrow = unknowns.precision + KNOWN * known.T @ (sizes[:, None] * known)
+    return replace(model, unknowns=replace(unknowns, precision=narrow))
 
 
 def advice_on_improvements(model: RefinedResult) -> str:

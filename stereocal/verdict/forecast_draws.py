@@ -23,7 +23,8 @@ from stereocal.evaluation import counting
 from stereocal.evaluation.summary import Estimate, crossing
 from stereocal.refined.design_effect import lenses_without
 from stereocal.refined.refine import RefinedResult
-from stereocal.refined.two_views import BAR, moved, shared_unknowns
+from stereocal.refined.small_steps import FACTOR, moved, rig_at
+from stereocal.refined.views import Cameras
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import without_nan
@@ -228,8 +229,7 @@ def draw_forecast(
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0x5E7]))
     methods = tuple(method for method in ALL_METHODS if method in files)
-    sets = np.array([shared_unknowns(files[method]) for method in methods])
-    lenses = model.lenses
+    sets = [rig_at(files[method]) for method in methods]
     of_noise = draw_noise(model, draws, rng)
     truths = _truths(knowledge or model, of_noise.across, rng, knowledge is None)
     ends = fresh_bars(model, draws, 2 * bars, rng)
@@ -238,18 +238,19 @@ def draw_forecast(
     partners = partners_in_groups(bars, rng)
     bar = ends[:, :, 0] - ends[:, :, 1]
     distances = np.sqrt(np.einsum("dbk,dbk->db", bar, bar))
-    distances /= truths[:, [BAR]]  # as measured, with the error of the bar at hand
+    factors = np.array([truth.q[FACTOR] for truth in truths])
+    distances /= factors[:, None]  # as measured, with the error of the bar at hand
     pixels = np.empty(noise.shape)
 
     def judge_draw(draw: int) -> list[JudgedSets]:
         points, seen = ends[draw].reshape(-1, 3), pixels[draw]
-        photograph(truths[draw], lenses, points, seen)
+        photograph(truths[draw], points, seen)
         start = add_noise(model.rig, points, of_noise.along[draw], noise[draw], seen)
         found = []
         for half, own in enumerate((slice(2 * bars), slice(2 * bars, None))):
             rays = np.ascontiguousarray(start[:, own])
             true = distances[draw, bars * half : bars * (half + 1)]
-            found.append(judge(sets, lenses, seen[own], rays, true, partners))
+            found.append(judge(sets, seen[own], rays, true, partners))
         return found
 
     with ThreadPoolExecutor(workers) as pool:
@@ -270,7 +271,7 @@ def draw_forecast(
         depths,
         radii,
         recorded,
-        truths[:, BAR],
+        factors,
         further_recordings(model, files, seed),
     )
 
@@ -283,8 +284,8 @@ def bin_edge(threshold_px: float) -> int:
 
 def _truths(
     model: RefinedResult, scales: FloatArray, rng: np.random.Generator, of_boards: bool
-) -> FloatArray:
-    """(draws, 25): draws of the shared unknowns; the covariance grows with the drawn noise.
+) -> list[Cameras]:
+    """Draws of the cameras; the covariance grows with the drawn noise.
 
     `of_boards` says whether lenses from the same boards are taken for what they are.
     """
@@ -296,13 +297,13 @@ def _truths(
         scaled = np.linalg.inv(model.p_covariance / np.outer(unit, unit))
         of_images = 0.5 * (scaled + scaled.T) / np.outer(unit, unit)
         prior = np.zeros((k, k))
-    found = np.empty((len(scales), len(M)))
-    for own, scale in zip(found, scales, strict=True):
+    found = list[Cameras]()
+    for scale in scales:
         A = of_images / scale**2 + prior
         unit = 1.0 / np.sqrt(np.diag(A))
         root = np.linalg.cholesky(A * np.outer(unit, unit))
         step = unit * np.linalg.solve(root.T, rng.standard_normal(k))
-        own[:] = moved(model.q, M @ step)
+        found.append(moved(model.at, M @ step))
     return found
 
 

@@ -186,7 +186,7 @@ def _seen(model: RefinedResult, volume: Volume, bars: FloatArray) -> BoolArray:
     """(n,): whether both ends of bars (n, 2, 3) are in the volume and in both images."""
     points = np.ascontiguousarray(bars.reshape(-1, 3))
     pixels = np.empty((len(points), 4))
-    photograph(model.q, model.lenses, points, pixels)
+    photograph(model.at, points, pixels)
     sizes = np.array([*model.primary.image_size, *model.secondary.image_size]) - 0.5
     seen = ((pixels > -0.5) & (pixels < sizes)).all(axis=1) & (points[:, 2] > 0)
     seen &= volume.has(_places(points, model.primary.is_fisheye))

@@ -20,7 +20,7 @@ from tests.rigs.moving_wand import stated_over_true, wave_wand
 def errors_on(rig: RigCalibration, recording: Recording) -> tuple[float, float]:
     """Reprojection error and 95 % of the length errors on other frames."""
     fit = type(rig.fit)(recording, rig.fit.poses, rig.fit.rig_settings)
-    points, residuals = point_fits(rig.fit.cameras, fit.seen)
+    points, residuals = point_fits(rig.fit.at, fit.seen)
     px = frame_errors(residuals, fit.frame_of, len(fit.frames))
     lengths = np.abs(relative_length_errors(points, fit.seen.distances))
     return float(np.sqrt(np.nanmean(np.square(px)))), float(np.quantile(lengths, 0.95))

@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.pair_of_rig import data_of_pair, sets_of_pairs, settings_of_pair
 from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.refined.parameter_file import of_file
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.two_views import BAR, shared_unknowns
+from stereocal.refined.small_steps import FACTOR, rig_at, step_between
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair, Recording
@@ -34,51 +35,39 @@ def refined_of(pair: CameraPair) -> tuple[RefinedResult, RefineSettings]:
     return refine(dataset, settings), settings
 
 
-def values_of(rig: RigFile, pair: CameraPair) -> np.ndarray:
-    own = rig.pair(*pair)
-    values = shared_unknowns(own)
-    values[BAR] = rig.q[-1]
-    return values
-
-
 @pytest.mark.parametrize("pair", PAIRS)
 def test_the_refined_set_of_a_pair_is_the_rigs(pair: CameraPair) -> None:
     _, rig = rig_of(5)
     found, _ = refined_of(pair)
-    assert found.q == pytest.approx(values_of(rig, pair), rel=1e-9, abs=1e-12)
-    stated = (rig.pair(*pair).uncertainties or {})["covariance"]["matrix"]
-    own = found.covariance[: len(stated), : len(stated)]
+    of_rig = rig.pair(*pair)
+    assert step_between(found.at, rig_at(of_rig))[:FACTOR] == pytest.approx(0.0, abs=1e-9)
+    assert found.bar_factor == pytest.approx(rig.q[FACTOR], rel=1e-12)
+    stated = (of_rig.uncertainties or {})["covariance"]["matrix"]
+    own = of_file(found.covariance, found.pose)[: len(stated), : len(stated)]
     sigmas = np.sqrt(np.diag(stated))
     unit = np.where(sigmas > 0.0, sigmas, 1.0)
     assert own / np.outer(unit, unit) == pytest.approx(stated / np.outer(unit, unit), abs=1e-5)
     assert found.settings.from_json(found.settings.to_json()) == found.settings
 
 
-def test_its_images_are_not_counted_twice() -> None:
-    """Without the pair's images the rest of the rig knows less than with them, and what is left
-    agrees with them within its errors."""
+def test_without_some_frames_it_is_that_of_the_other_images() -> None:
+    """Halves of the frames of a pair, whose images the rest of the rig does not lack."""
     recording, rig = rig_of(5)
-    pair = ("c1", "c3")
-    found, settings = refined_of(pair)
-    rest = settings.rest
-    assert rest is not None
-    whole, without = found.p_covariance, np.linalg.inv(found.unknowns.precision)
-    # The baseline's is as stated in both, to rounding: 1e-9 of it was measured.
-    assert (np.diag(without) > (1.0 - 1e-6) * np.diag(whole)).all()
-    assert np.median(np.diag(without) / np.diag(whole)) > 1.1
-    away = np.linalg.pinv(found.unknowns.M) @ (found.q - np.array(rest.mean))
-    # of a prior that counts the images twice this is near 0; of an independent one it is the
-    # chi-square of the difference, of as many degrees of freedom as there are parameters
-    C = without - whole
-    values, V = np.linalg.eigh(C / np.outer(*2 * [np.sqrt(np.diag(without))]))
-    keep = values > 1e-3
-    moved = (V.T @ (away / np.sqrt(np.diag(without))))[keep]
-    assert 0.2 < np.sum(np.square(moved) / values[keep]) / keep.sum() < 4.0
-    # A frame that is left out of the pair moves it, by less than an error.
-    fewer = data_of_pair(recording, pair, rig)
-    again = refine(fewer.of_frames(fewer.correspondences.frames[3:]), settings)
-    moved = (again.q - found.q)[:6] / np.sqrt(np.diag(found.covariance))[:6]
-    assert 0.0 < np.abs(moved).max() < 1.0
+    dataset = data_of_pair(recording, pair := ("c1", "c3"), rig)
+    settings = settings_of_pair(dataset, pair, rig)
+    whole, rows = refine(dataset, settings), dataset.correspondences
+    halves = [refine(dataset, settings, rows=rows.frame % 2 == k) for k in (0, 1)]
+    sigma = np.sqrt(np.diag(whole.p_covariance))
+    steps = [to_free(whole) @ step_between(half.at, whole.at) for half in halves]
+    for half, step in zip(halves, steps, strict=True):
+        assert (np.sqrt(np.diag(half.p_covariance)) > (1.0 - 1e-6) * sigma).all()
+        assert 0.0 < np.abs(step / sigma).max() < 4.0
+    # Each half moves it, the other way, by about as much.
+    assert steps[0] @ steps[1] < 0.0
+
+
+def to_free(found: RefinedResult) -> np.ndarray:
+    return np.asarray(np.linalg.pinv(found.unknowns.M))
 
 
 def test_the_sets_of_all_pairs() -> None:

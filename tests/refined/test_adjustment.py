@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.refined import distortion, views
 from stereocal.refined.adjustment import add_baselines
-from stereocal.refined.distortion import lens_terms, lenses_of_cameras
+from stereocal.refined.distortion import lens_terms
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import DRIFT, SHARED, TIME, shared_unknowns, unknowns_of_views
+from stereocal.refined.small_steps import moved, rig_at, step_between
 from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.refined.views import DISTORTION, EACH, OWN
+from stereocal.refined.views import DISTORTION, DRIFT, EACH, OWN, TIME, Cameras
 from stereocal.rig.camera import Camera
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
@@ -33,40 +33,38 @@ LENSES = {
 LENSES["tilted"] = [*LENSES["twelve"][:8], 0.002, -0.003, 0.001, 0.004, 0.03, -0.05]
 
 
-def truth() -> FloatArray:
-    """The 25 shared unknowns of the tests' rig."""
-    q = shared_unknowns(Rig(rig.PRIMARY, rig.SECONDARY, rig.RIG))
-    q[TIME], q[DRIFT] = 0.3, 0.01
-    return q
+def truth() -> Cameras:
+    """The tests' rig, the second camera late."""
+    at = rig_at(Rig(rig.PRIMARY, rig.SECONDARY, rig.RIG))
+    at.q[EACH + TIME], at.q[EACH + DRIFT] = 0.3, 0.01
+    return at
 
 
 def frame_of(
-    q: FloatArray,
+    at: Cameras,
     x: FloatArray,
     pixels: FloatArray,
     motion: FloatArray = STILL,
     weights: tuple[float, float] = (4.0, 900.0),
 ) -> tuple[FloatArray, FloatArray]:
-    """Residuals (9,) of one bar, and their derivatives (31, 9) by x and by the pair's unknowns."""
-    v, R, B = unknowns_of_views(q)
-    cameras = views.Cameras(
-        v, R, set_distortion(v, DISTORTION, EACH, lenses_of_cameras(rig.PRIMARY, rig.SECONDARY))
-    )
+    """Residuals (9,) of one bar, and their derivatives (39, 9) by x and by the unknowns."""
+    q, R, lenses = at
+    cameras = Cameras(q, R, set_distortion(q, DISTORTION, EACH, lenses))
     unit, work = views.Unit(pixels, motion, rig.BAR_M, *weights), views.work_of(2)
     s = fill_residuals(cameras, unit, x, work)
     fill_shared(cameras, unit, x, True, work)
     r, Jx, Js, along, *_ = work
-    by_x, by_v = np.zeros((OWN, 9)), np.zeros((len(v), 9))
+    by_x, by_q = np.zeros((OWN, 9)), np.zeros((len(q), 9))
     for end in range(2):
         by_x[3 * end : 3 * end + 3, 4 * end : 4 * end + 4] = Jx[end].reshape(4, 3).T
         for camera in range(2):
-            at = 4 * end + 2 * camera
-            by_v[EACH * camera : EACH * (camera + 1), at : at + 2] = Js[end, camera].T
+            own = 4 * end + 2 * camera
+            by_q[EACH * camera : EACH * (camera + 1), own : own + 2] = Js[end, camera].T
     by_x[:, 8] = along[:OWN]
-    by_v[-1, 8] = -(along[OWN] + weights[1] * rig.BAR_M) / v[-1]
+    by_q[-1, 8] = -(along[OWN] + weights[1] * rig.BAR_M) / q[-1]
     errors = np.append(r.ravel(), along[OWN])
     assert s == pytest.approx(float(errors @ errors), rel=1e-12)
-    return errors, np.concatenate([by_x, B @ by_v])
+    return errors, np.concatenate([by_x, by_q])
 
 
 def bending(camera: Camera) -> FloatArray:
@@ -86,37 +84,37 @@ def test_bend_is_opencvs_model(name: str) -> None:
 @pytest.mark.parametrize("seed", [2, 3])
 def test_slopes_are_those_of_finite_differences(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    q = truth() * (1 + 1e-3 * rng.normal(size=SHARED))
+    at = moved(truth(), 1e-3 * rng.normal(size=len(truth().q)) * truth().q)
     x = rig.bar_ends(1, int(rng.integers(1000))).ravel()
     pixels = rng.uniform(300, 900, (2, 2, 2))
     motion = rng.uniform(-30, 30, (2, 2, 3)) if seed % 2 else STILL
     motion[:, 0] = 0.0
-    _, J = frame_of(q, x, pixels, motion)
-    both = np.concatenate([x, q])
+    _, J = frame_of(at, x, pixels, motion)
+    both = np.concatenate([x, np.zeros_like(at.q)])
+    size = np.concatenate([x, at.q])
     for i in range(len(both)):
-        step = 1e-6 * max(abs(both[i]), 1.0)
+        step = 1e-6 * max(abs(size[i]), 1.0)
         plus, minus = both.copy(), both.copy()
         plus[i] += step
         minus[i] -= step
         difference = (
-            frame_of(plus[OWN:], plus[:OWN], pixels, motion)[0]
-            - frame_of(minus[OWN:], minus[:OWN], pixels, motion)[0]
+            frame_of(moved(at, plus[OWN:]), plus[:OWN], pixels, motion)[0]
+            - frame_of(moved(at, minus[OWN:]), minus[:OWN], pixels, motion)[0]
         ) / (2 * step)
         # Measured: 2e-7 of the largest slope of the row (rounding of the difference).
         np.testing.assert_allclose(J[i], difference, rtol=0, atol=3e-6 * np.abs(J[i]).max() + 1e-6)
 
 
 def test_an_unseen_target_and_one_behind_a_camera() -> None:
-    q, x = truth(), rig.bar_ends(1).ravel()
+    at, x = truth(), rig.bar_ends(1).ravel()
     pixels = np.full((2, 2, 2), 500.0)
     pixels[1] = np.nan
-    _, J = frame_of(q, x, pixels, weights=(1.0, 0.0))
+    _, J = frame_of(at, x, pixels, weights=(1.0, 0.0))
     assert J[:, :4].any()
     assert not J[:, 4:8].any()
     x[2] = -1.0
-    (v, R, _), unit = unknowns_of_views(q), views.Unit(pixels, STILL, np.nan, 1.0, 0.0)
-    cameras = views.Cameras(v, R, lenses_of_cameras(rig.PRIMARY, rig.SECONDARY))
-    assert fill_residuals(cameras, unit, x, views.work_of(2)) == np.inf
+    unit = views.Unit(pixels, STILL, np.nan, 1.0, 0.0)
+    assert fill_residuals(at, unit, x, views.work_of(2)) == np.inf
 
 
 def test_the_result_is_scipys_of_the_whole_problem() -> None:
@@ -125,16 +123,20 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
     lens = LensPrior(0.01, 10.0)
     priors = RefineSettings(lens, lens, sigma_px=0.3, scatter_m=0.001, loss="squares")
     solve = RobustFit.of_pair(data, rig.RIG, priors)
+    begin, (measured, sigma_m) = solve.at, solve.baselines[0, 2:]
     assert solve.run()
+    start_at = begin._replace(R=solve.R)  # turns about the same axes
     unknowns = solve.unknowns
     k = len(unknowns.names)
     free = np.isfinite(unknowns.sigma)
 
     def whole(z: FloatArray) -> FloatArray:
-        q = unknowns.origin + unknowns.M @ z[:k]
+        at = moved(start_at, unknowns.M @ z[:k])
+        T = at.q[EACH + 3 : EACH + 6]
         found = [z[:k][free] / unknowns.sigma[free]]
+        found.append(np.array([(np.linalg.norm(T) - measured) / sigma_m]))
         for f, x in enumerate(z[k:].reshape(-1, OWN)):
-            found.append(frame_of(q, x, solve.seen.pixels[f], weights=(1 / 0.3, 1000.0))[0])
+            found.append(frame_of(at, x, solve.seen.pixels[f], weights=(1 / 0.3, 1000.0))[0])
         return np.concatenate(found)
 
     start = np.concatenate([np.zeros(k), rig.bar_ends(5).ravel()])
@@ -144,8 +146,9 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
     slopes = np.asarray(peer.jac)
     covariance = np.linalg.inv(slopes.T @ slopes)[:k, :k]
     sigma = np.sqrt(np.diag(covariance))
-    assert (np.abs(peer.x[:k] - solve.p) < 1e-3 * sigma).all()
-    A = unknowns.M.T @ solve.H @ unknowns.M + unknowns.precision
+    away = unknowns.M.T @ step_between(solve.at, moved(start_at, unknowns.M @ peer.x[:k]))
+    assert (np.abs(away / np.square(unknowns.M).sum(axis=0)) < 1e-3 * sigma).all()
+    A = unknowns.M.T @ solve.H @ unknowns.M + solve.at_end.precision
     # SciPy's slopes are finite differences.
     np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(A))), sigma, rtol=1e-3)
 
@@ -157,7 +160,7 @@ def test_left_out_frames_have_no_say() -> None:
     for limits in (np.where(np.arange(10) < 6, np.inf, 0.0), np.full(6, np.inf)):
         n = len(limits)
         points, chi_squares = np.full((n, OWN), np.nan), np.empty(n)
-        sides.append(solve.sum_at(solve.q, 100.0, limits, points, chi_squares, np.arange(n)))
+        sides.append(solve.sum_at(100.0, limits, points, chi_squares, np.arange(n)))
     for first, second in zip(*sides, strict=True):
         np.testing.assert_array_equal(first, second)
 

@@ -5,7 +5,7 @@ import pytest
 
 from stereocal.matching.reconstruction import noise_of_file
 from stereocal.refined.disagreement import compare_inputs
-from stereocal.refined.parameter_file import refined_parameters
+from stereocal.refined.parameter_file import of_file, refined_parameters
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.parameters import RigParameters
@@ -28,7 +28,7 @@ def angle_errors(found: RefinedResult, truth: Rig) -> np.ndarray:
     """(5,): errors of the angles over their stated errors."""
     away = np.array(found.pose.angles) - np.array(truth.pose.angles)
     away = (away + np.pi) % (2 * np.pi) - np.pi
-    return np.asarray(away / np.sqrt(np.diag(found.covariance)[:5]))
+    return np.asarray(away / np.sqrt(np.diag(of_file(found.covariance, found.pose))[:5]))
 
 
 @pytest.mark.parametrize("length", [20, *further(10)])

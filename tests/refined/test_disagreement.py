@@ -8,8 +8,8 @@ import pytest
 from stereocal.calibration.corrections import with_changed
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import refine
+from stereocal.refined.small_steps import lens_places
 from stereocal.refined.stated_inputs import advice_on, moved_lengths, undetectable_errors
-from stereocal.refined.two_views import DISTORTION
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.rig.camera import Camera, CameraName, LensUncertainty
 from tests import known_rig as rig
@@ -115,7 +115,7 @@ def test_a_wrong_distortion_is_named_and_estimated(camera: CameraName) -> None:
     found = compare_inputs(refine(off))
     assert f"{camera} distortion" in [item.key for item in found.inputs if item.accused]
     freed = getattr(found.model, camera).distortion
-    at = DISTORTION + 4 * (camera == "secondary")
+    at = lens_places(camera == "secondary")[4]
     sigma = float(np.sqrt(found.model.covariance[at, at]))
     assert abs(freed[0] - own.distortion[0]) < 3.5 * sigma
     assert found.model.sigma_px.value == pytest.approx(0.2, rel=0.3)  # held fixed: 0.26 to 0.31
@@ -142,7 +142,8 @@ def test_a_stated_distortion_moves_within_its_standard_error() -> None:
     known = LensUncertainty(1.0, 1.0, 1.0, 1.0, sigma)
     result = refine(replace(data, primary=Camera(own.K, off, own.image_size, known)))
     found = result.primary.distortion[0] - own.distortion[0]
-    assert abs(found) < 4 * np.sqrt(result.covariance[DISTORTION, DISTORTION]) < 0.01
+    k1 = lens_places(0)[4]
+    assert abs(found) < 4 * np.sqrt(result.covariance[k1, k1]) < 0.01
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.two_views import SHARED, pose_of
+from stereocal.refined.small_steps import OF_PAIR, moved, pose_at, pose_places
 from stereocal.refined.uncertainty import Plane, accuracy_map, length_variances, point_covariances
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.geometry import triangulate
@@ -49,25 +49,24 @@ def test_errors_are_near_the_cramer_rao_bound(rigs: int) -> None:
 def test_an_unknown_of_which_nothing_is_known_has_no_error(result: RefinedResult) -> None:
     """As of a camera whose pairs all fail; NumPy warned of a division by zero."""
     free = replace(result.unknowns, precision=np.zeros_like(result.unknowns.precision))
-    assert np.isnan(free.covariance(np.zeros((25, 25)))).all()
+    assert np.isnan(free.covariance(np.zeros((OF_PAIR, OF_PAIR)))).all()
 
 
 def test_slopes_of_a_distance_are_those_of_finite_differences(result: RefinedResult) -> None:
-    """By a change of the angles and of the baseline, at a fixed pair of pixels."""
+    """By a change of the pose, at a fixed pair of pixels."""
     ends = rig.bar_ends(6, seed=3)
     a, b = ends[0::2], ends[1::2]
-    slopes = length_variances(result.q, result.lenses, result.sigma_px.value, a, b)[1]
+    slopes = length_variances(result.at, result.sigma_px.value, a, b)[1]
     both = np.concatenate([a, b])
     primary, secondary = (
         result.primary.undistort(result.primary.project(both)),
         result.secondary.undistort(result.secondary.project(result.pose.apply(both))),
     )
-    for at in range(6):
+    for at in range(OF_PAIR)[pose_places(1)]:
         lengths = []
         for step in (1e-6, -1e-6):
-            q = result.q.copy()
-            q[at] += step
-            points = triangulate(pose_of(q), primary, secondary)
+            after = moved(result.at, step * np.eye(OF_PAIR)[at])
+            points = triangulate(pose_at(after), primary, secondary)
             lengths.append(np.linalg.norm(points[:6] - points[6:], axis=1))
         difference = (lengths[0] - lengths[1]) / 2e-6
         # Rounding of the difference: 1e-9 m of lengths over 2e-6.
@@ -77,13 +76,13 @@ def test_slopes_of_a_distance_are_those_of_finite_differences(result: RefinedRes
 def test_noise_of_a_point_is_what_simulation_shows() -> None:
     """The part of the pixels: the midpoints of 4000 noisy views of three points."""
     held = refine(rig.dataset(25, 0.2), fixed_lenses(RefineSettings(sigma_px=0.2)))
-    held.__dict__["covariance"] = np.zeros((SHARED, SHARED))
+    held.__dict__["covariance"] = np.zeros((OF_PAIR, OF_PAIR))
     rng = np.random.default_rng(2)
     for point in ([0.2, -0.4, 6.0], [-0.9, 0.6, 9.0], [1.0, 0.1, 10.0]):
         many = np.tile(point, (4000, 1))
         primary = held.primary.project(many) + 0.2 * rng.normal(size=(4000, 2))
-        moved = held.secondary.project(held.pose.apply(many))
-        secondary = moved + 0.2 * rng.normal(size=(4000, 2))
+        seen = held.secondary.project(held.pose.apply(many))
+        secondary = seen + 0.2 * rng.normal(size=(4000, 2))
         found = triangulate(
             held.pose, held.primary.undistort(primary), held.secondary.undistort(secondary)
         )

@@ -10,15 +10,14 @@ from scipy.spatial.transform import Rotation
 from stereocal.cli import main
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.diagnosis import geometry_warning
+from stereocal.refined.parameter_file import covariance_entry, covariance_of_entry
 from stereocal.refined.screening import screen
-from stereocal.refined.two_views import (
-    BASELINE,
-    SHARED,
+from stereocal.refined.small_steps import (
+    OF_PAIR,
     largest_turn_sigma,
     moved,
-    pose_directions,
-    pose_of,
-    shared_unknowns,
+    pose_places,
+    rig_at,
     step_between,
 )
 from stereocal.rig.camera import Camera
@@ -120,19 +119,21 @@ def test_angles_without_a_direction_do_not_spoil_the_forecast(name: str) -> None
     assert refined.p95_error_3d.low < true["p95_error_3d"] < refined.p95_error_3d.high
     assert refined.p95_error_3d.value == pytest.approx(true["p95_error_3d"], rel=0.5)
     assert limits["refined"] < 1.0
-    # What the file carries is the same at its own angles.
-    q, C = shared_unknowns(forecast.files["2d"]), forecast.covariance("2d")
-    assert largest_turn_sigma(q, C) < np.radians(1.0)
+    at = rig_at(forecast.files["2d"])
+    assert largest_turn_sigma(at, forecast.covariance("2d")) < np.radians(1.0)
+    # What the file carries is the same, though its angles have no direction.
+    rig_in_file, model = forecast.files["refined"], forecast.model
+    entry = covariance_entry(model.covariance, rig_in_file)
+    again, sigma = covariance_of_entry(entry, rig_in_file), np.sqrt(np.diag(model.covariance))
+    unit = np.outer(np.where(sigma > 0.0, sigma, 1.0), np.where(sigma > 0.0, sigma, 1.0))
+    np.testing.assert_allclose(again / unit, model.covariance / unit, rtol=0, atol=1e-6)
 
 
 def test_a_step_near_a_pole_and_back() -> None:
-    for name in ("beside the axis", "from above"):
-        q = shared_unknowns(Rig(PLAIN, PLAIN, from_poles(name)))
-        step = np.zeros(SHARED)
-        step[:BASELINE] = pose_directions(q) @ [0.01, -0.02, 0.03, 0.02, -0.01]
-        np.testing.assert_allclose(step_between(moved(q, step), q), step, rtol=1e-6, atol=1e-9)
-        turned = pose_of(moved(q, step)).R @ pose_of(q).R.T
-        assert np.linalg.norm(Rotation.from_matrix(turned).as_rotvec()) < 0.05
+    for name in ("on the axis", "beside the axis", "from above"):
+        at, step = rig_at(Rig(PLAIN, PLAIN, from_poles(name))), np.zeros(OF_PAIR)
+        step[pose_places(1)] = [0.5, -1.0, 0.3, 0.02, -0.01, 0.5]
+        np.testing.assert_allclose(step_between(moved(at, step), at), step, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("pairs", [("pair",), *further((("c0-c2", "c1-c3"),))])

@@ -4,22 +4,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from stereocal.field.checking.fits import (
-    Fit,
-    information_of,
-    pose_after_turn,
-    pose_change,
-    pose_difference,
-    power_of,
-)
+from stereocal.field.checking.fits import Fit, information_of, pose_change, power_of
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_matches
 from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
+from stereocal.refined.small_steps import rig_at, step_between
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, FRAMES, Misjudged, random_scene, stated
@@ -63,11 +59,11 @@ def seen_by(case: Case, scene: Scene) -> Dataset:
 
 def bumped(case: Case, angle_rad: float) -> Rig:
     """The rig after one of its cameras turned in place about a random axis."""
-    axis = case.rng.standard_normal(3)
-    vector = angle_rad * axis / np.linalg.norm(axis)
-    return replace(
-        case.truth, pose=pose_after_turn(case.truth.pose, int(case.rng.integers(2)), vector)
-    )
+    axis, pose = case.rng.standard_normal(3), case.truth.pose
+    D = Rotation.from_rotvec(angle_rad * axis / np.linalg.norm(axis)).as_matrix()
+    of_secondary = case.rng.integers(2)
+    after = Pose(D @ pose.R, D @ pose.T) if of_secondary else Pose(pose.R @ D.T, pose.T)
+    return replace(case.truth, pose=after)
 
 
 def bound(case: Case, images: NewImages, rig: Rig) -> float:
@@ -76,8 +72,9 @@ def bound(case: Case, images: NewImages, rig: Rig) -> float:
     The old parameters have the covariance of the file, with its estimated noise.
     """
     fit = true_fit(case, images)
-    m = len(fit.change)
-    return power_of(information_of(fit), pose_difference(rig.pose, case.truth.pose)[:m])
+    step = step_between(rig_at(rig), rig_at(case.truth))
+    change = np.linalg.lstsq(fit.change.directions, step, rcond=None)[0]
+    return power_of(information_of(fit), np.asarray(change, dtype=np.float64))
 
 
 def true_fit(case: Case, images: NewImages) -> Fit:

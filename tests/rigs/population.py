@@ -10,8 +10,7 @@ from stereocal.evaluation.counting import CORRECT, REPROJECTION, RESIDUAL, UNDER
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import merge_bins, overlap
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.two_views import shared_unknowns
+from stereocal.refined.small_steps import rig_at
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
@@ -50,10 +49,8 @@ def population(
     pixels = np.column_stack([truth.primary.project(points), truth.secondary.project(seen)])
     pixels += noise_px * rng.standard_normal(pixels.shape)
     start = np.column_stack([points[:, :2] / points[:, 2:], seen[:, :2] / seen[:, 2:]])
-    any_file = next(iter(files.values()))
     counts, lengths, correct_px = judge(
-        np.array([shared_unknowns(files[method]) for method in methods]),
-        lenses_of_cameras(any_file.primary, any_file.secondary),
+        [rig_at(files[method]) for method in methods],
         pixels,
         np.ascontiguousarray(start.T),
         np.linalg.norm(ends_m[:, 0] - ends_m[:, 1], axis=1) / bar_factor,

@@ -16,7 +16,7 @@ from stereocal.evaluation.summary import figures_of_set
 from stereocal.library.calibrations import calibrate
 from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.refined.refine import refine
-from stereocal.refined.two_views import BASELINE
+from stereocal.refined.small_steps import baseline_direction
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.dataset import Dataset
@@ -262,7 +262,7 @@ def with_k1(data: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
 
 def test_the_covariance_of_a_file_contains_its_distance_from_the_model() -> None:
     found = forecast()
-    away = found.files["3d"].pose.baseline - found.model.q[BASELINE]
-    at = (BASELINE, BASELINE)
-    expected = found.model.covariance[at] + away**2
-    assert found.covariance("3d")[at] == pytest.approx(expected)
+    T, along = found.model.pose.T, baseline_direction(found.model.at)
+    away = (found.files["3d"].pose.T - T) @ T / found.model.pose.baseline
+    expected = along @ found.model.covariance @ along + away**2
+    assert along @ found.covariance("3d") @ along == pytest.approx(expected)

@@ -14,7 +14,7 @@ from stereocal.field.checking import fits
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since
-from stereocal.refined.two_views import BASELINE, pose_of, rig_of
+from stereocal.refined.small_steps import baseline_direction, pose_at, rig_of
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
@@ -129,7 +129,7 @@ class Recheck:
         found += [Explanation(True, (), fit) for fit in self._turns]
         for k, which in enumerate(CAMERAS):
             focal = fits.focal_change(self.prior, k)
-            both = self.fit(self._pose_change + focal, pose_of(self.pose.q))
+            both = self.fit(self._pose_change + focal, pose_at(self.pose.at))
             found.append(Explanation(False, (which,), self.fit(focal)))
             found.append(Explanation(True, (which,), both))
         found.append(Explanation(False, CAMERAS, self.fit(fits.focal_changes(self.prior))))
@@ -138,7 +138,7 @@ class Recheck:
     @cached_property
     def _turns(self) -> list[fits.Fit]:
         """Either camera has turned in place."""
-        return [self.fit(fits.turn_in_place(pose_of(self.prior.q), k)) for k in (0, 1)]
+        return [self.fit(fits.turn_in_place(pose_at(self.prior.at), k)) for k in (0, 1)]
 
     @property
     def refocused(self) -> tuple[CameraName, ...]:
@@ -174,7 +174,7 @@ class Recheck:
 
     @cached_property
     def best(self) -> fits.Fit:
-        """The fit whose `q` are the repaired parameters; where images cannot tell what has changed,
+        """The fit whose cameras are the repaired ones; where images cannot tell what has changed,
         all that may have is free."""
         if not self.seen:
             return self.same
@@ -197,7 +197,7 @@ class Recheck:
 
     @property
     def repaired(self) -> Rig:
-        return rig_of(self.prior.rig.primary, self.prior.rig.secondary, self.best.q)
+        return rig_of(self.prior.rig.primary, self.prior.rig.secondary, self.best.at)
 
     @property
     def _with_pose(self) -> fits.Fit:
@@ -209,10 +209,8 @@ class Recheck:
         """Angle of the relative rotation in radians with its 95 % interval, and its vector (3,) in
         the secondary's axes."""
         fit = self._with_pose
-        vector = Rotation.from_matrix(pose_of(fit.q).R @ pose_of(fit.before).R.T).as_rotvec()
-        yaw, R = fit.q[0], pose_of(fit.q).R
-        axes = np.column_stack([[0.0, 1.0, 0.0], [np.cos(yaw), 0.0, -np.sin(yaw)], R[:, 2]])
-        covariance = axes @ fit.change_covariance[:3, :3] @ axes.T
+        vector = Rotation.from_matrix(pose_at(fit.at).R @ pose_at(fit.before).R.T).as_rotvec()
+        covariance = fit.change_covariance[:3, :3]
         angle = max(float(np.linalg.norm(vector)), 1e-15)
         along = vector / angle
         variance = float(along @ covariance @ along)
@@ -227,9 +225,12 @@ class Recheck:
     @cached_property
     def baseline_m(self) -> Estimate | None:
         """The baseline now, with its 95 % interval; None where lengths are unknown."""
+        if not self.scale:
+            return None
         fit = self._with_pose
-        sigma = np.sqrt(fit.covariance[BASELINE, BASELINE])
-        return self._interval(fit.q[BASELINE], sigma) if self.scale else None
+        along = baseline_direction(fit.at)
+        sigma = float(np.sqrt(along @ fit.covariance @ along))
+        return self._interval(pose_at(fit.at).baseline, sigma)
 
     @cached_property
     def baseline_change(self) -> Estimate | None:
@@ -237,8 +238,8 @@ class Recheck:
         if not self.scale:
             return None
         fit = self._with_pose
-        old, sigma = fit.before[BASELINE], np.sqrt(fit.change_covariance[BASELINE, BASELINE])
-        return self._interval(fit.d[BASELINE] / old, sigma / old)
+        change = pose_at(fit.at).baseline / pose_at(fit.before).baseline - 1.0
+        return self._interval(change, float(np.sqrt(fit.change_covariance[fits.SCALE, fits.SCALE])))
 
     @cached_property
     def focal_changes(self) -> Mapping[CameraName, Estimate]:

@@ -1,10 +1,11 @@
 """Fits of new images with the old parameters as prior, and how small a movement they would reveal.
 
-The unknowns are q = q0 + L p + U d: the old parameters within their covariance, L p with p normal,
-and a change d of what U spans. Two hypotheses with nested U are compared by the difference of their
-costs, which follows the F distribution if the smaller one is true. For a known noise it is
-chi-square, noncentral with d' I d where the larger one is true: I is the information of the new
-images about the change d with the old parameters eliminated, their covariance included.
+The cameras are a step L p + U d from where the file has them: the old parameters within their
+covariance, L p with p normal, and a change d of what U spans. Two hypotheses with nested U are
+compared by the difference of their costs, which follows the F distribution if the smaller one is
+true. For a known noise it is chi-square, noncentral with d' I d where the larger one is true: I is
+the information of the new images about the change d with the old parameters eliminated, their
+covariance included.
 """
 
 from dataclasses import dataclass
@@ -12,31 +13,33 @@ from itertools import product
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.spatial.transform import Rotation
 from scipy.special import chdtri, chndtr, chndtrinc, fdtrc
 
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
 from stereocal.refined.observations import Observations
 from stereocal.refined.robust import RobustFit
-from stereocal.refined.two_views import (
-    BASELINE,
-    PRIMARY,
-    SECONDARY,
-    SHARED,
-    pose_directions,
+from stereocal.refined.small_steps import (
+    OF_PAIR,
+    baseline_direction,
+    lens_places,
+    moved,
+    pose_places,
+    rig_at,
     rig_of,
     step_between,
 )
 from stereocal.refined.unknowns import RefineSettings, Unknowns
+from stereocal.refined.views import TRANSLATION, Cameras
 from stereocal.rig.geometry import Pose
+from stereocal.rig.rig import Rig
 from stereocal.system.array_types import BoolArray, FloatArray
 
 WIDE_ANGLE, WIDE_FOCAL, WIDE_BASELINE = 0.3, 0.1, 0.2
 """Standard deviations of a change: radians, and fractions. They only keep finite what the images do
 not determine."""
-SMALL_TURN = 1e-4
-"""Radians, for derivatives by finite differences."""
+SCALE = 5
+"""The place of the baseline, as a factor, in a change of the pose: after two times a direction."""
 FOLDS = 5
 """Runs of neighbouring groups, each held out once: neighbours share their errors."""
 CLEARLY = 0.5
@@ -58,7 +61,7 @@ class Change:
     """What may have changed: the directions U of a hypothesis."""
 
     directions: FloatArray
-    """(25, m)."""
+    """(33, m)."""
     sigma: FloatArray
     """(m,)."""
 
@@ -72,24 +75,28 @@ class Change:
         )
 
 
-NOTHING = Change(np.zeros((SHARED, 0)), np.zeros(0))
+NOTHING = Change(np.zeros((OF_PAIR, 0)), np.zeros(0))
 
 
 def pose_change(prior: Prior, scale: bool) -> Change:
-    """The pose: five angles and, if `scale`, the baseline."""
-    count = BASELINE + 1 if scale else BASELINE
-    sigma = np.full(count, WIDE_ANGLE)
-    sigma[BASELINE:] = WIDE_BASELINE * prior.q[BASELINE]
-    directions = np.eye(SHARED)[:, :count]
-    directions[:BASELINE, :BASELINE] = pose_directions(prior.q)
-    return Change(directions, sigma)
+    """The pose: a turn of the secondary camera about its own axes, the direction of the baseline
+    across two axes, all in radians, and, if `scale`, the baseline as a factor."""
+    along, pose = baseline_direction(prior.at), pose_places(1)
+    T, t = prior.at.q[pose][TRANSLATION:], along[pose][TRANSLATION:]
+    directions = np.zeros((OF_PAIR, SCALE + 1))
+    directions[pose, :TRANSLATION] = np.eye(2 * TRANSLATION)[:, :TRANSLATION]
+    of_T = directions[pose][TRANSLATION:]
+    of_T[:, TRANSLATION:SCALE] = np.linalg.norm(T) * np.linalg.svd(t[None])[2][1:].T
+    of_T[:, SCALE] = T
+    sigma = np.append(np.full(SCALE, WIDE_ANGLE), WIDE_BASELINE)
+    count = SCALE + scale
+    return Change(directions[:, :count], sigma[:count])
 
 
 def focal_change(prior: Prior, camera: int) -> Change:
     """The focal length of the primary (0) or the secondary (1), as a factor of both fx and fy."""
-    direction = np.zeros((SHARED, 1))
-    at = (PRIMARY, SECONDARY)[camera]
-    direction[at : at + 2, 0] = prior.q[at : at + 2]
+    direction, at = np.zeros((OF_PAIR, 1)), lens_places(camera)[:2]
+    direction[at, 0] = prior.at.q[at]
     return Change(direction, np.full(1, WIDE_FOCAL))
 
 
@@ -101,23 +108,12 @@ def focal_changes(prior: Prior) -> Change:
 def turn_in_place(pose: Pose, camera: int) -> Change:
     """A turn of the primary (0) or the secondary (1) about its own centre, rotation vector in its
     own axes, in radians."""
-    columns = [
-        pose_difference(pose_after_turn(pose, camera, SMALL_TURN * axis), pose) / SMALL_TURN
-        for axis in np.eye(3)
-    ]
-    return Change(np.column_stack(columns), np.full(3, WIDE_ANGLE))
-
-
-def pose_after_turn(pose: Pose, camera: int, vector: FloatArray) -> Pose:
-    """The pose after a camera turned in place, x' = D x, by a rotation vector in its own axes."""
-    D = Rotation.from_rotvec(vector).as_matrix()
-    return Pose(pose.R @ D.T, pose.T) if camera == 0 else Pose(D @ pose.R, D @ pose.T)
-
-
-def pose_difference(one: Pose, other: Pose) -> FloatArray:
-    """(25,): one minus the other in the shared unknowns; angles within half a revolution."""
-    rest = np.zeros(SHARED - BASELINE - 1)
-    return step_between(*(np.array([*it.angles, it.baseline, *rest]) for it in (one, other)))
+    # x' = D x of the secondary turns R and T; of the primary, R D^T = (R D^T R^T) R.
+    directions = np.zeros((OF_PAIR, 3))
+    of_pose = directions[pose_places(1)]
+    of_pose[:TRANSLATION] = np.eye(3) if camera else -pose.R
+    of_pose[TRANSLATION:] = np.cross(np.eye(3), pose.T).T * camera
+    return Change(directions, np.full(3, WIDE_ANGLE))
 
 
 class Fit(RobustFit):
@@ -128,20 +124,23 @@ class Fit(RobustFit):
         known = prior.root.shape[1]
         unknowns = Unknowns(
             names=tuple(f"value {i}" for i in range(known + len(change))),
-            origin=prior.q,
+            origin=prior.at.q,
             M=np.ascontiguousarray(np.column_stack([prior.root, change.directions])),
             sigma=np.concatenate([np.ones(known), change.sigma]),
             precision=block_diag(np.eye(known), np.diag(1.0 / change.sigma**2)),
         )
-        super().__init__(Observations.of_pair(images.dataset, False), unknowns, settings)
+        seen = Observations.of_pair(images.dataset, False)
+        super().__init__(seen, unknowns, settings, prior.at.R, np.empty((0, 4)))
         self.prior, self.images, self.change, self.known = prior, images, change, known
         self.set_limits(len(change) - round(prior.degrees))
 
     def start_from(self, pose: Pose) -> None:
         """Start with the pose changed to this one; the change must begin with the pose."""
+        old = self.prior.rig
+        step = step_between(rig_at(Rig(old.primary, old.secondary, pose)), rig_at(old))
+        of_pose = slice(self.known, self.known + min(len(self.change), SCALE + 1))
         self.p[:] = 0.0
-        first, count = self.known, min(len(self.change), BASELINE + 1)
-        self.p[first : first + count] = pose_difference(pose, self.prior.rig.pose)[:count]
+        self.p[of_pose] = np.linalg.lstsq(self.unknowns.M[:, of_pose], step, rcond=None)[0]
         self.points[:] = np.nan
 
     def minimise(self, outlying: BoolArray, start: Pose | None = None) -> "Fit":
@@ -163,9 +162,9 @@ class Fit(RobustFit):
         return self.p[self.known :]
 
     @property
-    def before(self) -> FloatArray:
-        """(25,): the shared unknowns before the change, by these images too."""
-        return np.asarray(self.prior.q + self.prior.root @ self.p[: self.known])
+    def before(self) -> Cameras:
+        """The cameras before the change, by these images too."""
+        return moved(self.prior.at, self.prior.root @ self.p[: self.known])
 
     @property
     def change_covariance(self) -> FloatArray:
@@ -174,7 +173,7 @@ class Fit(RobustFit):
 
     @property
     def covariance(self) -> FloatArray:
-        """(25, 25): covariance of the shared unknowns after the change."""
+        """(33, 33): covariance of the unknowns of `views` after the change."""
         M = self.unknowns.M
         return np.asarray(M @ self.unknowns.covariance(self.H) @ M.T)
 
@@ -237,8 +236,8 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> RepairError
         fit.points[:] = np.nan
         outlying = best.outlying.copy()
         outlying[held] = True
-        q, old = fit.minimise(outlying).q, prior.rig
-        part, repaired = images.of_groups(held), rig_of(old.primary, old.secondary, q)
+        at, old = fit.minimise(outlying).at, prior.rig
+        part, repaired = images.of_groups(held), rig_of(old.primary, old.secondary, at)
         errors.append(np.stack([part.errors_with(old), part.errors_with(repaired)], axis=1))
     whole = np.concatenate(errors, axis=2)
     known = np.isfinite(whole[1]).any(axis=1).all()
@@ -291,8 +290,9 @@ def power_of(information: FloatArray, change: FloatArray) -> float:
 
 
 def power(fit: Fit, smallest: Smallest) -> Power:
-    """The power of new images, by their fit of five angles and, with lengths, the baseline."""
+    """The power of new images, by their fit of the pose, with lengths that of the baseline too."""
     pose, information, m = fit.prior.rig.pose, information_of(fit), len(fit.change)
+    coefficients = np.linalg.pinv(fit.change.directions)
     # The noncentrality that is found with a probability of 80 %.
     needed = float(chndtrinc(chdtri(m, LEVEL), m, 1.0 - ENOUGH))
 
@@ -302,13 +302,12 @@ def power(fit: Fit, smallest: Smallest) -> Power:
     # One camera turned in place, about 13 axes each.
     axes = smallest.turn_rad * AXES / np.linalg.norm(AXES, axis=1, keepdims=True)
     turns = [
-        pose_difference(pose_after_turn(pose, camera, axis), pose)[:m]
+        coefficients @ turn_in_place(pose, camera).directions @ axis
         for camera in (0, 1)
         for axis in axes
     ]
     powers = [power_of(information, turn) for turn in turns]
-    longer = smallest.baseline * pose.baseline * np.eye(m)[-1]
-    lengths = m > BASELINE
+    longer, lengths = smallest.baseline * np.eye(m)[-1], m > SCALE
     return Power(
         min(powers),
         float(np.mean(powers)),

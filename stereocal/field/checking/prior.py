@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.matching.reconstruction import POSE, noise_of_file
+from stereocal.matching.reconstruction import noise_of_file
 from stereocal.refined.noise import ASSUMED, GIVEN
-from stereocal.refined.two_views import BAR, shared_lens_places, shared_unknowns
+from stereocal.refined.small_steps import FACTOR, lens_places, pose_places, rig_at
 from stereocal.refined.unknowns import DEFAULT_DISTANCE
+from stereocal.refined.views import Cameras
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray
@@ -27,13 +28,12 @@ SMALLEST_EIGENVALUE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """The 25 shared unknowns of `two_views` by a parameter file: normal, q + root N(0, 1)."""
+    """Two cameras by a parameter file: normal, a step root N(0, 1) from where they are."""
 
     rig: RigParameters
-    q: FloatArray
-    """(25,)."""
+    at: Cameras
     root: FloatArray
-    """(25, r), with root root^T the covariance."""
+    """(33, r), with root root^T the covariance of the unknowns of `views`."""
     sigma_px: float
     """Noise of an image coordinate at the calibration."""
     degrees: float
@@ -45,7 +45,7 @@ class Prior:
 
     @property
     def covariance(self) -> FloatArray:
-        """(25, 25)."""
+        """(33, 33)."""
         return np.asarray(self.root @ self.root.T)
 
     def with_lens_errors(self, dataset: Dataset) -> "Prior":
@@ -58,9 +58,9 @@ class Prior:
         covariance, rows = self.covariance, dataset.correspondences
         of_cameras = (rows.primary, dataset.primary), (rows.secondary, dataset.secondary)
         for number, (pixels, camera) in enumerate(of_cameras):
-            places = shared_lens_places(number)
+            places = lens_places(number)
             x = camera.undistort(pixels)
-            f, r2 = float(np.mean(self.q[places[:2]])), np.square(x).sum(axis=1)
+            f, r2 = float(np.mean(self.at.q[places[:2]])), np.square(x).sum(axis=1)
             # Images move by these, over the change of fx, fy, cx, cy, k1, k2, p1, p2.
             moves = [*np.abs(x).T, 1.0, 1.0, f * r2**1.5, f * r2**2.5, 2 * f * r2, 2 * f * r2]
             sizes = np.array([np.sqrt(np.mean(np.square(each))) for each in moves])
@@ -74,11 +74,11 @@ class Prior:
         stated, length = self.rig.inputs.get("target_distance_m"), dataset.target_distance_m
         if isinstance(stated, float) and np.isclose(stated, length, rtol=1e-6, atol=0.0):
             return self
-        q, covariance = self.q.copy(), self.covariance
-        q[BAR], covariance[BAR], covariance[:, BAR] = 1.0, 0.0, 0.0
+        q, covariance = self.at.q.copy(), self.covariance
+        q[FACTOR], covariance[FACTOR], covariance[:, FACTOR] = 1.0, 0.0, 0.0
         sigma = dataset.target_distance_sigma_m or DEFAULT_DISTANCE * length
-        covariance[BAR, BAR] = (sigma / length) ** 2
-        return replace(self, q=q, root=root_of(covariance))
+        covariance[FACTOR, FACTOR] = (sigma / length) ** 2
+        return replace(self, at=self.at._replace(q=q), root=root_of(covariance))
 
 
 def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
@@ -103,14 +103,14 @@ def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
     scale = np.sqrt(np.where(variances > 0, variances, 1.0))
     units = np.outer(scale, scale)
     whole = np.allclose(root @ root.T / units, covariance / units, atol=1e-6)
-    if not (whole and covariance[:POSE, :POSE].any() and sigma_px > 0):
+    if not (whole and covariance[pose_places(1), pose_places(1)].any() and sigma_px > 0):
         raise StereocalError(f"{source}: the covariance is not symmetric and positive.")
     numbers = np.array([scatter, factor, sigma_px, design_effect])
     if not (np.isfinite(numbers).all() and scatter >= 0 and factor > 0 and design_effect >= 1):
         raise StereocalError(f"{source}: the uncertainties have an impossible noise or length.")
-    q = shared_unknowns(rig)
-    q[BAR] = factor
-    return Prior(rig, q, root, sigma_px, degrees, scatter, design_effect)
+    at = rig_at(rig)
+    at.q[FACTOR] = factor
+    return Prior(rig, at, root, sigma_px, degrees, scatter, design_effect)
 
 
 def _degrees(rig: RigParameters, noise: Mapping[str, Any]) -> float:

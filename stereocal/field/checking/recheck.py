@@ -27,7 +27,7 @@ from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since, since_when
 from stereocal.refined.design_effect import clusters_in, design_effect
 from stereocal.refined.refine import robust_start
-from stereocal.refined.two_views import pose_of, rig_of
+from stereocal.refined.small_steps import pose_at, rig_of
 from stereocal.rig.clusters import in_runs
 from stereocal.system.array_types import BoolArray, IntArray
 
@@ -78,7 +78,7 @@ def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -
         p_whole = since.candidates * noise.probability(since.gain, len(check.moved))
     pose = _Check(prior, after).pose_fit(noise.counted_px, outlying)
     both = Fit(prior, after, check.moved + focal, noise.counted_px)
-    both.minimise(outlying, pose_of(pose.q))
+    both.minimise(outlying, pose_at(pose.at))
     p_pose = min((2 if len(blocks) > 1 else 1) * p_whole, 1.0)
     p_focal = noise.probability(pose.cost - both.cost, len(focal))
     found = power(pose, smallest)
@@ -227,8 +227,8 @@ def _design_effect(fit: Fit, runs: bool) -> tuple[float, int]:
     used = np.flatnonzero(~fit.outlying)
     if len(used) < 2 or not np.isfinite(fit.cost):
         return 1.0, len(used)
-    data, q, frames = fit.images.dataset, fit.q, fit.frames[used]
-    rig = rig_of(data.primary, data.secondary, q)
+    data, frames = fit.images.dataset, fit.frames[used]
+    rig = rig_of(data.primary, data.secondary, fit.at)
     clusters = clusters_in(data.correspondences.of_frames(frames), rig, frames)
     clusters = in_runs(clusters) if runs else clusters
-    return design_effect(fit, q, used, clusters), clusters.count
+    return design_effect(fit, used, clusters), clusters.count

@@ -7,9 +7,9 @@ import numpy as np
 from stereocal.field.checking.findings import Recheck
 from stereocal.field.checking.fits import Fit
 from stereocal.refined.noise import ESTIMATED, GIVEN
-from stereocal.refined.parameter_file import covariance_entry
-from stereocal.refined.two_views import BAR, BASELINE, DISTORTION
-from stereocal.refined.uncertainty import COVARIANCE_OF, MEAN_OF_NORMAL, length_sigmas
+from stereocal.refined.parameter_file import covariance_entry, standard_errors
+from stereocal.refined.small_steps import FACTOR
+from stereocal.refined.uncertainty import MEAN_OF_NORMAL, length_sigmas
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray, IntArray
@@ -26,9 +26,7 @@ def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
     old, rig, fit = check.prior.rig, check.repaired, check.best
     images = check.after
     bar = images.dataset.target_distance_m if check.scale else old.inputs.get("target_distance_m")
-    sigmas = np.sqrt(np.diag(fit.covariance)).tolist()
-    named = dict(zip(COVARIANCE_OF[:DISTORTION], sigmas, strict=False))
-    of_bar = named.pop(COVARIANCE_OF[BAR])
+    errors = standard_errors(fit.covariance, rig)
     uncertainties = {
         "sigma_px": {
             "value": check.noise.sigma_px,
@@ -36,15 +34,15 @@ def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
             "degrees_of_freedom": check.noise.degrees,
         },
         "bar_scatter_m": {"value": check.prior.scatter_m, "source": GIVEN},
-        "standard_errors": named,
-        "covariance": covariance_entry(fit.covariance, (rig.primary, rig.secondary)),
+        "standard_errors": {name: value.sigma for name, value in errors.items()},
+        "covariance": covariance_entry(fit.covariance, rig),
         "design_effect": check.noise.design_effect,
     }
     if isinstance(bar, int | float):
         uncertainties["bar_length_m"] = {
             "stated": bar,
-            "estimate": bar * float(fit.q[BAR]),
-            "standard_error": bar * of_bar,
+            "estimate": bar * float(fit.q[FACTOR]),
+            "standard_error": bar * float(np.sqrt(fit.covariance[FACTOR, FACTOR])),
         }
     return RigParameters(
         method="refined",
@@ -56,7 +54,7 @@ def repaired_parameters(check: Recheck, sha256: str | None) -> RigParameters:
         inputs={
             "sha256": images.dataset.sha256,
             "name": images.dataset.name,
-            "baseline_m": float(fit.q[BASELINE]),
+            "baseline_m": rig.pose.baseline,
             "target_distance_m": bar,
             "frames": sorted({int(number) for number in images.numbers[~check.outlying]}),
             "repaired_from": {"sha256": sha256, "method": old.method, "inputs": dict(old.inputs)},
@@ -78,7 +76,7 @@ def length_error(fit: Fit, sigma_px: float) -> float | None:
     bars = np.isfinite(fit.seen.distances) & ~fit.outlying[fit.frame_of]
     ends = fit.points[bars].reshape(-1, 3)
     a, b = ends[0::2], ends[1::2]
-    sigmas = length_sigmas(fit.q, fit.seen.lenses, sigma_px, fit.covariance, a, b)
+    sigmas = length_sigmas(fit.at, sigma_px, fit.covariance, a, b)
     return MEAN_OF_NORMAL * float(np.mean(sigmas / np.linalg.norm(a - b, axis=1)))
 
 

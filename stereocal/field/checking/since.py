@@ -1,9 +1,9 @@
 """Since when has a camera moved? The change point in many frames.
 
-Before the change point a frame has the old parameters q0 + L p, from it on also the change d. Each
-frame's cost is quadratic near q0 and near the moved pose, so that p and d follow for every change
-point from sums of normal equations. Its posterior, with all frames equally likely beforehand, gives
-the interval.
+Before the change point a frame has the old parameters, a step L p from the file's, from it on also
+the change d. Each frame's cost is quadratic near the file's and near the moved pose, so that p and
+d follow for every change point from sums of normal equations. Its posterior, with all frames
+equally likely beforehand, gives the interval.
 """
 
 from dataclasses import dataclass
@@ -41,18 +41,18 @@ def since_when(prior: Prior, images: NewImages, moved: Fit, outlying: BoolArray)
     groups that contradict their neighbours.
     """
     change, sigma_px, numbers = moved.change, moved.sigma_px, images.numbers
-    same = _equations(Fit(prior, images, NOTHING, sigma_px), prior.q, outlying)
+    same = _equations(Fit(prior, images, NOTHING, sigma_px), outlying)
     starts = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
     first, index = -1, np.arange(len(numbers))
     for _ in range(ROUNDS):
-        costs = _costs(prior, change, same, _equations(moved, moved.q, outlying), starts)
+        costs = _costs(prior, change, same, _equations(moved, outlying), starts)
         found = int(starts[np.argmin(costs)])
         if found == first:
             break
         first = found
         moved = Fit(prior, images, change, sigma_px).minimise(outlying | (index < first))
-    without = same.between(first, moved.before - prior.q)
-    with_it = _equations(moved, moved.q, outlying).between(first, moved.q - prior.q)
+    without = same.between(first, prior.root @ moved.p[: moved.known])
+    with_it = _equations(moved, outlying).between(first, moved.q - prior.at.q)
     best = int(np.argmin(costs))
     weights = np.exp(-0.5 * (costs - costs[best]))
     order = np.argsort(-weights)
@@ -75,9 +75,9 @@ def since_when(prior: Prior, images: NewImages, moved: Fit, outlying: BoolArray)
 
 @dataclass(frozen=True, eq=False)
 class _Equations:
-    """Quadratic costs c + 2 g x + x H x of groups, x being q minus that of the prior.
+    """Quadratic costs c + 2 g x + x H x of groups, x being the step from the prior.
 
-    Each row, of (f + 1, 25, 25), (f + 1, 25) and (f + 1,), is the sum over the groups from i to the
+    Each row, of (f + 1, 33, 33), (f + 1, 33) and (f + 1,), is the sum over the groups from i to the
     last.
     """
 
@@ -92,11 +92,11 @@ class _Equations:
         return np.asarray(-np.diff(costs))
 
 
-def _equations(fit: Fit, q: FloatArray, outlying: BoolArray) -> _Equations:
-    """The costs of the groups, quadratic about q, in sums from each group to the last."""
+def _equations(fit: Fit, outlying: BoolArray) -> _Equations:
+    """The costs of the groups, quadratic about a fit, in sums from each to the last."""
     groups = [np.flatnonzero(~outlying[f : f + 1]) + f for f in range(len(outlying))]
-    H, g, c = fit.equations(q, groups)
-    x = q - fit.prior.q
+    H, g, c = fit.equations(groups)
+    x = fit.q - fit.prior.at.q
     at = np.einsum("fij,j->fi", H, x)
     sums = (
         np.cumsum(np.concatenate([each, np.zeros_like(each[:1])])[::-1], axis=0)[::-1]

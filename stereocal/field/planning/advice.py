@@ -67,7 +67,7 @@ def advise(fit: ExpectedFit) -> Advice:
         "image noise": half_noise,
         "calibration": fit.error_with(MORE_FRAMES * H, P),
         "lenses": lenses,
-        "baseline": float(np.nanmin([twice, known(baseline=0.5, bar=0.5)])),
+        "baseline": float(np.nanmin([twice, known(baseline=0.5, object=0.5)])),
     }
     limit = min(halves, key=lambda name: halves[name])
     if limit == "image noise" and halves["baseline"] <= NEARLY_LEAST * halves[limit]:
@@ -93,7 +93,7 @@ def advise(fit: ExpectedFit) -> Advice:
             _more_bars(fit),
             (better_lenses, lenses),
             (f"The baseline measured to {baseline} mm", known(baseline=0.5)),
-            (f"The bar measured to {bar} mm", known(bar=0.5)),
+            (f"The bar measured to {bar} mm", known(object=0.5)),
             (
                 f"Half the noise in the images, {noise} px (larger targets, sharper images)",
                 half_noise,

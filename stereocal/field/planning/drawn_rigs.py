@@ -7,6 +7,7 @@ true cameras. Length errors are relative to true lengths. (Those of a recording 
 bar measured as its own was, because nothing else is known there.)
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,18 +22,11 @@ from stereocal.evaluation.summary import crossing, merge_bins, overlap
 from stereocal.field.planning.bars import place_planned_bars
 from stereocal.field.planning.expected import plan_settings, planned_dataset
 from stereocal.field.planning.plan import Plan
-from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import refine
-from stereocal.refined.two_views import (
-    BAR,
-    BASELINE,
-    PRIMARY,
-    SECONDARY,
-    pose_of,
-    shared_unknowns,
-    undistort_rays,
-)
+from stereocal.refined.small_steps import FACTOR, pose_at, pose_places, rig_at, undistort_rays
+from stereocal.refined.views import EACH, LENS, TRANSLATION, Cameras
 from stereocal.rig.geometry import Angles, Pose, triangulate_rays
+from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.verdict.forecast_draws import partners_in_groups
 from stereocal.verdict.intervals import MERGE
@@ -92,15 +86,15 @@ def draw_rigs(plan: Plan, seed: int, first: int, end: int) -> DrawnRigs:
     position = np.full(len(errors), np.nan)
     lengths = np.full((len(errors), len(FILE_METHODS), TEST_BARS), np.nan)
     partners = partners_in_groups(TEST_BARS, rng, WRONG_PARTNERS)
-    own, stated = plan.uncertainty, shared_unknowns(plan.rig)
+    own, stated = plan.uncertainty, rig_at(plan.rig)
     for at, error in enumerate(errors):
-        truth = stated.copy()
-        for camera, of_lens in enumerate((PRIMARY, SECONDARY)):
-            truth[of_lens : of_lens + 2] *= 1.0 + own.focal * error[camera]
+        truth = stated._replace(q=stated.q.copy())
+        for camera, of_lens in enumerate((LENS, EACH + LENS)):
+            truth.q[of_lens : of_lens + 2] *= 1.0 + own.focal * error[camera]
             off = error[2 + 2 * camera : 4 + 2 * camera]
-            truth[of_lens + 2 : of_lens + 4] += own.centre_px * off
-        truth[BASELINE] += own.baseline_m * error[6]
-        truth[BAR] += own.bar_m / plan.bar_m * error[7]
+            truth.q[of_lens + 2 : of_lens + 4] += own.centre_px * off
+        truth.q[pose_places(1)][TRANSLATION:] *= 1.0 + own.baseline_m / plan.baseline_m * error[6]
+        truth.q[FACTOR] += own.bar_m / plan.bar_m * error[7]
         shuffled = bars[rng.permutation(len(bars))[: int(SPARE**2 * needed)]]
         try:
             refined = (first + at) % REFINED_EVERY == 0
@@ -113,7 +107,7 @@ def draw_rigs(plan: Plan, seed: int, first: int, end: int) -> DrawnRigs:
 
 def _one_rig(
     plan: Plan,
-    truth: FloatArray,
+    truth: Cameras,
     bars: FloatArray,
     partners: IntArray,
     rng: np.random.Generator,
@@ -122,13 +116,12 @@ def _one_rig(
     """(files, figures), the length errors (files, TEST_BARS), and the position error of the refined
     set in metres; without it, those of the other two files, and NaN.
 
-    `truth` (25,) are the shared unknowns, with the true length of the bar over the stated.
+    `truth` has the true length of the bar over the stated.
     """
-    lenses = lenses_of_cameras(plan.primary, plan.secondary)
     middle = bars.mean(axis=1, keepdims=True)
-    ends = middle + truth[BAR] * (bars - middle)
+    ends = middle + truth.q[FACTOR] * (bars - middle)
     pixels = np.empty((2 * len(ends), 4))
-    photograph(truth, lenses, np.ascontiguousarray(ends.reshape(-1, 3)), pixels)
+    photograph(truth, np.ascontiguousarray(ends.reshape(-1, 3)), pixels)
     pixels += plan.noise_px * rng.standard_normal(pixels.shape)
     sizes = np.array([*plan.primary.image_size, *plan.secondary.image_size])
     inside = ((pixels > -0.5) & (pixels < sizes - 0.5)).all(axis=1).reshape(-1, 2).all(axis=1)
@@ -141,31 +134,27 @@ def _one_rig(
     seeds = np.random.SeedSequence(int(rng.integers(2**63))).spawn(2)
     everything = np.ones(len(seen), dtype=np.bool_)
     angles = paper_angles(dataset, everything, CalibrationSettings(), *seeds)
-    sets = [shared_unknowns(plan.rig), shared_unknowns(plan.rig)]
-    for own, found in zip(sets, angles[1:], strict=True):
-        own[: len(found)] = found
+    poses = [Pose.from_angles(Angles(*own.tolist()), plan.baseline_m) for own in angles]
+    sets = [rig_at(Rig(plan.primary, plan.secondary, pose)) for pose in poses[1:]]
     if refined:
-        start = Pose.from_angles(Angles(*angles[0].tolist()), plan.baseline_m)
-        sets.append(refine(dataset, plan_settings(plan), start).q.copy())
-    for own in sets:
-        own[BAR] = 1.0
-    return _judged(np.array(sets), truth, lenses, ends[tested], tests, partners)
+        found = refine(dataset, plan_settings(plan), poses[0]).at
+        sets.append(found._replace(q=np.append(found.q[:FACTOR], 1.0)))
+    return _judged(sets, truth, ends[tested], tests, partners)
 
 
 def _judged(
-    sets: FloatArray,
-    truth: FloatArray,
-    lenses: FloatArray,
+    sets: Sequence[Cameras],
+    truth: Cameras,
     ends: FloatArray,
     pixels: FloatArray,
     partners: IntArray,
 ) -> tuple[FloatArray, FloatArray, float]:
     points = np.ascontiguousarray(ends.reshape(-1, 3))
-    seen = pose_of(truth).apply(points)
+    seen = pose_at(truth).apply(points)
     start = np.column_stack([points[:, :2] / points[:, 2:], seen[:, :2] / seen[:, 2:]])
     rays = np.ascontiguousarray(start.T)
     distances = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    counts, lengths, correct_px = judge(sets, lenses, pixels, rays, distances, partners)
+    counts, lengths, correct_px = judge(sets, pixels, rays, distances, partners)
     of_px = counts[:, counting.REPROJECTION].astype(np.int64)
     limits, wrong = crossing(of_px), of_px[:, 1 - counting.CORRECT]
     inside = np.arange(wrong.shape[1])[None] < limits[:, None]
@@ -185,7 +174,7 @@ def _judged(
     if len(sets) < len(FILE_METHODS):
         return figures, errors, float("nan")
     refined = sets[FILE_METHODS.index("refined")]
-    undistort_rays(refined, lenses, pixels, rays)
-    pose = pose_of(refined)
+    undistort_rays(refined.q, refined.lenses, pixels, rays)
+    pose = pose_at(refined)
     away = np.linalg.norm(triangulate_rays(pose.R, pose.T, rays) - points, axis=1)
     return figures, errors, float(np.nanmean(away))

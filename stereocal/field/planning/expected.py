@@ -15,10 +15,9 @@ from stereocal.errors import StereocalError
 from stereocal.field.planning.bars import place_planned_bars
 from stereocal.field.planning.plan import Plan, common_points, sees
 from stereocal.refined import uncertainty
-from stereocal.refined.distortion import lenses_of_cameras
 from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.two_views import shared_unknowns
-from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.refined.small_steps import baseline_direction, rig_at
+from stereocal.refined.unknowns import LensPrior, RefineSettings, measured_baseline
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
 from stereocal.system.array_types import BoolArray, FloatArray
@@ -52,7 +51,7 @@ class ExpectedFit:
         """The length error with another knowledge of the cameras.
 
         Args:
-            information: (25, 25), of images and bars.
+            information: (33, 33), of images and bars.
             precision: (k, k), of the priors.
             noise: factor of the noise of the points that are measured.
         """
@@ -68,7 +67,7 @@ class ExpectedFit:
         return np.asarray(np.sqrt(own + np.einsum("ni,ni->n", J @ C, J)))
 
     def information_of(self, among: BoolArray) -> FloatArray:
-        """(25, 25): the information of one frame, on average over some of the bars (n,)."""
+        """(33, 33): the information of one frame, on average over some of the bars (n,)."""
         found = refine(
             self.result.dataset, self.result.settings, self.plan.pose, np.repeat(among, 2)
         )
@@ -76,10 +75,14 @@ class ExpectedFit:
 
     def precision_knowing(self, better: Mapping[str, float]) -> FloatArray:
         """(k, k): the precision of the priors with standard deviations smaller by these factors, by
-        the first word of an unknown's name: primary, secondary, baseline, bar."""
+        the first word of an unknown's name (primary, secondary, object), and of the baseline."""
         unknowns = self.result.unknowns
         factors = np.array([better.get(name.split()[0], 1.0) for name in unknowns.names])
-        return np.asarray(unknowns.precision / np.outer(factors, factors))
+        sigma = measured_baseline(self.result.dataset, self.result.settings)[0, 3]
+        along = baseline_direction(self.result.at) @ unknowns.M / sigma
+        of_baseline = np.outer(along, along)
+        others = (unknowns.precision - of_baseline) / np.outer(factors, factors)
+        return np.asarray(others + of_baseline / better.get("baseline", 1.0) ** 2)
 
     @cached_property
     def by_depth(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -145,11 +148,11 @@ class ExpectedFit:
     def _relative_errors(
         self, first_m: FloatArray, second_m: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Variances of lengths by the noise of their own points (n,), and the derivatives (n, 25)
-        of length errors by the errors of the shared unknowns, all relative.
+        """Variances of lengths by the noise of their own points (n,), and the derivatives (n, 33)
+        of length errors by the errors of the unknowns, all relative.
         """
-        q, lenses, noise_px = self.result.q, self.result.lenses, self.result.sigma_px.value
-        own, jacobian = uncertainty.length_variances(q, lenses, noise_px, first_m, second_m)
+        at, noise_px = self.result.at, self.result.sigma_px.value
+        own, jacobian = uncertainty.length_variances(at, noise_px, first_m, second_m)
         lengths = np.linalg.norm(first_m - second_m, axis=1)
         return np.asarray(own / lengths**2), np.asarray(jacobian / lengths[:, None])
 
@@ -158,8 +161,7 @@ def expect(plan: Plan, seed: int = 0) -> ExpectedFit:
     """The refined set to be expected of a plan."""
     ends = place_planned_bars(plan, BARS, np.random.default_rng([seed, 1]))
     pixels = np.empty((2 * BARS, 4))
-    lenses = lenses_of_cameras(plan.primary, plan.secondary)
-    photograph(shared_unknowns(plan.rig), lenses, ends.reshape(-1, 3), pixels)
+    photograph(rig_at(plan.rig), ends.reshape(-1, 3), pixels)
     dataset = planned_dataset(plan, pixels)
     found = refine(dataset, plan_settings(plan), plan.pose)
     information = found.information * plan.frames / BARS

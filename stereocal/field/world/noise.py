@@ -12,8 +12,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.field.checking.prior import root_of
 from stereocal.matching.reconstruction import noise_of_file
-from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.two_views import SHARED, shared_unknowns
+from stereocal.refined.small_steps import OF_PAIR, rig_at
 from stereocal.refined.uncertainty import point_errors
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.parameters import RigParameters
@@ -34,7 +33,7 @@ class ErrorModel:
     """Standard deviation of an image coordinate."""
     source: Literal["stated", "parameter file", "assumed", "residuals"]
     spread: FloatArray
-    """(25, r): of the shared unknowns of `two_views`; r = 0 if the file states no covariance."""
+    """(33, r): of the unknowns of `views`; r = 0 if the file states no covariance."""
 
     @property
     def entries(self) -> dict[str, Any]:
@@ -52,7 +51,7 @@ def error_model_of(rig: RigParameters, sigma_px: float | None = None) -> ErrorMo
     if sigma_px is not None and not (np.isfinite(sigma_px) and sigma_px > 0):
         raise StereocalError(f"The image noise is {sigma_px} px; it must be above 0.")
     of_file, covariance = noise_of_file(rig)
-    spread = np.zeros((SHARED, 0)) if covariance is None else root_of(covariance)
+    spread = np.zeros((OF_PAIR, 0)) if covariance is None else root_of(covariance)
     if sigma_px is not None:
         return ErrorModel(sigma_px, "stated", spread)
     known = of_file or rig.noise_px
@@ -72,8 +71,7 @@ class MeasuredPoints:
 
 
 def measured_points(rig: Rig, xyz: FloatArray, spread: FloatArray) -> MeasuredPoints:
-    lenses = lenses_of_cameras(rig.primary, rig.secondary)
-    own, jacobian = point_errors(shared_unknowns(rig), lenses, 1.0, xyz)
+    own, jacobian = point_errors(rig_at(rig), 1.0, xyz)
     return MeasuredPoints(xyz, own, jacobian @ spread)
 
 
