@@ -105,7 +105,8 @@ def _fitting(fit: RigFit, trials: list[_Trial]) -> list[bool]:
         motion=seen.motion[:0],
         distances=np.where(lone.any(axis=1), np.nan, seen.distances[order]),
     )
-    tried = RobustFit(changed, fit.unknowns, fit.settings, fit.R, fit.baselines)
+    unknowns = replace(fit.unknowns, origin=fit.begin.q)
+    tried = RobustFit(changed, unknowns, fit.settings, fit.begin.R, fit.baselines)
     explained = tried.take(fit.p, fit.sigma_px, fit.scatter).explained()
     return [bool(each) for each in explained & (tried.pixel_freedom > 0)]
 

@@ -199,6 +199,36 @@ def product(pixels: FloatArray, Js: FloatArray, c: int, i: int, j: int) -> float
     return total
 
 
+@borrowing
+def fill_distance(
+    first: int, second: int, q: FloatArray, R: FloatArray, apart: FloatArray, J: FloatArray
+) -> float:
+    """Write the derivatives (12,) of the distance of two cameras by the rotation and T of each, and
+    return it.
+
+    Args:
+        apart: (3,), for work.
+    """
+    apart[:] = 0.0
+    for c, sign in ((first, -1.0), (second, 1.0)):
+        T = q[EACH * c + TRANSLATION : EACH * c + LENS]
+        for i in range(3):  # centre = -R^T T
+            apart[i] += sign * (R[c, 0, i] * T[0] + R[c, 1, i] * T[1] + R[c, 2, i] * T[2])
+    length = np.sqrt(apart[0] ** 2 + apart[1] ** 2 + apart[2] ** 2)
+    for k, c, sign in ((0, first, -1.0), (1, second, 1.0)):
+        by_turn, by_T = J[LENS * k : LENS * k + 3], J[LENS * k + 3 : LENS * k + 6]
+        T, scale = q[EACH * c + TRANSLATION : EACH * c + LENS], sign / length
+        for i in range(3):
+            by_T[i] = scale * (
+                R[c, i, 0] * apart[0] + R[c, i, 1] * apart[1] + R[c, i, 2] * apart[2]
+            )
+        for i in range(3):  # turning the camera by w moves its centre by R^T (w x T)
+            j, m = (i + 1) % 3, (i + 2) % 3
+            by_turn[i] = by_T[j] * T[m] - by_T[m] * T[j]
+    return float(length)
+
+
+@compiled
 def add_baselines(
     baselines: FloatArray, q: FloatArray, R: FloatArray, H: FloatArray, g: FloatArray
 ) -> float:
@@ -207,20 +237,17 @@ def add_baselines(
     Args:
         baselines: (m, 4): the numbers of two cameras, their distance and its standard deviation.
     """
-    cost = 0.0
-    for first, second, measured, sigma in baselines.tolist():
-        at, J = [EACH * int(first), EACH * int(second)], np.zeros(len(g))
-        pair, T = R[[int(first), int(second)]], [q[c + TRANSLATION : c + LENS] for c in at]
-        apart = T[1] @ pair[1] - T[0] @ pair[0]  # centre = -R^T T
-        length = float(np.linalg.norm(apart))
-        for c, own, of_c, sign in zip(at, pair, T, (-1.0, 1.0), strict=True):
-            by_T = sign * own @ apart / (length * sigma)
-            # turning the camera by w moves its centre by R^T (w x T), the other way
-            J[c : c + LENS] = np.concatenate([np.cross(by_T, of_c), by_T])
-        error = (length - measured) / sigma
-        cost += error**2
-        g += J * error
-        H += np.outer(J, J)
+    cost, J, apart = 0.0, np.empty(2 * LENS), np.empty(3)
+    for n in range(len(baselines)):
+        both = int(baselines[n, 0]), int(baselines[n, 1])
+        sigma = baselines[n, 3]
+        error = (fill_distance(both[0], both[1], q, R, apart, J) - baselines[n, 2]) / sigma
+        cost += error * error
+        for a in range(2 * LENS):
+            row = EACH * both[a // LENS] + a % LENS
+            g[row] += J[a] * error / sigma
+            for b in range(2 * LENS):
+                H[row, EACH * both[b // LENS] + b % LENS] += J[a] * J[b] / sigma**2
     return cost
 
 

@@ -32,7 +32,7 @@ from stereocal.refined.noise import (
     unit_freedom,
 )
 from stereocal.refined.observations import Observations
-from stereocal.refined.small_steps import step_between, turned, without_turns
+from stereocal.refined.small_steps import poses_in, step_between, turned
 from stereocal.refined.unknowns import (
     RefineSettings,
     Unknowns,
@@ -42,7 +42,7 @@ from stereocal.refined.unknowns import (
     measured_baseline,
     unknowns_of,
 )
-from stereocal.refined.views import EACH, OWN, TRANSLATION, Cameras, Units
+from stereocal.refined.views import EACH, LENS, OWN, TRANSLATION, Cameras, Units
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import AT_ORIGIN, Pose
@@ -67,9 +67,10 @@ ROUGH_TOLERANCE = 1e-2
 """The same while the limit is still being lowered: a tenth of a standard error."""
 ROUGH_STEPS = 15
 """At most so many then; those that end well need 2 to 5."""
-LARGEST_SCATTER = 0.5
-"""Of the lengths, in units of the longest, after a solve that did not converge: the fit has given
-them up, and its scale drifts without end (four fifths of the time where depths are reversed)."""
+LARGEST_SCATTER = 1.0
+"""Of the lengths, in units of the longest, after a solve that did not converge and let it grow: the
+fit has given them up, and its scale drifts without end (four fifths of the time where depths are
+reversed)."""
 SAME_NOISE = 0.01
 """Relative change of the noise in a round, below which it has converged."""
 
@@ -113,15 +114,12 @@ class RobustFit:
         """
         self.seen, self.unknowns, self.settings = seen, unknowns, settings
         self.frames, self.frame_of = seen.frames, seen.frame_of
-        self.R, self.baselines = R, baselines
+        self.begin, self.baselines = Cameras(unknowns.origin, R, seen.lenses), baselines
         self.p = np.zeros(len(unknowns.names))
         places = np.arange(len(unknowns.origin) - 1) % EACH
-        turns, poses = (
-            np.asarray(unknowns.M[:-1][rows].any(axis=0))
-            for rows in (places < TRANSLATION, places < 2 * TRANSLATION)
-        )
-        # Rotations with priors of their own are about the first ones; others about the present.
-        self.rotations, self.of_poses = turns & np.isinf(unknowns.sigma), poses
+        self.of_poses = np.asarray(unknowns.M[:-1][places < LENS].any(axis=0))
+        # Poses without priors are taken from the present ones, and `begin` goes with them.
+        self.goes_along = self.of_poses & np.isinf(unknowns.sigma)
         self.free: BoolArray = np.asarray(unknowns.M.any(axis=1))
         known, of_pixels = np.isfinite(seen.distances), unit_freedom(seen.pixels)
         self.unit_freedom = of_pixels + known
@@ -225,13 +223,18 @@ class RobustFit:
 
     @property
     def q(self) -> FloatArray:
-        """(Q,): the unknowns."""
-        return np.asarray(self.unknowns.origin + self.unknowns.M @ self.p)
+        """(Q,): the unknowns, from `begin`."""
+        return np.asarray(self.begin.q + self.unknowns.M @ self.p)
 
     @property
     def at(self) -> Cameras:
         """The cameras at the present parameters, with the stated distortion."""
-        return Cameras(without_turns(self.q), turned(self.R, self.q), self.seen.lenses)
+        return self._placed(self.p)[2]
+
+    @property
+    def R(self) -> FloatArray:
+        """(c, 3, 3): their rotations."""
+        return self.at.R
 
     def _measured(self) -> tuple[FloatArray, FloatArray, float]:
         """Normal equations (Q, Q) and (Q,) of the measured baselines, and their cost."""
@@ -253,11 +256,11 @@ class RobustFit:
 
     @property
     def at_end(self) -> Unknowns:
-        """The unknowns with the measured baselines, linear where they are, among their priors."""
+        """The unknowns, from `begin`, with the measured baselines, linear where they are, among
+        their priors."""
         M = self.unknowns.M
-        return replace(
-            self.unknowns, precision=self.unknowns.precision + M.T @ self._measured()[0] @ M
-        )
+        precision = self.unknowns.precision + M.T @ self._measured()[0] @ M
+        return replace(self.unknowns, origin=self.begin.q, precision=precision)
 
     def by_frame(self, of_units: npt.ArrayLike) -> FloatArray:
         """(f,): sums over the units of each frame."""
@@ -281,14 +284,14 @@ class RobustFit:
         gain, damping, self.cost, self.converged = np.inf, 1e-5, np.inf, False
         M = self.unknowns.M
         for step in range(int(min(most, self.settings.maximum_steps)) + 1):
-            p, cameras, turns = self._placed(p)
+            p, begin, cameras = self._placed(p)
             total = sum_normal_equations(cameras, units, limits, points, of_units, into)
             H, g = into.H.copy(), into.g
             total += add_baselines(self.baselines, cameras.q, cameras.R, H, g)
             total += float(p @ precision @ p)
             if total <= self.cost or step == 0:
-                self.cost, self.p = total, p
-                self.R = self.R if turns.any() else cameras.R
+                self.cost, self.p, self.begin = total, p, begin
+                turns = self._turns
                 self.points[:], self.of_units[:] = points, of_units
                 self.H[:], _ = about_first(turns, into.H, into.g)
                 self.converged = gain < tolerance
@@ -315,13 +318,23 @@ class RobustFit:
         self.chi_squares[:] = self.by_frame(self.of_units)
         self.steps += step
 
-    def _placed(self, p: FloatArray) -> tuple[FloatArray, Cameras, FloatArray]:
-        """The free parameters p (k,), the cameras there, and the small rotations (c, 3) that are
-        left in p: those without priors are 0 once the cameras are turned by them."""
-        q = np.asarray(self.unknowns.origin + self.unknowns.M @ p)
-        p = np.where(self.rotations, 0.0, p)
-        left = (self.unknowns.M @ p)[:-1].reshape(-1, EACH)[:, :TRANSLATION]
-        return p, Cameras(without_turns(q), turned(self.R, q), self.seen.lenses), left
+    def _placed(self, p: FloatArray) -> tuple[FloatArray, Cameras, Cameras]:
+        """The free parameters p (k,), what they are from, and the cameras there. Poses without
+        priors go along: their free parameters are 0 then."""
+        begin, q = self.begin, self.begin.q + self.unknowns.M @ p
+        R = turned(begin.R, q)
+        poses_in(q)[:, :TRANSLATION] = 0.0
+        at = Cameras(q, R, begin.lenses)
+        if self.goes_along.any():
+            from_here = begin.q.copy()
+            poses_in(from_here)[:] = poses_in(q)
+            p, begin = np.where(self.goes_along, 0.0, p), Cameras(from_here, R, begin.lenses)
+        return p, begin, at
+
+    @property
+    def _turns(self) -> FloatArray:
+        """(c, 3): the small rotations from `begin`."""
+        return poses_in(self.unknowns.M @ self.p)[:, :TRANSLATION]
 
     def sum_at(
         self,
@@ -342,8 +355,7 @@ class RobustFit:
         measured = self._units(length_weight, units)
         into = equations_for(self.free if free is None else free)
         cost = sum_normal_equations(self.at, measured, limits, points, chi_squares, into)
-        turns = self.q[:-1].reshape(-1, EACH)[:, :TRANSLATION]
-        return cost, *about_first(turns, into.H, into.g)
+        return cost, *about_first(self._turns, into.H, into.g)
 
     def chi_squares_with(
         self, other: "RobustFit", sigma_px: float | None = None, scatter_m: float | None = None
@@ -479,12 +491,12 @@ class RobustFit:
                 return False
             self.sigma_px = max(self.sigma_px * float(np.sqrt(ratio)), SMALLEST_SIGMA_PX)
         if self.source_scatter == ESTIMATED:
-            lengths = self.innovations(points)
+            lengths, before = self.innovations(points), self.scatter
             lengths = lengths[np.isfinite(lengths[:, 0]) & ~self.outlying[self.frame_of]]
             self.scatter = max(
                 scatter_of(lengths[:, 0], lengths[:, 1], spent_m, robust), self.smallest_scatter
             )
-            lost = self.scatter > LARGEST_SCATTER * self.seen.length_m
+            lost = self.scatter > max(LARGEST_SCATTER * self.seen.length_m, before)
             return not (lost and self.steps and not self.converged)
         return True
 

@@ -54,16 +54,30 @@ def rig_at(rig: Rig) -> Cameras:
     return cameras_at((rig.primary, rig.secondary), (AT_ORIGIN, rig.pose))
 
 
+@compiled
 def turned(R: FloatArray, q: FloatArray) -> FloatArray:
-    """(c, 3, 3): the rotations R after the small ones of q."""
-    turns = q[:-1].reshape(-1, EACH)[:, :TRANSLATION]
-    return np.asarray(Rotation.from_rotvec(turns).as_matrix() @ R)
+    """(c, 3, 3): the rotations R after the small ones of q (Rodrigues)."""
+    found, K = R.copy(), np.zeros((3, 3))
+    for c in range(len(R)):
+        x, y, z = q[EACH * c], q[EACH * c + 1], q[EACH * c + 2]
+        angle = np.sqrt(x * x + y * y + z * z)
+        if angle > 0.0:
+            K[0, 1], K[0, 2], K[1, 0], K[1, 2], K[2, 0], K[2, 1] = -z, y, z, -x, -y, x
+            across = K @ R[c]
+            found[c] += np.sin(angle) / angle * across
+            found[c] += 2.0 * (np.sin(0.5 * angle) / angle) ** 2 * (K @ across)
+    return found
+
+
+def poses_in(q: FloatArray) -> FloatArray:
+    """(c, 6): a view on the rotations and T of all cameras in q."""
+    return q[:-1].reshape(-1, EACH)[:, :LENS]
 
 
 def without_turns(q: FloatArray) -> FloatArray:
     """q with small rotations of 0."""
     found = q.copy()
-    found[:-1].reshape(-1, EACH)[:, :TRANSLATION] = 0.0
+    poses_in(found)[:, :TRANSLATION] = 0.0
     return found
 
 
@@ -76,7 +90,7 @@ def step_between(other: Cameras, at: Cameras) -> FloatArray:
     """(Q,): the step from cameras to others, so that `moved` of it gives those."""
     step = other.q - at.q
     turns = Rotation.from_matrix(other.R @ at.R.transpose(0, 2, 1)).as_rotvec()
-    step[:-1].reshape(-1, EACH)[:, :TRANSLATION] = turns
+    poses_in(step)[:, :TRANSLATION] = turns
     return np.asarray(step)
 
 

@@ -119,7 +119,7 @@ class Pose:
     @property
     def angles(self) -> Angles:
         """The five angles, in radians."""
-        R, T = contiguous(self.R), contiguous(self.T)
+        R, T = self.R, self.T
         if is_degenerate(R, T):
             raise StereocalError(
                 "The rig cannot be described by the five angles: one camera is straight ahead of "
@@ -181,14 +181,12 @@ def fill_pose(angles: FloatArray, baseline: float, R: FloatArray, T: FloatArray)
     T[2] = baseline * np.sin(angles[3])
 
 
-@compiled
 def is_degenerate(R: FloatArray, T: FloatArray) -> bool:
     """Whether the five angles are undefined: a pitch of +-90 degrees, or T along z."""
     cos_pitch, in_plane = np.hypot(R[1, 0], R[1, 1]), np.hypot(T[0], T[1])
     return bool(cos_pitch < 1e-9 or in_plane <= 1e-9 * np.hypot(in_plane, T[2]))
 
 
-@compiled
 def angles_of(R: FloatArray, T: FloatArray) -> tuple[float, float, float, float, float]:
     """The five angles of a pose: the inverse of `fill_pose`."""
     return (

@@ -125,7 +125,7 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
     solve = RobustFit.of_pair(data, rig.RIG, priors)
     begin, (measured, sigma_m) = solve.at, solve.baselines[0, 2:]
     assert solve.run()
-    start_at = begin._replace(R=solve.R)  # turns about the same axes
+    start_at = solve.begin._replace(q=begin.q)  # turns about the same axes
     unknowns = solve.unknowns
     k = len(unknowns.names)
     free = np.isfinite(unknowns.sigma)
