@@ -10,9 +10,12 @@ from stereocal import CalibrationSettings
 from stereocal.calibration.methods import FILE_METHODS
 from stereocal.cli import main
 from stereocal.formats.dataset_files import read_dataset, read_recording
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.recording import Recording
 from stereocal.system.resources import ROOT
 from stereocal.workflow import Run
+from tests.rig.test_dataset import check_same
 
 SAMPLES = ROOT / "sample_data"
 DESCRIBED = sorted(path.parent.relative_to(SAMPLES) for path in SAMPLES.rglob("dataset.json"))
@@ -43,7 +46,9 @@ def test_every_sample_with_data_is_tested() -> None:
     [*(name for name in POINTS if "/" not in name), *in_the_soak(*(n for n in POINTS if "/" in n))],
 )
 def test_a_table_of_points(name: str) -> None:
-    check(read_dataset(SAMPLES / name))
+    dataset = read_dataset(SAMPLES / name)
+    check_same(Recording.of_pair(dataset).pair(*CAMERAS), dataset)
+    check(dataset)
 
 
 @pytest.mark.parametrize("pair", ["1-2", *in_the_soak("1-3", "2-3")])

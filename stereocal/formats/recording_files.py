@@ -369,6 +369,8 @@ def _refuse_twice(rows: Rows, camera: IntArray, target: IntArray) -> None:
 
 def pack_recording(recording: Recording) -> dict[str, bytes]:
     """The files of a recording by name, read back exactly by `parse_recording`."""
+    if recording.baseline_sigma_m == np.inf:  # the file states what was measured
+        recording = replace(recording, baselines_m={}, baseline_sigma_m=None)
     rigid_object, board = recording.object, recording.object.board
     names = {which: f"camera_{i + 1}.json" for i, which in enumerate(recording.cameras)}
     described: Any = dict(zip(rigid_object.names, rigid_object.points.tolist(), strict=True))

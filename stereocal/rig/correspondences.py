@@ -11,6 +11,7 @@ import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, refuse
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
+from stereocal.rig.field_of_view import beyond_either
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.array_types import FloatArray, IntArray
 
@@ -274,6 +275,19 @@ class Correspondences:
         secondary[a], primary[b] = self.primary[b], self.secondary[a]
         whole = np.isin(np.arange(len(self)), self.bars)
         return replace(self, primary=primary, secondary=secondary).where(whole)
+
+    def in_view(
+        self, primary: Camera, secondary: Camera
+    ) -> tuple["Correspondences", dict[str, int]]:
+        """The rows without those that a fisheye images farther from its axis than it is used, and
+        how many points of each camera are there; empty if none is.
+
+        Raises:
+            StereocalError: a point is outside its image, or more than half of a camera's are there.
+        """
+        refuse_points_outside("", self, primary, secondary)
+        lost, counts = beyond_either((primary, secondary), (self.primary, self.secondary))
+        return (self.where(~lost), counts) if lost.any() else (self, {})
 
     def of_frames(self, frames: npt.ArrayLike) -> "Correspondences":
         """The rows of the given frames."""

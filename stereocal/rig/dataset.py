@@ -14,7 +14,6 @@ import pandas as pd
 from stereocal.errors import StereocalError, refuse
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, one_file_in_words, pixel_scales
 from stereocal.rig.correspondences import Correspondences, refuse_points_outside
-from stereocal.rig.field_of_view import beyond_either
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 from stereocal.rig.rig import camera_in_words
@@ -112,12 +111,8 @@ class Dataset(TableAnswer):
         Raises:
             StereocalError: more than half of a camera's points are there.
         """
-        refuse_points_outside("", rows, self.primary, self.secondary)
-        cameras, images = (self.primary, self.secondary), (rows.primary, rows.secondary)
-        lost, counts = beyond_either(cameras, images)
-        if not lost.any():
-            return replace(self, correspondences=rows, beyond_view={})
-        return replace(self, correspondences=rows.where(~lost), beyond_view=counts)
+        seen, beyond = rows.in_view(self.primary, self.secondary)
+        return replace(self, correspondences=seen, beyond_view=beyond)
 
     @property
     def answer(self) -> list[str]:

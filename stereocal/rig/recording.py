@@ -15,7 +15,7 @@ import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError, refuse
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.correspondences import TARGETS, Correspondences
+from stereocal.rig.correspondences import TARGETS, UNKNOWN_SOURCE, Correspondences
 from stereocal.rig.dataset import Dataset, check_length, check_uncertainty
 from stereocal.rig.field_of_view import beyond_view
 from stereocal.rig.rigid_object import Held, RigidObject
@@ -27,6 +27,9 @@ from stereocal.system.numbers import count
 from stereocal.system.tables import LARGEST_WHOLE, refuse_missing
 
 CameraPair = tuple[str, str]
+COLUMNS = ("frame", "camera", "target", "points", "sigma_px")
+OF_TABLES = ("distance_m", "known_points_m", "time_frame", "source", "line")
+"""Columns that `correspondences.csv` may have; its two points of a row have the same values."""
 MOST_IMAGES = 50_000_000
 """The most images of all targets in all frames and cameras: 800 MB of pixels."""
 
@@ -54,13 +57,24 @@ class Recording(TableAnswer):
     baselines_m: Mapping[CameraPair, float] = field(default_factory=dict)
     """The measured baselines; each pair in one order or the other."""
     baseline_sigma_m: float | None = None
+    """Infinite if the baselines are not measured, but found from the lengths."""
     notes: str = ""
     beyond_view: Mapping[str, int] = field(default_factory=dict)
-    """By camera, how many points were left out by `within_view`."""
+    """By camera, how many points were left out by `within_view` or `with_pairs`."""
     start_frames: Mapping[str, int] = field(default_factory=dict)
     """Of cameras that counted their own frames, which of `frame` was frame 0 of each."""
     step_notes: tuple[str, ...] = ()
     """How cameras were brought into step that counted their own frames, where that was found."""
+    distance_m: FloatArray | None = None
+    """(n,): the distance A-B measured for this frame; NaN, or None, to use that of the object."""
+    known_points_m: FloatArray | None = None
+    """(n, 3): known 3D points in the first camera's frame; NaN, or None, if unknown."""
+    time_frame: IntArray | None = None
+    """(n,): the frame's number as recorded, gaps and all; None: `frame`."""
+    source: IntArray | None = None
+    """(n,): index into `SOURCES`; -1, or None, if unknown."""
+    line: IntArray | None = None
+    """(n,): the line of the row in its file, for messages; 0, or None, if there is no file."""
 
     def __post_init__(self) -> None:
         check_camera_names(self.cameras)
@@ -91,6 +105,9 @@ class Recording(TableAnswer):
             "baselines_m": {"-".join(pair): value for pair, value in self.baselines_m.items()},
             "rows": [column[order].tolist() for column in rows],
         }
+        for name in OF_TABLES[:3]:  # of others the digest stays what it was
+            if (column := getattr(self, name)) is not None:
+                content[name] = column[order].tolist()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -227,22 +244,29 @@ class Recording(TableAnswer):
             rigid_object = RigidObject.bar(
                 dataset.target_distance_m, dataset.target_distance_sigma_m
             )
-        free = dataset.baseline_is_free
+        late = dataset.start_frame
         return cls(
             name=dataset.name,
             cameras=dict(zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True)),
             object=replace(rigid_object, sigma_m=dataset.target_distance_sigma_m),
-            frame=np.tile(rows.frame, 2),
-            camera=np.repeat([0, 1], len(rows)),
-            target=np.tile(rows.target, 2),
-            points=np.vstack([rows.primary, rows.recorded_secondary]),
-            sigma_px=np.concatenate([rows.sigma_primary_px, rows.sigma_secondary_px]),
-            baselines_m={} if free else {CAMERAS: dataset.baseline_m},
-            baseline_sigma_m=None if free else dataset.baseline_sigma_m,
+            **_of_two(rows),
+            baselines_m={CAMERAS: dataset.baseline_m},
+            baseline_sigma_m=dataset.baseline_sigma_m,
             notes=dataset.notes,
-            start_frames={CAMERAS[0]: 0, CAMERAS[1]: late} if (late := dataset.start_frame) else {},
+            beyond_view=dataset.beyond_view,
+            start_frames={CAMERAS[0]: 0, CAMERAS[1]: late} if late else {},
             step_notes=dataset.step_notes,
         )
+
+    def with_pairs(self, rows: Correspondences) -> "Recording":
+        """The recording of two cameras with these points, without pairs that a fisheye images
+        farther from its axis than it is used; `beyond_view` counts them.
+
+        Raises:
+            StereocalError: as `Correspondences.in_view`.
+        """
+        seen, beyond = rows.in_view(*self.cameras.values())
+        return replace(self, **_of_two(seen), beyond_view=beyond)
 
     def refuse_points_outside(self) -> None:
         """Raise an error if points are outside their image."""
@@ -272,13 +296,14 @@ class Recording(TableAnswer):
 
     def where(self, kept: BoolArray) -> "Recording":
         """The rows for which `kept` (n,) is true."""
-        columns = ("frame", "camera", "target", "points", "sigma_px")
-        return replace(self, **{name: getattr(self, name)[kept] for name in columns})
+        known = {name: getattr(self, name) for name in (*COLUMNS, *OF_TABLES)}
+        return replace(self, **{k: v[kept] for k, v in known.items() if v is not None})
 
     def counted_from(self, starts: Mapping[str, int]) -> "Recording":
         """The recording with the frames of some cameras renumbered: 0 becomes their start."""
-        added = np.array([starts.get(name, 0) for name in self.cameras])
-        return replace(self, frame=self.frame + added[self.camera])
+        added = np.array([starts.get(name, 0) for name in self.cameras])[self.camera]
+        times = None if self.time_frame is None else self.time_frame + added
+        return replace(self, frame=self.frame + added, time_frame=times)
 
     @property
     def first_frames(self) -> dict[str, int]:
@@ -354,7 +379,7 @@ class Recording(TableAnswer):
         return np.unique(self.frame[self._common(first, second)[0]])
 
     def baseline_m(self, first: str, second: str) -> float | None:
-        """The measured distance of two cameras; None if it is free."""
+        """The stated distance of two cameras; None if there is none."""
         return self.baselines_m.get((first, second), self.baselines_m.get((second, first)))
 
     def pair(self, first: str, second: str) -> Dataset:
@@ -369,15 +394,18 @@ class Recording(TableAnswer):
                 f"{self.describe_pairs()} If each counts its own frames, since it was started by "
                 "hand, bring them into step first, with `sync`."
             )
-        names = self.object.names
-        rows = Correspondences.from_arrays(
+        known = {name: getattr(self, name) for name in OF_TABLES}
+        if first != next(iter(self.cameras)):
+            known["known_points_m"] = None
+        rows = Correspondences(
             self.frame[a],
-            [names[target] for target in self.target[a].tolist()],
+            self.target[a],
             self.points[a],
             self.points[b],
             sigma_primary_px=self.sigma_px[a],
             sigma_secondary_px=self.sigma_px[b],
-            rigid_object=None if names == TARGETS else self.object,
+            rigid_object=None if self.object.names == TARGETS else self.object,
+            **{name: column[a] for name, column in known.items() if column is not None},
         )
         return self.pair_with(first, second, rows)
 
@@ -395,7 +423,9 @@ class Recording(TableAnswer):
             target_distance_sigma_m=self.object.sigma_m,
             notes=self.notes,
             camera_names=None if (first, second) == CAMERAS else (first, second),
-            beyond_view={name: self.beyond_view.get(name, 0) for name in (first, second)},
+            beyond_view={
+                name: n for name, n in self.beyond_view.items() if name in (first, second)
+            },
             step_notes=self.step_notes,
             start_frame=self.start_frames.get(second, 0) - self.start_frames.get(first, 0),
         )
@@ -411,6 +441,29 @@ class Recording(TableAnswer):
         _, one, other = np.intersect1d(of_first, of_second, True, return_indices=True)
         order = np.argsort(one)
         return rows[0][one[order]], rows[1][other[order]]
+
+
+def _of_two(rows: Correspondences) -> dict[str, Any]:
+    """The columns of the points of two cameras as recorded, those of the first before the others;
+    None of those that say nothing."""
+    says = {
+        "distance_m": np.isfinite(rows.distance_m),
+        "known_points_m": np.isfinite(rows.known_points_m),
+        "time_frame": rows.time_frame != rows.frame,
+        "source": rows.source != UNKNOWN_SOURCE,
+        "line": rows.line != 0,
+    }
+    return {
+        "frame": np.tile(rows.frame, 2),
+        "camera": np.repeat([0, 1], len(rows)),
+        "target": np.tile(rows.target, 2),
+        "points": np.vstack([rows.primary, rows.recorded_secondary]),
+        "sigma_px": np.concatenate([rows.sigma_primary_px, rows.sigma_secondary_px]),
+        **{
+            name: np.concatenate([getattr(rows, name)] * 2) if mask.any() else None
+            for name, mask in says.items()
+        },
+    }
 
 
 def _by_name(cameras: Mapping[Any, Camera]) -> dict[str, Camera]:

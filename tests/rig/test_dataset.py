@@ -8,8 +8,9 @@ import pytest
 
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.rig.camera import Camera
-from stereocal.rig.correspondences import Correspondences, points_outside
+from stereocal.rig.correspondences import SHAPES, Correspondences, points_outside
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.recording import Recording
 from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences, dataset
 
 EXACT = dataset(6)
@@ -19,6 +20,48 @@ def changed(**columns: Any) -> Correspondences:
     """The rows of three frames with some columns changed."""
     rows = correspondences(3)
     return replace(rows, **columns)
+
+
+def check_same(one: Dataset, other: Dataset) -> None:
+    """Check that both have the same digest, rows in the same order, and statements."""
+    assert one.sha256 == other.sha256
+    for name in ("frame", *SHAPES):
+        np.testing.assert_array_equal(
+            getattr(one.correspondences, name), getattr(other.correspondences, name)
+        )
+    stated = ("identity", "start_frame", "step_notes", "camera_names", "beyond_view")
+    assert [getattr(one, name) for name in stated] == [getattr(other, name) for name in stated]
+
+
+def test_a_recording_holds_all_that_a_table_of_two_cameras_says() -> None:
+    rows = changed(
+        distance_m=np.array([0.7, 0.7, np.nan, np.nan, 0.8, 0.8]),
+        known_points_m=np.arange(18.0).reshape(6, 3),
+        sigma_primary_px=np.array([0.1, 0.2, np.nan, 0.4, 0.5, 0.6]),
+        sigma_secondary_px=np.array([np.nan, 0.2, 0.3, 0.4, 0.5, 0.6]),
+        source=np.array([0, 1, 2, -1, 0, 1]),
+        line=np.arange(2, 8),
+        time_frame=np.array([10, 10, 14, 14, 18, 18]),
+    ).where(np.array([0, 1, 1, 1, 1, 1], dtype=bool))
+    stated = replace(
+        EXACT,
+        correspondences=rows,
+        notes="windy",
+        baseline_sigma_m=0.01,
+        target_distance_sigma_m=1e-3,
+        start_frame=4,
+        step_notes=("in step",),
+        beyond_view={"primary": 1, "secondary": 0},
+    )
+    recording = Recording.of_pair(stated)
+    check_same(recording.pair("primary", "secondary"), stated)
+    turned = recording.pair("secondary", "primary").correspondences
+    np.testing.assert_array_equal(turned.distance_m, rows.distance_m)
+    assert np.isnan(turned.known_points_m).all()  # they are in the primary camera's frame
+    late = recording.counted_from({"primary": 3, "secondary": 3}).pair("primary", "secondary")
+    np.testing.assert_array_equal(late.correspondences.time_frame, rows.time_frame + 3)
+    free = replace(stated, baseline_sigma_m=np.inf)
+    check_same(Recording.of_pair(free).pair("primary", "secondary"), free)
 
 
 class TestCorrespondences:
