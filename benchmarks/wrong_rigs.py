@@ -21,7 +21,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.cli import main as stereocal
-from stereocal.formats.recording_files import pack_recording
+from stereocal.formats.dataset_files import pack_recording
 from stereocal.network.rig_file import RIG, ROTATION, RigFile
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording

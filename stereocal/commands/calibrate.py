@@ -18,8 +18,8 @@ from stereocal.commands.options import (
 )
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import MOST_RUNS, EvaluationSettings
+from stereocal.formats.dataset_description import DESCRIPTION
 from stereocal.formats.evaluation_files import validation_in_summary
-from stereocal.formats.recording_files import DESCRIPTION
 from stereocal.paper_kit.kit import paper_kit
 from stereocal.refined.parameter_file import standard_errors
 from stereocal.refined.results import Calibration

@@ -17,6 +17,7 @@ from stereocal.commands.options import (
     finish,
     refuse_given,
 )
+from stereocal.errors import naming
 from stereocal.field.checking.check_words import notes, sentence, to_json
 from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.new_images import images_of_bars
@@ -27,6 +28,7 @@ from stereocal.field.checking.rig_check import check_rig
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.inputs import STORED_PROJECT, images_in_table, recording_in
 from stereocal.network.rig_file import RigFile, holds_rig
+from stereocal.network.to_calibrate import in_step
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import read_whole
 
@@ -64,6 +66,8 @@ def run(parsed: argparse.Namespace) -> None:
             recording = recording_in(read_whole(data), str(data), rig)
         else:
             recording = read_recording(data, parsed.lens_model)
+            with naming(str(data)):
+                recording = in_step(recording)
         whole = check_rig(rig, recording, smallest)
         answer, told, remarks = whole.to_json(), whole.sentence, whole.notes
     else:

@@ -7,7 +7,7 @@ from stereocal.commands.options import LENSES_AND_LENGTHS, WORKERS, refuse_given
 from stereocal.commands.photographs import PAIR_BY, in_search, write_recording
 from stereocal.detection.target import BOARDS, EXAMPLES, parse_board, parse_target
 from stereocal.formats.correspondences_csv import write_table
-from stereocal.formats.recording_files import write_points
+from stereocal.formats.points_csv import write_points
 from stereocal.frames.frame import correspondences_of, report_line
 from stereocal.frames.search import compile_detection
 from stereocal.rig.recording import Recording

@@ -20,10 +20,10 @@ from stereocal.formats.archives.all_cameras import ENDS, gather_all
 from stereocal.formats.archives.archive import THROW, Archive, Part
 from stereocal.formats.archives.gather import WANTED, gather
 from stereocal.formats.column_roles import ROLES_HELP
-from stereocal.formats.dataset_files import FREE, pack_dataset
+from stereocal.formats.dataset_description import FREE
+from stereocal.formats.dataset_files import pack_dataset, pack_recording
 from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
 from stereocal.formats.point_layouts import LAYOUTS
-from stereocal.formats.recording_files import pack_recording
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import POSSIBLE_M, rounded

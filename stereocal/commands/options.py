@@ -10,10 +10,11 @@ from typing import Any
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.commands.console import Number, Options, report
-from stereocal.errors import StereocalError, disk_errors
+from stereocal.errors import StereocalError, disk_errors, naming
 from stereocal.formats.exchange.options import QUESTIONS
 from stereocal.formats.inputs import read_input
 from stereocal.formats.world_file import read_world
+from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CameraName
 from stereocal.rig.dataset import Dataset
@@ -186,7 +187,9 @@ def with_sigmas(dataset: Dataset, parsed: argparse.Namespace) -> Dataset:
 
 def dataset_from(parsed: argparse.Namespace, path: Path) -> Dataset:
     """A data set, read as the options say."""
-    return with_sigmas(read_input(path, parsed.lens_model, parsed.pair), parsed)
+    recording = read_input(path, parsed.lens_model)
+    with naming(str(path)):
+        return with_sigmas(pair_to_calibrate(recording, parsed.pair), parsed)
 
 
 def refine_settings_from(

@@ -10,7 +10,7 @@ from pathlib import Path
 from stereocal.commands.console import Options, in_stages, report, say
 from stereocal.detection.target import BRIGHT, Balls, Board, Target
 from stereocal.errors import StereocalError
-from stereocal.formats.recording_files import pack_recording
+from stereocal.formats.dataset_files import pack_recording
 from stereocal.frames.frame import Frame
 from stereocal.frames.proposal import WAYS
 from stereocal.frames.video.extract import VideoSettings, extract

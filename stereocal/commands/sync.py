@@ -7,8 +7,7 @@ from stereocal.commands.options import finish, questions
 from stereocal.errors import naming
 from stereocal.figures.html import html_page, html_plot
 from stereocal.figures.started_by_hand import describe_offsets, plot_offsets
-from stereocal.formats.dataset_files import read_as_counted
-from stereocal.formats.recording_files import pack_recording
+from stereocal.formats.dataset_files import pack_recording, read_recording
 from stereocal.network.started_by_hand import bring_into_step
 
 OPTIONS: Options = {
@@ -21,7 +20,7 @@ OPTIONS: Options = {
 
 def run(parsed: argparse.Namespace) -> None:
     """Find the offsets, write the data set with one count of frames, print what was found."""
-    counted = read_as_counted(parsed.dataset, parsed.lens_model)
+    counted = read_recording(parsed.dataset, parsed.lens_model, as_counted=True)
     with naming(str(parsed.dataset)):
         found = bring_into_step(counted)
     told = found.recording.step_notes

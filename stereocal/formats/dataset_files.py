@@ -1,7 +1,12 @@
-"""A data set in a folder or a zip: `dataset.json`, two camera files, points or photographs."""
+"""A data set in a folder or a zip: `dataset.json`, camera files, points or photographs.
+
+Format 1 has two cameras, a bar and `correspondences.csv`; format 2 any number of cameras, any rigid
+object and `points.csv`. Both are read as a `Recording`, and nothing is fitted while they are read.
+"""
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -10,28 +15,30 @@ import numpy as np
 from stereocal.errors import RefusedRowsError, StereocalError, disk_errors, naming
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
-from stereocal.formats.recording_files import (
+from stereocal.formats.dataset_description import (
+    BOARD,
     DATASET_FORMAT,
     DESCRIPTION,
+    FREE,
     HOW_MADE,
     LARGEST_DESCRIPTION,
+    POINTS,
+    RECORDING_FORMAT,
     STARTS,
+    TABLE,
+    Description,
     find_description,
-    pack_recording,
-    parse_recording,
 )
-from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.formats.points_csv import read_points_csv, write_points
+from stereocal.network.frame_rates import RATES, at_stated_rates
 from stereocal.rig.camera import LensModel
-from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
-from stereocal.rig.recording import Recording
+from stereocal.rig.recording import COLUMNS, Recording
 from stereocal.system.limits import Limits
 from stereocal.system.photograph_files import is_photograph
+from stereocal.system.records import plain
 from stereocal.system.zip_files import open_zip, unzip
 
-TABLE = "correspondences.csv"
-FREE = "free"
-"""`baseline_sigma_m` of a baseline that is not measured, but found from the lengths."""
 TEXTS = frozenset((".json", ".csv", ".yaml", ".yml", ".xml"))
 NAMED = frozenset((".ini", ".conf", ".mat"))
 """Read if small, for a helpful error message where `dataset.json` names them as cameras."""
@@ -40,44 +47,43 @@ NAMED = frozenset((".ini", ".conf", ".mat"))
 def read_dataset(
     path: str | Path, lens_model: LensModel | None = None, pair: str | None = None
 ) -> Dataset:
-    """Read a data set from a folder or a zip.
+    """Read a data set of two cameras, or two of more, from a folder or a zip.
+
+    A baseline that was not measured is still to be found, as `stereocal.calibrate` does.
 
     Args:
         lens_model: meaning of four distortion coefficients if a camera file does not state it.
         pair: such as `left-right`, of a data set with more than two cameras.
     """
+    recording = read_recording(path, lens_model)
+    with naming(str(path)):
+        return recording.pair(*recording.chosen_pair(pair))
+
+
+def read_recording(
+    path: str | Path,
+    lens_model: LensModel | None = None,
+    *,
+    as_counted: bool = False,
+    with_points: bool = True,
+) -> Recording:
+    """Read a data set of any number of cameras from a folder or a zip.
+
+    Args:
+        lens_model, as_counted, with_points: as for `parse_recording`.
+    """
     files, photographs = read_texts(Path(path))
-    return parse_dataset(files, str(path), photographs, lens_model, pair)
+    return parse_recording(
+        files, str(path), photographs, lens_model, as_counted=as_counted, with_points=with_points
+    )
 
 
-def read_recording(path: str | Path, lens_model: LensModel | None = None) -> Recording:
-    """Read a data set of any number of cameras (format 2) from a folder or a zip."""
-    files, photographs = read_texts(Path(path))
-    return parse_recording(files, str(path), photographs, lens_model)
-
-
-def read_as_counted(path: str | Path, lens_model: LensModel | None = None) -> Recording:
-    """As `read_recording`, with the frames of each camera as it counted them itself."""
-    files, photographs = read_texts(Path(path))
-    found = find_description(files, str(path))
-    if not found.is_recording:
-        raise StereocalError(
-            f"{path}: a row of {TABLE} has the points of both cameras at one moment, so their "
-            "frames are in step already. Give the points of each camera by its own count: a data "
-            'set of format 2 with "frames": "own".'
-        )
-    known = {STARTS: dict.fromkeys(found.entries["cameras"], 0)}
-    described = json.dumps({**found.entries, "frames": "own", **known}).encode()
-    files = {**files, f"{found.folder}{DESCRIPTION}": described}
-    return parse_recording(files, str(path), photographs, lens_model)
-
-
-def read_cameras(path: str | Path, lens_model: LensModel | None = None) -> Recording:
-    """The cameras and lengths of a data set of either format, without its points."""
-    files, _ = read_texts(Path(path))
-    if find_description(files, str(path)).is_recording:
-        return parse_recording(files, str(path), False, lens_model, with_points=False)
-    return Recording.of_pair(parse_survey(files, str(path), lens_model))
+def parse_zip(content: bytes, source: str, lens_model: LensModel | None = None) -> Recording:
+    """The data set in a zip's content; photographs are not unpacked."""
+    with open_zip(content, source) as opened:
+        photographs = any(map(is_photograph, opened.names))
+    files = unzip(content, source, lambda name: not is_photograph(name))
+    return parse_recording(files, source, photographs, lens_model)
 
 
 def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
@@ -113,78 +119,118 @@ def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
     raise StereocalError(f"{path}: there is no such folder or file.")
 
 
-def parse_dataset(
+def parse_recording(
     files: Mapping[str, bytes],
     source: str,
     photographs: bool = False,
     lens_model: LensModel | None = None,
-    pair: str | None = None,
-) -> Dataset:
-    """The data set from files by name, which may all be in one subfolder.
+    *,
+    as_counted: bool = False,
+    with_points: bool = True,
+) -> Recording:
+    """The recording from files by name, which may all be in one subfolder.
 
     Args:
         photographs: whether there are photographs too, in which targets can be detected.
-        pair: as for `read_dataset`.
+        lens_model: meaning of four distortion coefficients if a camera file does not state it.
+        as_counted: the frames as each camera counted them itself, whatever is known of its start.
+        with_points: whether to read its points; else it has none.
     """
     found = find_description(files, source)
-    if found.is_recording:
-        recording = parse_recording(files, source, photographs, lens_model, pair=pair)
-        with naming(source):
-            if pair is None and len(recording.cameras) > 2:
-                raise StereocalError(
-                    f"it has {len(recording.cameras)} cameras: choose two. "
-                    f"{recording.describe_pairs()}",
-                    option="--pair",
-                )
-            chosen = recording.pair_named(pair) if pair else recording.pairs[0]
-            return with_baseline_found(recording.pair(*chosen))
-    if pair is not None:
-        raise StereocalError(f"{source}: it has two cameras, and no pair {pair[:60]!r} to choose.")
-    survey = parse_survey(files, source, lens_model)
-    if found.folder + TABLE not in files:
-        if photographs or any(map(is_photograph, files)):
+    if as_counted and not found.is_recording:
+        raise StereocalError(
+            f"{source}: a row of {TABLE} has the points of both cameras at one moment, so their "
+            "frames are in step already. Give the points of each camera by its own count: a data "
+            'set of format 2 with "frames": "own".'
+        )
+    own = as_counted or found.counts_own_frames
+    recording = found.recording(lens_model)
+    if not with_points:
+        return recording
+    if not found.is_recording:
+        return _with_pairs(found, recording, photographs)
+    recording = _with_points(found, recording, photographs, own)
+    if not own:
+        return replace(recording, start_frames={})
+    with naming(source):
+        counted = at_stated_rates(recording, found.entries.get(RATES))
+    if as_counted or not found.start_frames:
+        return replace(counted, start_frames={}, own_frames=True)
+    return counted.counted_from(found.start_frames)
+
+
+def _with_pairs(found: Description, recording: Recording, photographs: bool) -> Recording:
+    """The recording with the points of `correspondences.csv`."""
+    source, content = found.source, found.files.get(found.folder + TABLE)
+    if content is None:
+        if photographs or any(map(is_photograph, found.files)):
             raise StereocalError(
                 f"{source}: it contains photographs and no {TABLE} yet; find the targets first, "
                 "with `python -m stereocal detect` or on the Data page."
             )
         raise StereocalError(f"{source}: the table of points {TABLE!r} is missing.")
     name = f"{source}: {TABLE}"
-    rows = read_table(files[found.folder + TABLE], name).strict(name)
+    rows = read_table(content, name).strict(name)
     try:
-        return with_baseline_found(survey.with_points(rows))
+        return recording.with_pairs(rows)
     except RefusedRowsError as error:
-        raise RefusedRowsError(f"{source}: {TABLE}: ", error.problems, error.what) from error
+        raise RefusedRowsError(f"{name}: ", error.problems, error.what) from error
     except StereocalError as error:
         raise StereocalError(str(error), source) from error
 
 
-def parse_zip(content: bytes, source: str, lens_model: LensModel | None = None) -> Dataset:
-    """The data set in a zip's content; photographs are not unpacked."""
-    with open_zip(content, source) as opened:
-        photographs = any(map(is_photograph, opened.names))
-    files = unzip(content, source, lambda name: not is_photograph(name))
-    return parse_dataset(files, source, photographs, lens_model)
-
-
-def parse_survey(
-    files: Mapping[str, bytes], source: str, lens_model: LensModel | None = None
-) -> Dataset:
-    """The data set without its points, from files by name; a free baseline is still to be found."""
-    found, none = find_description(files, source), np.empty((0, 2))
-    is_free = found.entries.get("baseline_sigma_m") == FREE
-    entries: dict[str, Any] = {
-        **found.cameras(lens_model),
-        "correspondences": Correspondences.from_arrays(none[:, 0], "", none, none),
-        "baseline_m": found.length("baseline_m"),
-        "target_distance_m": found.length("target_distance_m"),
-        "baseline_sigma_m": np.inf if is_free else found.optional_length("baseline_sigma_m"),
-        "target_distance_sigma_m": found.optional_length("target_distance_sigma_m"),
+def _with_points(
+    found: Description, recording: Recording, photographs: bool, own_frames: bool
+) -> Recording:
+    """The recording with the points of one table, or of a table for each camera."""
+    tables, cameras = found.entries.get("points", POINTS), recording.cameras
+    by_camera = dict(tables) if isinstance(tables, dict) else {None: tables}
+    if by_camera.keys() not in ({None}, cameras.keys()):
+        raise StereocalError(f'{found.where}: "points" must name a table for each of the cameras.')
+    parts = []
+    for camera, name in by_camera.items():
+        content = found.files.get(f"{found.folder}{name}")
+        if content is None:
+            how = "; find the targets first, with `stereocal detect`" if photographs else ""
+            raise StereocalError(
+                f"{found.source}: the table of points {str(name)[:60]!r} is missing{how}."
+            )
+        about = f"{found.source}: {name}"
+        parts.append(read_points_csv(content, cameras, recording.object, about, camera, own_frames))
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS
     }
-    started = found.entries.get(STARTS)
-    if isinstance(started, dict) and isinstance(started.get("secondary"), int):
-        entries["start_frame"] = started["secondary"]
-    with naming(source):
-        return Dataset(found.name, notes=found.notes, **entries)
+    beyond = {name: sum(part.beyond_view.get(name, 0) for part in parts) for name in cameras}
+    return replace(recording, **columns, beyond_view=beyond if any(beyond.values()) else {})
+
+
+def pack_recording(recording: Recording) -> dict[str, bytes]:
+    """The files of a recording by name, read back exactly by `parse_recording`."""
+    if recording.baseline_sigma_m == np.inf:  # the file states what was measured
+        recording = replace(recording, baselines_m={}, baseline_sigma_m=None)
+    rigid_object, board = recording.object, recording.object.board
+    names = {which: f"camera_{i + 1}.json" for i, which in enumerate(recording.cameras)}
+    described: Any = dict(zip(rigid_object.names, rigid_object.points.tolist(), strict=True))
+    if board is not None:
+        described = {BOARD: {k: v for k, v in plain(board).items() if v is not None}}
+    description = {
+        "format": RECORDING_FORMAT,
+        "name": recording.name,
+        "cameras": names,
+        "object": described,
+        "object_sigma_m": rigid_object.sigma_m,
+        "baselines_m": {f"{a}-{b}": m for (a, b), m in recording.baselines_m.items()} or None,
+        "baseline_sigma_m": recording.baseline_sigma_m,
+        "notes": recording.notes or None,
+        "frames": "own" if recording.start_frames else None,
+        STARTS: dict(recording.start_frames) or None,
+    }
+    kept = {key: value for key, value in description.items() if value is not None}
+    return {
+        DESCRIPTION: (json.dumps(kept, indent=2) + "\n").encode(),
+        **{names[which]: write_camera(camera) for which, camera in recording.cameras.items()},
+        POINTS: write_points(recording),
+    }
 
 
 def pack_dataset(dataset: Dataset) -> dict[str, bytes]:

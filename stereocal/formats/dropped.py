@@ -11,8 +11,8 @@ from pathlib import PurePosixPath
 from typing import Generic, TypeVar
 
 from stereocal.errors import StereocalError
+from stereocal.formats.dataset_description import DESCRIPTION
 from stereocal.formats.recognition import Kind, recognise
-from stereocal.formats.recording_files import DESCRIPTION
 from stereocal.frames.which_camera import which_camera
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.limits import Limits

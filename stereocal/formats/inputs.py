@@ -5,20 +5,19 @@ import zipfile
 from dataclasses import replace
 from pathlib import Path
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, naming
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_pairs
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
-from stereocal.formats.recording_files import parse_recording, read_points_csv
+from stereocal.formats.dataset_files import parse_recording, parse_zip, read_recording
+from stereocal.formats.points_csv import read_points_csv
 from stereocal.matching.point_table import PointTable, is_parquet
 from stereocal.network.rig_file import Parameters, RigFile
-from stereocal.network.started_by_hand import bring_into_step
+from stereocal.network.to_calibrate import in_step, pair_to_calibrate
 from stereocal.rig.camera import LensModel
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
-from stereocal.system.photograph_files import is_photograph
 from stereocal.system.tables import names_of, text_of
 from stereocal.system.zip_files import is_zip, open_zip, unzip
 
@@ -29,12 +28,11 @@ TARGET = "target"
 """Column of a table of bars."""
 
 
-def read_input(path: Path, lens_model: LensModel | None = None, pair: str | None = None) -> Dataset:
+def read_input(path: Path, lens_model: LensModel | None = None) -> Recording:
     """The data set of a folder or zip with `dataset.json`, or of a project's zip.
 
     Args:
-        lens_model: as for `read_dataset`; a project already holds it.
-        pair: as for `read_dataset`.
+        lens_model: as for `read_recording`; a project already holds it.
     """
     if path.suffix == STORED_PROJECT:
         raise StereocalError(
@@ -50,8 +48,8 @@ def read_input(path: Path, lens_model: LensModel | None = None, pair: str | None
                     f"{path}: the project is incomplete: open it on the dashboard, and give what "
                     "the Data page asks for."
                 )
-            return parse_dataset(files, str(path), lens_model="brown", pair=pair)
-    return read_dataset(path, lens_model, pair)
+            return parse_recording(files, str(path), lens_model="brown")
+    return read_recording(path, lens_model)
 
 
 def images_in(content: bytes, label: str, rig: Parameters) -> NewImages | Recording:
@@ -59,7 +57,9 @@ def images_in(content: bytes, label: str, rig: Parameters) -> NewImages | Record
     if isinstance(rig, RigFile):
         return recording_in(content, label, rig)
     if is_zip(content):
-        return images_of_bars(parse_zip(content, label), rig)
+        with naming(label):
+            dataset = pair_to_calibrate(parse_zip(content, label))
+        return images_of_bars(dataset, rig)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
         path = Path(folder) / f"table{Path(label).suffix.lower()}"
         path.write_bytes(content)
@@ -70,7 +70,8 @@ def recording_in(content: bytes, label: str, rig: RigFile) -> Recording:
     """New images of a rig in a file: a zip with `dataset.json`, or a table `points.csv` of the
     object that the rig was calibrated with."""
     if is_zip(content):
-        return parse_recording(unzip(content, label, lambda name: not is_photograph(name)), label)
+        with naming(label):
+            return in_step(parse_zip(content, label))
     if rig.object is None:
         raise StereocalError(
             f"{label}: the rig's file does not say which object it was calibrated with. Give a "
@@ -78,9 +79,7 @@ def recording_in(content: bytes, label: str, rig: RigFile) -> Recording:
         )
     own = "frame" not in names_of(text_of(content, label), label)[0]
     found = read_points_csv(content, rig.cameras, rig.object, label, own_frames=own)
-    if own:
-        found = bring_into_step(found).recording
-    return replace(found, name=label)
+    return replace(in_step(replace(found, own_frames=own)), name=label)
 
 
 def images_in_table(path: Path, label: str, rig: RigParameters) -> NewImages:

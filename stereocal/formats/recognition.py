@@ -6,11 +6,11 @@ from pathlib import PurePosixPath
 from typing import Literal
 
 from stereocal.errors import StereocalError
+from stereocal.formats.dataset_description import DESCRIPTION
 from stereocal.formats.exchange.exchange import READ, format_of, our_word
 from stereocal.formats.file_storage import LARGEST_BYTES
 from stereocal.formats.other_files import is_hdf5, is_matlab, no_table
 from stereocal.formats.point_layouts import first_rows
-from stereocal.formats.recording_files import DESCRIPTION
 from stereocal.frames.video.decoding import SUFFIXES as VIDEO_SUFFIXES
 from stereocal.system.photograph import SUFFIXES as PHOTOGRAPH_SUFFIXES
 

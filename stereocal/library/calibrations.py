@@ -15,19 +15,19 @@ import pandas as pd
 
 from stereocal import workflow
 from stereocal.calibration.methods import CalibrationSettings, Method
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, naming
 from stereocal.evaluation.evaluate import EvaluationSettings, Splits
 from stereocal.evaluation.evaluate import evaluate as evaluate_runs
 from stereocal.evaluation.summary import MethodSummary, summarise_all
-from stereocal.formats.dataset_files import parse_dataset, read_texts
+from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.evaluation_files import Evaluation, unique_names
 from stereocal.formats.exchange.exchange import export
-from stereocal.formats.recording_files import find_description, parse_recording
 from stereocal.library.drawing import draw, of_figures
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.network.to_calibrate import in_step, pair_to_calibrate
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
@@ -61,11 +61,11 @@ def read(
     Raises:
         StereocalError: what is wrong, in which file and row.
     """
-    files, photographs = read_texts(Path(path))
-    found = find_description(files, str(path))
-    if found.is_recording and pair is None and len(found.entries.get("cameras") or ()) > 2:
-        return parse_recording(files, str(path), photographs, lens_model)
-    return parse_dataset(files, str(path), photographs, lens_model, pair)
+    recording = read_recording(path, lens_model)
+    with naming(str(path)):
+        if pair is None and len(recording.cameras) > 2:
+            return in_step(recording)
+        return pair_to_calibrate(recording, pair)
 
 
 def pair_of(recording: Dataset | Recording) -> Dataset:
@@ -82,7 +82,7 @@ def pair_of(recording: Dataset | Recording) -> Dataset:
             f"{recording.name}: it has {len(recording.cameras)} cameras. Calibrate them as one "
             "with `stereocal.rig(recording)`, or choose two with `recording.pair(first, second)`."
         )
-    return with_baseline_found(recording.pair(*recording.cameras))
+    return pair_to_calibrate(recording)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

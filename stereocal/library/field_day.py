@@ -22,7 +22,7 @@ from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import repaired_parameters, residuals_of
 from stereocal.field.checking.rig_check import RigCheck, check_rig
 from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer
-from stereocal.formats.dataset_files import read_as_counted
+from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.plan_file import read_plan
 from stereocal.intrinsics.boards import find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
@@ -113,7 +113,7 @@ def sync(recording: str | Path | Recording, lens_model: LensModel | None = None)
         StereocalError: the data do not tell the offsets, or pairs contradict each other.
     """
     if not isinstance(recording, Recording):
-        recording = read_as_counted(recording, lens_model)
+        recording = read_recording(recording, lens_model, as_counted=True)
     found = bring_into_step(recording)
     return answering(InStep, found)
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from stereocal.detection.target import Board, Target, parse_board, parse_target
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import read_cameras, read_texts
-from stereocal.formats.recording_files import DESCRIPTION
+from stereocal.formats.dataset_description import DESCRIPTION
+from stereocal.formats.dataset_files import read_recording, read_texts
 from stereocal.frames.all_cameras import by_folder, match_names
 from stereocal.frames.frame import Frame, correspondences_of, describe_frames, report_line
 from stereocal.frames.pairing import ByHand, Moments, Pairing, names_by_camera, natural
@@ -27,7 +27,7 @@ from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.quality import lens_answer, note_on_model
 from stereocal.intrinsics.stereo_boards import find_stereo_boards, lenses_of_boards, recording_of
 from stereocal.library.drawing import draw
-from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.field_of_view import beyond_in_words
@@ -95,9 +95,8 @@ def detect(
         frames = search.found(parse_board(target) or parse_target(target))
         if isinstance(frames, Recording):
             return FoundTargets(frames, told)
-        rows, (first, second) = correspondences_of(frames), search.known.cameras
-        found = search.known.pair_with(first, second, rows.of_frames([])).with_points(rows)
-        return FoundTargets(with_baseline_found(found), told, frames)
+        found = search.known.with_pairs(correspondences_of(frames))
+        return FoundTargets(pair_to_calibrate(found), told, frames)
 
 
 def _silent(*_: object) -> None:
@@ -122,7 +121,7 @@ class PhotographSearch:
     @cached_property
     def known(self) -> Recording:
         """The cameras and lengths of the data set, without points."""
-        return read_cameras(self.path, self.lens_model)
+        return read_recording(self.path, self.lens_model, with_points=False)
 
     @cached_property
     def cameras(self) -> Sequence[str]:

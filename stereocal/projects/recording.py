@@ -5,14 +5,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, naming
 from stereocal.formats.archives.all_cameras import cameras_in
 from stereocal.formats.archives.gather import is_table
+from stereocal.formats.dataset_description import DESCRIPTION, find_description
+from stereocal.formats.dataset_files import parse_recording
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.recording_files import DESCRIPTION, find_description, parse_recording
 from stereocal.network.pair_of_rig import data_of_pair, settings_of_pair
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RIG, RigFile
+from stereocal.network.to_calibrate import in_step
 from stereocal.projects.contents import INPUT, PARTS, RECORDING, REPLACED, RIG_FILES
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
@@ -144,7 +146,9 @@ class ProjectRecording(ProjectPart):
             files = self.database.files(RECORDING).items()
             contents = {name: each.read_bytes() for name, each in files}
             # The lens models were settled when it was given.
-            return parse_recording(contents, SOURCE, lens_model="brown")
+            recording = parse_recording(contents, SOURCE, lens_model="brown")
+            with naming(SOURCE):
+                return in_step(recording)
 
         return once(Recording, " ".join(digest), parsed)
 

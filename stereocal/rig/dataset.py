@@ -57,20 +57,12 @@ class Dataset(TableAnswer):
     """As of `Recording`."""
 
     def __post_init__(self) -> None:
-        bar = "distance between the targets"
-        refuse(
-            (
-                self.baseline_is_free and self.baseline_m > LONGEST_PLAUSIBLE_M,
-                f"By a {bar} of {self.target_distance_m:g} m the cameras are {self.baseline_m:g} m "
-                "apart: this looks like millimetres. Give the distance in metres "
-                f"({self.target_distance_m / 1000:g}).",
-            )
+        check_lengths(
+            self.baseline_m,
+            self.target_distance_m,
+            self.baseline_sigma_m,
+            self.target_distance_sigma_m,
         )
-        check_length("baseline", self.baseline_m)
-        check_length(bar, self.target_distance_m)
-        if not self.baseline_is_free:
-            check_uncertainty("baseline", self.baseline_sigma_m, self.baseline_m)
-        check_uncertainty(bar, self.target_distance_sigma_m, self.target_distance_m)
         refuse_points_outside("", self.correspondences, self.primary, self.secondary)
         # A fisheye that a fit has moved within its errors may see points beyond `LARGEST_ANGLE`.
         known = np.isfinite(self.rays)
@@ -282,6 +274,28 @@ class Dataset(TableAnswer):
         """The digest, the stated uncertainties and the words: all that its results tell."""
         sigmas = [self.baseline_sigma_m, self.target_distance_sigma_m]
         return [self.sha256, *sigmas, self.name, self.notes]
+
+
+def check_lengths(
+    baseline_m: float,
+    target_distance_m: float,
+    baseline_sigma_m: float | None,
+    target_distance_sigma_m: float | None,
+) -> None:
+    """Check the lengths of a data set and their standard errors, in metres, as of `Dataset`."""
+    bar, free = "distance between the targets", baseline_sigma_m == np.inf
+    refuse(
+        (
+            free and baseline_m > LONGEST_PLAUSIBLE_M,
+            f"By a {bar} of {target_distance_m:g} m the cameras are {baseline_m:g} m apart: this "
+            f"looks like millimetres. Give the distance in metres ({target_distance_m / 1000:g}).",
+        )
+    )
+    check_length("baseline", baseline_m)
+    check_length(bar, target_distance_m)
+    if not free:
+        check_uncertainty("baseline", baseline_sigma_m, baseline_m)
+    check_uncertainty(bar, target_distance_sigma_m, target_distance_m)
 
 
 def check_length(what: str, value: float) -> None:

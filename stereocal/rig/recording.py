@@ -65,6 +65,8 @@ class Recording(TableAnswer):
     """Of cameras that counted their own frames, which of `frame` was frame 0 of each."""
     step_notes: tuple[str, ...] = ()
     """How cameras were brought into step that counted their own frames, where that was found."""
+    own_frames: bool = False
+    """Whether each camera counts its own frames, so that they are still to be brought into step."""
     distance_m: FloatArray | None = None
     """(n,): the distance A-B measured for this frame; NaN, or None, to use that of the object."""
     known_points_m: FloatArray | None = None
@@ -266,7 +268,10 @@ class Recording(TableAnswer):
             StereocalError: as `Correspondences.in_view`.
         """
         seen, beyond = rows.in_view(*self.cameras.values())
-        return replace(self, **_of_two(seen), beyond_view=beyond)
+        rigid_object = self.object
+        if rows.rigid_object is not None:
+            rigid_object = replace(rows.rigid_object, sigma_m=rigid_object.sigma_m)
+        return replace(self, object=rigid_object, **_of_two(seen), beyond_view=beyond)
 
     def refuse_points_outside(self) -> None:
         """Raise an error if points are outside their image."""
@@ -303,7 +308,7 @@ class Recording(TableAnswer):
         """The recording with the frames of some cameras renumbered: 0 becomes their start."""
         added = np.array([starts.get(name, 0) for name in self.cameras])[self.camera]
         times = None if self.time_frame is None else self.time_frame + added
-        return replace(self, frame=self.frame + added, time_frame=times)
+        return replace(self, frame=self.frame + added, time_frame=times, own_frames=False)
 
     @property
     def first_frames(self) -> dict[str, int]:
@@ -369,6 +374,21 @@ class Recording(TableAnswer):
                     return found
         raise StereocalError(f'There is no pair "{text[:60]}". {self.describe_pairs()}')
 
+    def chosen_pair(self, text: str | None) -> CameraPair:
+        """The pair of a name such as `left-right`; None: of the only two cameras.
+
+        Raises:
+            StereocalError: there is no such pair, or several to choose from.
+        """
+        if text is not None:
+            return self.pair_named(text)
+        if len(self.cameras) > 2:
+            raise StereocalError(
+                f"it has {len(self.cameras)} cameras: choose two. {self.describe_pairs()}",
+                option="--pair",
+            )
+        return self.pairs[0]
+
     def describe_pairs(self) -> str:
         """The pairs and how many frames both cameras of each see."""
         seen = [f"{a}-{b} ({count(len(self.common_frames(a, b)), 'frame')})" for a, b in self.pairs]
@@ -388,7 +408,12 @@ class Recording(TableAnswer):
         A baseline that was not measured is free, and 1 m until it is found.
         """
         a, b = self._common(first, second)
-        if not len(a):
+        if self.own_frames:
+            raise StereocalError(
+                f"The cameras {first} and {second} count their own frames, since they were started "
+                "by hand: bring them into step first, with `sync`."
+            )
+        if not len(a) and len(self.frame):
             raise StereocalError(
                 f"The cameras {first} and {second} see no point in the same frame. "
                 f"{self.describe_pairs()} If each counts its own frames, since it was started by "

@@ -12,20 +12,22 @@ from stereocal.detection.target import Sighting, Target
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.all_cameras import Gathered, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import is_table
+from stereocal.formats.dataset_description import POINTS
+from stereocal.formats.dataset_files import pack_recording
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.recording_files import POINTS, pack_recording, write_points
+from stereocal.formats.points_csv import write_points
 from stereocal.frames import all_cameras
 from stereocal.frames.pairing import ByHand, Moments, natural, pairs_of
 from stereocal.frames.proposal import by_hand_of
 from stereocal.frames.search import STAGES, detect_frames
 from stereocal.intrinsics.boards import FoundBoard
 from stereocal.intrinsics.stereo_boards import find_stereo_boards, recording_of, stages_of
+from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
-from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.latest import Latest
@@ -174,7 +176,7 @@ def _calibrate(store: ProjectRecording, gathered: Gathered) -> None:
     recording = gathered.recording
     if len(recording.cameras) == 2:
         known = store.known(recording)
-        give_pair(store.project, with_baseline_found(known.pair(*recording.cameras)))
+        give_pair(store.project, pair_to_calibrate(known))
         for name in store.parts:
             store.drop_part(name)
         return

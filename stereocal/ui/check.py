@@ -21,10 +21,10 @@ from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, Residuals, repaired_parameters, residuals_of
 from stereocal.field.checking.rig_check import RigCheck, check_rig
 from stereocal.figures.frame_errors import describe_check, plot_check
-from stereocal.formats.dataset_files import TABLE
+from stereocal.formats.dataset_description import POINTS, TABLE
+from stereocal.formats.dataset_files import pack_recording
 from stereocal.formats.dropped import Dropped
 from stereocal.formats.inputs import images_in
-from stereocal.formats.recording_files import POINTS, pack_recording
 from stereocal.frames import all_cameras
 from stereocal.matching.application import PAIRS
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration

@@ -12,14 +12,15 @@ from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileMan
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 from streamlit.runtime.uploaded_file_manager import UploadedFile as Upload
 
-from stereocal.errors import RefusedRowsError
+from stereocal.errors import RefusedRowsError, naming
 from stereocal.formats.camera_file import ImageSizeError, read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
-from stereocal.formats.dataset_files import TABLE, parse_dataset, parse_survey
+from stereocal.formats.dataset_description import TABLE, Description, find_description
+from stereocal.formats.dataset_files import parse_recording
 from stereocal.formats.dropped import Dropped, sort_files
 from stereocal.formats.exchange.options import ImageSize
 from stereocal.formats.recognition import CAMERA_SUFFIXES
-from stereocal.formats.recording_files import Description, find_description, parse_recording
+from stereocal.network.to_calibrate import in_step, pair_to_calibrate
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.photographs import ProjectPhotographs
@@ -144,29 +145,28 @@ def give_dataset(
     """
     description, found = find_description(files, source), of_the_bar(photographs)
     folder = description.folder
+    has_photographs = bool(found) or has_videos
+    with_points = description.is_recording or folder + TABLE in files or not has_photographs
+    recording = parse_recording(files, source, lens_model=lens_model, with_points=with_points)
+    stated = {**files, **_fisheyes(description, recording.cameras)}
+    if len(recording.cameras) > 2:
+        with naming(source):
+            recording = in_step(recording)
+        own = {name: content for name, content in stated.items() if name.startswith(folder)}
+        ProjectRecording(project).give(recording, own)
+        return
+    with naming(source):
+        survey = pair_to_calibrate(recording) if with_points else recording.pair(*CAMERAS)
     if description.is_recording:
-        if len(description.entries.get("cameras") or ()) > 2:
-            own = {name: content for name, content in files.items() if name.startswith(folder)}
-            recording = parse_recording(own, source, lens_model=lens_model)
-            own |= _fisheyes(description, recording.cameras)
-            ProjectRecording(project).give(recording, own)
-        else:
-            give_pair(
-                project, parse_dataset(files, source, lens_model=lens_model), photographs=found
-            )
+        give_pair(project, survey, photographs=found)
         return
     given: dict[Slot, tuple[str, bytes]] = {}
-    if (found or has_videos) and folder + TABLE not in files:
-        survey = parse_survey(files, source, lens_model)
-    else:
-        survey = parse_dataset(files, source, lens_model=lens_model)
+    if with_points:
         table = as_read(files[folder + TABLE], Table(survey.correspondences, []))
         given["correspondences"] = TABLE, table
-    cameras: dict[str, Camera] = {"primary": survey.primary, "secondary": survey.secondary}
-    stated = {**files, **_fisheyes(description, cameras)}
     for which in CAMERAS:
         name: str = description.entries["cameras"][which]
-        given[which] = name, as_read(stated[folder + name], cameras[which])
+        given[which] = name, as_read(stated[folder + name], recording.cameras[which])
     give_pair(project, survey, given, found)
 
 

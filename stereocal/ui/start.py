@@ -11,8 +11,7 @@ import streamlit as st
 
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.figures import story as figures
-from stereocal.formats.dataset_files import TABLE
-from stereocal.formats.recording_files import POINTS
+from stereocal.formats.dataset_description import POINTS, TABLE
 from stereocal.projects.application import ProjectApplication, slot_of
 from stereocal.projects.files import StoredFile
 from stereocal.projects.home import find_projects

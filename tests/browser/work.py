@@ -4,7 +4,7 @@ import json
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from stereocal.formats.dataset_files import TABLE
+from stereocal.formats.dataset_description import TABLE
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.library.calibrations import calibrate

@@ -12,10 +12,9 @@ import pytest
 from stereocal.cli import main
 from stereocal.commands.rig import FIGURES
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.dataset_files import read_dataset, read_recording
+from stereocal.formats.dataset_files import pack_recording, read_dataset, read_recording
 from stereocal.formats.exchange.exchange import read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.recording_files import pack_recording
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.parameters import RigParameters

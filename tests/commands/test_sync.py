@@ -11,10 +11,10 @@ import pandas as pd
 import pytest
 
 from stereocal.cli import main
-from stereocal.formats.dataset_files import read_as_counted, read_dataset, read_recording
+from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.inputs import recording_in
 from stereocal.network.rig_file import RigFile
-from stereocal.rig.dataset import Dataset
+from stereocal.network.to_calibrate import in_step, pair_to_calibrate
 from tests.files import write
 
 
@@ -48,15 +48,18 @@ def test_sync_writes_a_data_set_in_step(
 
 
 def test_cameras_that_count_their_own_frames_are_brought_into_step_unasked(by_hand: Path) -> None:
-    found = read_recording(by_hand)
+    counted = read_recording(by_hand)
+    with pytest.raises(ValueError, match="count their own frames"):
+        counted.pair("1", "2")
+    found = in_step(counted)
     assert found.start_frames == {"1": 0, "2": 41}
     assert any("one frame off" in note for note in found.step_notes)
-    pair: Dataset = read_dataset(by_hand)
+    pair = pair_to_calibrate(counted)
     assert (pair.start_frame, pair.step_notes) == (41, found.step_notes)
 
 
 def test_a_table_to_check_a_rig_with_is_brought_into_step(by_hand: Path) -> None:
-    known = read_as_counted(by_hand)
+    known = read_recording(by_hand, as_counted=True)
     rig = cast(RigFile, SimpleNamespace(object=known.object, cameras=known.cameras))
     found = recording_in((by_hand / "points.csv").read_bytes(), "points.csv", rig)
     assert found.start_frames == {"1": 0, "2": 41}
@@ -70,9 +73,10 @@ def test_a_pair_needs_no_third_camera(by_hand: Path, tmp_path: Path) -> None:
     files["dataset.json"] = json.dumps(described).encode()
     files["points.csv"] += b"7,3,A,400,300\n"
     write(files, tmp_path)
+    whole = read_recording(tmp_path)
     with pytest.raises(ValueError, match="cannot be told"):
-        read_recording(tmp_path)
-    assert read_dataset(tmp_path, pair="1-2").start_frame == 41
+        in_step(whole)
+    assert pair_to_calibrate(whole, "1-2").start_frame == 41
 
 
 def test_a_table_for_each_camera_is_read(by_hand: Path, tmp_path: Path) -> None:
@@ -87,7 +91,7 @@ def test_a_table_for_each_camera_is_read(by_hand: Path, tmp_path: Path) -> None:
         read_recording(tmp_path)
     known = {"start_frames": {"1": 0, "2": 41}}
     (tmp_path / "dataset.json").write_text(json.dumps({**described, **known}))
-    found, whole = read_recording(tmp_path), read_recording(by_hand)
+    found, whole = read_recording(tmp_path), in_step(read_recording(by_hand))
     by_camera = np.argsort(whole.camera, kind="stable")
     np.testing.assert_array_equal(found.frame, whole.frame[by_camera])
     np.testing.assert_array_equal(found.points, whole.points[by_camera])
@@ -105,7 +109,7 @@ def test_frame_rates_that_are_stated_are_used(by_hand: Path, tmp_path: Path) -> 
     described = json.loads((by_hand / "dataset.json").read_text())
     stated = {"frame_rates": {"1": 60, "2": 30}, "start_frames": {"1": 0, "2": 21}}
     (tmp_path / "dataset.json").write_text(json.dumps({**described, **stated}))
-    found, whole = read_recording(tmp_path), read_recording(by_hand)
+    found, whole = read_recording(tmp_path), in_step(read_recording(by_hand))
     expected = whole.where(whole.frame % 2 == 0)
     np.testing.assert_array_equal(2 * found.frame, expected.frame)
     np.testing.assert_array_equal(found.points, expected.points)

@@ -18,9 +18,14 @@ from hypothesis.extra import numpy as npst
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.correspondences_csv import TEMPLATE, read_table, write_table
-from stereocal.formats.dataset_files import pack_dataset, parse_dataset, read_cameras, read_dataset
+from stereocal.formats.dataset_files import (
+    pack_dataset,
+    parse_recording,
+    read_dataset,
+    read_recording,
+)
 from stereocal.formats.recognition import recognise
-from stereocal.rig.camera import Camera, LensUncertainty
+from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
@@ -360,7 +365,7 @@ class TestDatasetFiles:
         full = replace(
             NOISY, baseline_sigma_m=0.01, target_distance_sigma_m=2e-3, notes="windy", name="Ä b"
         )
-        back = parse_dataset(pack_dataset(full), "x")
+        back = parse_recording(pack_dataset(full), "x").pair(*CAMERAS)
         assert back.sha256 == NOISY.sha256
         lengths = ("baseline_m", "target_distance_m", "baseline_sigma_m", "target_distance_sigma_m")
         for name in ("name", "notes", *lengths):
@@ -381,7 +386,7 @@ class TestDatasetFiles:
     def test_a_missing_member(self, name: str) -> None:
         files = {other: content for other, content in self.files.items() if other != name}
         with pytest.raises(StereocalError, match=f"^x: .*{name}"):
-            parse_dataset(files, "x")
+            parse_recording(files, "x")
 
     @pytest.mark.parametrize("packed", [False, True])
     def test_photographs_and_no_table_yet(self, tmp_path: Path, packed: bool) -> None:
@@ -391,7 +396,7 @@ class TestDatasetFiles:
         write({"survey": zipped(files)} if packed else files, tmp_path if packed else source)
         with pytest.raises(StereocalError, match=r"photographs and no correspondences\.csv yet"):
             read_dataset(source)
-        known, whole = read_cameras(source), Recording.of_pair(NOISY)
+        known, whole = read_recording(source, with_points=False), Recording.of_pair(NOISY)
         assert (known.name, known.baselines_m) == (whole.name, whole.baselines_m)
         assert all(equal(known.cameras[which], camera) for which, camera in whole.cameras.items())
         assert (known.object.points == whole.object.points).all()
@@ -401,22 +406,22 @@ class TestDatasetFiles:
     )
     def test_a_broken_description(self, text: str) -> None:
         with pytest.raises(StereocalError, match=r"^x: dataset\.json"):
-            parse_dataset({**self.files, "dataset.json": text.encode()}, "x")
+            parse_recording({**self.files, "dataset.json": text.encode()}, "x")
 
     def test_a_length_that_is_no_number(self) -> None:
         wrong = self.files["dataset.json"].replace(b'"baseline_m": 2.37', b'"baseline_m": "2.37"')
         with pytest.raises(StereocalError, match=r"^x: .*baseline_m .*2\.37"):
-            parse_dataset({**self.files, "dataset.json": wrong}, "x")
+            parse_recording({**self.files, "dataset.json": wrong}, "x")
 
     def test_refused_rows_are_named_with_their_file(self) -> None:
         bad = self.files["correspondences.csv"] + b"99,A,1,2,3,x\n"
         in_table = r"^x: correspondences\.csv: 1 row .*line 14: "
         with pytest.raises(RefusedRowsError, match=in_table) as e:
-            parse_dataset({**self.files, "correspondences.csv": bad}, "x")
+            parse_recording({**self.files, "correspondences.csv": bad}, "x")
         assert [problem.line for problem in e.value.problems] == [14]
         far = self.files["correspondences.csv"] + b"99,A,1599.6,2,3,4\n"
         with pytest.raises(RefusedRowsError, match=in_table + ".*outside"):
-            parse_dataset({**self.files, "correspondences.csv": far}, "x")
+            parse_recording({**self.files, "correspondences.csv": far}, "x")
 
 
 def test_a_bomb_is_not_unpacked_and_a_size_that_lies_does_not_swell() -> None:

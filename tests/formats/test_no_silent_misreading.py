@@ -20,7 +20,7 @@ from stereocal.formats.exchange.options import UNITS, ExchangeOptions, Unit
 from stereocal.formats.inputs import read_input
 from stereocal.formats.world_file import read_observed
 from stereocal.matching.point_table import PointTable
-from stereocal.rig.camera import LensModel
+from stereocal.rig.camera import CAMERAS, LensModel
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.geometry import Pose
 from tests.files import write
@@ -157,7 +157,7 @@ class TestFourCoefficients:
             assert main([command, str(tmp_path), "--out", str(tmp_path / "out")]) == 2
             printed = capsys.readouterr().err
             assert "right.yml" in printed and "--lens-model" in printed
-        assert read_input(tmp_path, "brown").sha256 == sound.sha256
+        assert read_input(tmp_path, "brown").pair(*CAMERAS).sha256 == sound.sha256
 
 
 SEQUENCES = (

@@ -15,8 +15,7 @@ from stereocal.calibration.checks import warnings_about
 from stereocal.cli import main
 from stereocal.detection.target import parse_board, parse_target
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import read_dataset, read_recording
-from stereocal.formats.recording_files import pack_recording
+from stereocal.formats.dataset_files import pack_recording, read_dataset, read_recording
 from stereocal.frames.pairing import pair_names
 from stereocal.intrinsics.board_order import SeenBoard, boards_in_one_order, orders_of
 from stereocal.intrinsics.boards import BoardSearch, BoardView, find_board

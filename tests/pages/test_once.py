@@ -84,7 +84,7 @@ def test_a_recording_of_more_cameras_is_parsed_once(
     app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     forget()
-    tables = counted(monkeypatch, "stereocal.formats.recording_files.read_points_csv")
+    tables = counted(monkeypatch, "stereocal.formats.dataset_files.read_points_csv")
     files = {path.name: path.read_bytes() for path in RIG.iterdir() if path.suffix != ".md"}
     give_zip(app, files)
     go(app, "rig")

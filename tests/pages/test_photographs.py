@@ -9,8 +9,9 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.detection.target import BAR, Balls, Tags
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.dataset_files import pack_dataset, parse_dataset
+from stereocal.formats.dataset_files import pack_dataset, parse_recording
 from stereocal.library.calibrations import calibrate
+from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.home import title_of
 from stereocal.projects.photographs import ProjectPhotographs
@@ -220,7 +221,7 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     assert dataset.baseline_m == pytest.approx(rig.baseline, rel=0.02)
     assert {project.inputs.labels[which] for which in CAMERAS} == {"lens from the boards"}
     assert title_of(project).startswith("20 photographs of a board")
-    back = parse_dataset(pack_dataset(dataset), "x")
+    back = pair_to_calibrate(parse_recording(pack_dataset(dataset), "x"))
     assert back.sha256 == dataset.sha256
     # The bar's own controls are gone, and nothing is missing.
     assert not [item for item in app.number_input if item.key == "target_distance_m_value"]

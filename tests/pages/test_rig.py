@@ -14,7 +14,8 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.cli import main
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.recording_files import pack_recording, parse_recording, write_points
+from stereocal.formats.dataset_files import pack_recording, parse_recording
+from stereocal.formats.points_csv import write_points
 from stereocal.matching.application import points_by_camera
 from stereocal.matching.clicks import Click
 from stereocal.matching.lengths import check_lengths

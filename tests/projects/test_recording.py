@@ -10,7 +10,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera
-from stereocal.formats.recording_files import parse_recording
+from stereocal.formats.dataset_files import parse_recording
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.projects import jobs

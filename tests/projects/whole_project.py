@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from stereocal.formats.recording_files import parse_recording
+from stereocal.formats.dataset_files import parse_recording
 from stereocal.frames.pairing import Motion
 from stereocal.frames.proposal import Choice
 from stereocal.frames.review import use_frame

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import pack_dataset, parse_dataset
+from stereocal.formats.dataset_files import pack_dataset, parse_recording
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.rigid_object import MOST_PAIRS, RigidObject
 from tests.rigs.objects import BOARD, WAND, recorded
 
@@ -78,13 +79,13 @@ def test_an_object_turned_the_other_way() -> None:
 def test_a_data_set_of_an_object_is_written_and_read() -> None:
     seen = np.random.default_rng(0).random((6, 35)) < 0.7
     data = recorded(BOARD, 6, seen=seen)
-    back = parse_dataset(pack_dataset(data), "x")
+    back = parse_recording(pack_dataset(data), "x").pair(*CAMERAS)
     assert back.sha256 == data.sha256
     assert back.target_distance_sigma_m == data.target_distance_sigma_m
     assert back.correspondences.rigid_object is not None
     assert back.correspondences.rigid_object.board == BOARD.board
     free = replace(recorded(WAND, 8), baseline_sigma_m=np.inf)
-    assert parse_dataset(pack_dataset(free), "x").baseline_is_free
+    assert parse_recording(pack_dataset(free), "x").pair(*CAMERAS).baseline_is_free
 
 
 def test_the_object_is_part_of_the_digest() -> None:

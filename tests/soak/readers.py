@@ -21,7 +21,7 @@ from stereocal.formats.archives.gather import bars_of, gather
 from stereocal.formats.camera_file import read_camera, write_camera, write_opencv_camera
 from stereocal.formats.column_roles import column_titles
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.formats.dataset_files import parse_dataset, parse_zip, read_dataset
+from stereocal.formats.dataset_files import parse_recording, parse_zip, read_dataset
 from stereocal.formats.exchange.exchange import export_files, import_files
 from stereocal.formats.exchange.matlab import stereo_of
 from stereocal.formats.exchange.options import ExchangeOptions
@@ -184,7 +184,7 @@ def _stereo(content: bytes, _: Path) -> None:
 
 
 def _dataset(content: bytes, _: Path) -> None:
-    parse_dataset({**seeds.field(), "dataset.json": content}, "a.zip")
+    parse_recording({**seeds.field(), "dataset.json": content}, "a.zip")
 
 
 def _data_sets() -> list[bytes]:

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from stereocal.formats.camera_file import write_camera
-from stereocal.formats.dataset_files import pack_dataset, read_recording
-from stereocal.formats.recording_files import pack_recording
+from stereocal.formats.dataset_files import pack_dataset, pack_recording, read_recording
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.rigs import simulated_rig
 from stereocal.simulation.simulate import field_rig

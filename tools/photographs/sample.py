@@ -9,7 +9,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.formats.dataset_files import TABLE, pack_dataset
+from stereocal.formats.dataset_description import TABLE
+from stereocal.formats.dataset_files import pack_dataset
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig

@@ -17,12 +17,13 @@ from stereocal.formats.archives.gather import (
     sorted_files,
     with_one_table,
 )
+from stereocal.formats.dataset_files import pack_recording
 from stereocal.formats.exchange.chosen_cameras import namesakes
 from stereocal.formats.exchange.exchange import camera_names, read_camera_pair
 from stereocal.formats.exchange.options import LOWER_LEFT, Contents, ExchangeOptions
 from stereocal.formats.point_files import read_bars
 from stereocal.formats.point_layouts import first_rows
-from stereocal.formats.recording_files import NUMBERS, REQUIRED, pack_recording, read_points_csv
+from stereocal.formats.points_csv import NUMBERS, REQUIRED, read_points_csv
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import check_length
 from stereocal.rig.field_of_view import beyond_in_words
