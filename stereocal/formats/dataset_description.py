@@ -114,7 +114,7 @@ class Description:
             baselines_m=baselines,
             baseline_sigma_m=sigma,
             notes=str(self.entries.get("notes", "")),
-            start_frames=self.start_frames,
+            start_frames={} if self.is_recording else self.start_frames,
         )
 
     def _bar_and_baseline(self) -> tuple[RigidObject, dict[CameraPair, float], float | None]:

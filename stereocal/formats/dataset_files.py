@@ -31,7 +31,8 @@ from stereocal.formats.dataset_description import (
 )
 from stereocal.formats.points_csv import read_points_csv, write_points
 from stereocal.network.frame_rates import RATES, at_stated_rates
-from stereocal.rig.camera import LensModel
+from stereocal.rig.camera import CAMERAS, LensModel
+from stereocal.rig.correspondences import TARGETS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import COLUMNS, Recording
 from stereocal.system.limits import Limits
@@ -151,12 +152,11 @@ def parse_recording(
         return _with_pairs(found, recording, photographs)
     recording = _with_points(found, recording, photographs, own)
     if not own:
-        return replace(recording, start_frames={})
+        return recording
     with naming(source):
         counted = at_stated_rates(recording, found.entries.get(RATES))
-    if as_counted or not found.start_frames:
-        return replace(counted, start_frames={}, own_frames=True)
-    return counted.counted_from(found.start_frames)
+    starts = {} if as_counted else found.start_frames
+    return replace(counted.counted_from(starts), start_frames=starts, own_frames=not starts)
 
 
 def _with_pairs(found: Description, recording: Recording, photographs: bool) -> Recording:
@@ -204,45 +204,34 @@ def _with_points(
     return replace(recording, **columns, beyond_view=beyond if any(beyond.values()) else {})
 
 
+def pack_dataset(dataset: Dataset) -> dict[str, bytes]:
+    """The files of a data set by name."""
+    return pack_recording(Recording.of_pair(dataset))
+
+
 def pack_recording(recording: Recording) -> dict[str, bytes]:
-    """The files of a recording by name, read back exactly by `parse_recording`."""
-    if recording.baseline_sigma_m == np.inf:  # the file states what was measured
-        recording = replace(recording, baselines_m={}, baseline_sigma_m=None)
-    rigid_object, board = recording.object, recording.object.board
-    names = {which: f"camera_{i + 1}.json" for i, which in enumerate(recording.cameras)}
-    described: Any = dict(zip(rigid_object.names, rigid_object.points.tolist(), strict=True))
-    if board is not None:
-        described = {BOARD: {k: v for k, v in plain(board).items() if v is not None}}
-    description = {
-        "format": RECORDING_FORMAT,
-        "name": recording.name,
-        "cameras": names,
-        "object": described,
-        "object_sigma_m": rigid_object.sigma_m,
-        "baselines_m": {f"{a}-{b}": m for (a, b), m in recording.baselines_m.items()} or None,
-        "baseline_sigma_m": recording.baseline_sigma_m,
-        "notes": recording.notes or None,
-        "frames": "own" if recording.start_frames else None,
-        STARTS: dict(recording.start_frames) or None,
-    }
+    """The files of a recording by name, read back exactly by `parse_recording`.
+
+    They are of format 1 if the cameras are called primary and secondary, both see every point of a
+    bar, and a baseline is stated; else of format 2.
+    """
+    of_bars = recording.object.names == TARGETS and recording.baseline_m(*CAMERAS) is not None
+    if tuple(recording.cameras) == CAMERAS and of_bars and recording.is_paired:
+        description, table = _pairs(recording.pair(*CAMERAS))
+    else:
+        description, table = _points(recording)
+    names = description["cameras"]
     kept = {key: value for key, value in description.items() if value is not None}
     return {
         DESCRIPTION: (json.dumps(kept, indent=2) + "\n").encode(),
         **{names[which]: write_camera(camera) for which, camera in recording.cameras.items()},
-        POINTS: write_points(recording),
+        **table,
     }
 
 
-def pack_dataset(dataset: Dataset) -> dict[str, bytes]:
-    """The files of a data set by name, read back exactly by `parse_dataset`."""
-    if dataset.correspondences.rigid_object is not None:
-        return pack_recording(Recording.of_pair(dataset))
-    return pack_pair(dataset)
-
-
-def pack_pair(dataset: Dataset) -> dict[str, bytes]:
-    """The same in format 1; the table says where targets are on an object."""
-    description = {
+def _pairs(dataset: Dataset) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The entries of `dataset.json` of format 1, None for those left out, and the table."""
+    described = {
         "format": DATASET_FORMAT,
         "name": dataset.name,
         "baseline_m": dataset.baseline_m,
@@ -251,12 +240,29 @@ def pack_pair(dataset: Dataset) -> dict[str, bytes]:
         "target_distance_sigma_m": dataset.target_distance_sigma_m,
         "notes": dataset.notes or None,
         STARTS: {"secondary": dataset.start_frame} if dataset.start_frame else None,
-        "cameras": {"primary": "primary.json", "secondary": "secondary.json"},
+        "cameras": {which: f"{which}.json" for which in CAMERAS},
     }
-    kept = {key: value for key, value in description.items() if value is not None}
-    return {
-        DESCRIPTION: (json.dumps(kept, indent=2) + "\n").encode(),
-        "primary.json": write_camera(dataset.primary),
-        "secondary.json": write_camera(dataset.secondary),
-        TABLE: write_table(dataset.correspondences),
+    return described, {TABLE: write_table(dataset.correspondences)}
+
+
+def _points(recording: Recording) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """As `_pairs`, of format 2."""
+    if recording.baseline_sigma_m == np.inf:  # the file states what was measured
+        recording = replace(recording, baselines_m={}, baseline_sigma_m=None)
+    rigid_object, board = recording.object, recording.object.board
+    points: Any = dict(zip(rigid_object.names, rigid_object.points.tolist(), strict=True))
+    if board is not None:
+        points = {BOARD: {k: v for k, v in plain(board).items() if v is not None}}
+    described = {
+        "format": RECORDING_FORMAT,
+        "name": recording.name,
+        "cameras": {which: f"camera_{i + 1}.json" for i, which in enumerate(recording.cameras)},
+        "object": points,
+        "object_sigma_m": rigid_object.sigma_m,
+        "baselines_m": {f"{a}-{b}": m for (a, b), m in recording.baselines_m.items()} or None,
+        "baseline_sigma_m": recording.baseline_sigma_m,
+        "notes": recording.notes or None,
+        "frames": "own" if recording.own_frames or recording.start_frames else None,
+        STARTS: dict(recording.start_frames) or None,
     }
+    return described, {POINTS: write_points(recording)}

@@ -271,7 +271,8 @@ class Recording(TableAnswer):
         rigid_object = self.object
         if rows.rigid_object is not None:
             rigid_object = replace(rows.rigid_object, sigma_m=rigid_object.sigma_m)
-        return replace(self, object=rigid_object, **_of_two(seen), beyond_view=beyond)
+        counts = dict(zip(self.cameras, beyond.values(), strict=True)) if beyond else {}
+        return replace(self, object=rigid_object, **_of_two(seen), beyond_view=counts)
 
     def refuse_points_outside(self) -> None:
         """Raise an error if points are outside their image."""
@@ -397,6 +398,11 @@ class Recording(TableAnswer):
     def common_frames(self, first: str, second: str) -> IntArray:
         """The frames in which both cameras see the same target, ascending."""
         return np.unique(self.frame[self._common(first, second)[0]])
+
+    @property
+    def is_paired(self) -> bool:
+        """Whether there are two cameras, and both see every point."""
+        return len(self.cameras) == 2 and len(self.frame) == 2 * len(self._common(*self.cameras)[0])
 
     def baseline_m(self, first: str, second: str) -> float | None:
         """The stated distance of two cameras; None if there is none."""
