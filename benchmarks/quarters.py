@@ -21,8 +21,9 @@ from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
-from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.dataset_files import read_recording
 from stereocal.library.calibrations import calibrate
+from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
@@ -46,7 +47,7 @@ FREE = RefineSettings(primary=FREE_LENS, secondary=FREE_LENS, baseline_sigma_m=n
 def recording(name: str) -> Dataset:
     """A data set without the frames that its screening leaves out."""
     path, _, pair = name.partition(":")
-    data = read_dataset(path, pair=pair or None)
+    data = pair_to_calibrate(read_recording(path), pair or None)
     own = data.correspondences.rigid_object
     return screen(data if own is None else outer_targets(data, own)).dataset
 

@@ -39,7 +39,7 @@ from stereocal.refined.diagnosis import (
     offer_time_offset,
     warnings_about_fit,
 )
-from stereocal.refined.free_baseline import note_on_free_baseline
+from stereocal.refined.free_baseline import note_on_free_baseline, with_baseline_found
 from stereocal.refined.misfit import Misfit, misfit_of
 from stereocal.refined.misplaced_target import misplaced_target
 from stereocal.refined.refine import RefinedResult, refine
@@ -120,7 +120,7 @@ class Run:
     def screening(self) -> Screening:
         """The frames that contradict the others, and the recording without them."""
         self.progress("screening")
-        return screened(self.dataset, self.settings)
+        return screened(with_baseline_found(self.dataset), self.settings)
 
     @step
     def calibration(self) -> Calibration:

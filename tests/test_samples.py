@@ -10,6 +10,7 @@ from stereocal import CalibrationSettings
 from stereocal.calibration.methods import FILE_METHODS
 from stereocal.cli import main
 from stereocal.formats.dataset_files import read_dataset, read_recording
+from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
@@ -53,7 +54,7 @@ def test_a_table_of_points(name: str) -> None:
 
 @pytest.mark.parametrize("pair", ["1-2", *in_the_soak("1-3", "2-3")])
 def test_a_pair_of_three_cameras(pair: str) -> None:
-    check(read_dataset(SAMPLES / "rig", pair=pair))
+    check(pair_to_calibrate(read_recording(SAMPLES / "rig"), pair))
 
 
 @pytest.mark.soak

@@ -15,9 +15,9 @@ from stereocal.commands.options import (
     WITH_RIG,
     dataset_from,
     finish,
+    recording_from,
     refuse_given,
 )
-from stereocal.errors import naming
 from stereocal.field.checking.check_words import notes, sentence, to_json
 from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.new_images import images_of_bars
@@ -25,10 +25,8 @@ from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters
 from stereocal.field.checking.rig_check import check_rig
-from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.inputs import STORED_PROJECT, images_in_table, recording_in
 from stereocal.network.rig_file import RigFile, holds_rig
-from stereocal.network.to_calibrate import in_step
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import read_whole
 
@@ -65,9 +63,7 @@ def run(parsed: argparse.Namespace) -> None:
         if data.is_file() and not zipfile.is_zipfile(data):
             recording = recording_in(read_whole(data), str(data), rig)
         else:
-            recording = read_recording(data, parsed.lens_model)
-            with naming(str(data)):
-                recording = in_step(recording)
+            recording = recording_from(parsed, data)
         whole = check_rig(rig, recording, smallest)
         answer, told, remarks = whole.to_json(), whole.sentence, whole.notes
     else:

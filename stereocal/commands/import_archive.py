@@ -24,6 +24,7 @@ from stereocal.formats.dataset_description import FREE
 from stereocal.formats.dataset_files import pack_dataset, pack_recording
 from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
 from stereocal.formats.point_layouts import LAYOUTS
+from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import POSSIBLE_M, rounded
@@ -83,7 +84,8 @@ def run(parsed: argparse.Namespace) -> None:
             )
         stated = _not_replaced(found, baseline, distance)
         _show([*stated, *found.missing(baseline, distance)])
-        dataset = with_sigmas(found.dataset(name, baseline, distance), parsed)
+        dataset = with_baseline_found(found.dataset(name, baseline, distance))
+        dataset = with_sigmas(dataset, parsed)
         files, notes = pack_dataset(dataset), _notes_on(found, dataset)
         if found.throw is not None:
             files[THROW] = found.throw.to_csv(index=False, lineterminator="\n").encode()

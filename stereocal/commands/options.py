@@ -11,14 +11,16 @@ from typing import Any
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.commands.console import Number, Options, report
 from stereocal.errors import StereocalError, disk_errors, naming
+from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.exchange.options import QUESTIONS
 from stereocal.formats.inputs import read_input
 from stereocal.formats.world_file import read_world
-from stereocal.network.to_calibrate import pair_to_calibrate
+from stereocal.network.to_calibrate import in_step, pair_to_calibrate
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CameraName
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.atomic_files import write_all
 from stereocal.system.executors import engine
@@ -190,6 +192,13 @@ def dataset_from(parsed: argparse.Namespace, path: Path) -> Dataset:
     recording = read_input(path, parsed.lens_model)
     with naming(str(path)):
         return with_sigmas(pair_to_calibrate(recording, parsed.pair), parsed)
+
+
+def recording_from(parsed: argparse.Namespace, path: Path) -> Recording:
+    """A recording of any number of cameras, read as the options say, and in step."""
+    recording = read_recording(path, parsed.lens_model)
+    with naming(str(path)):
+        return in_step(recording)
 
 
 def refine_settings_from(

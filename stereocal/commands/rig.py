@@ -6,16 +6,14 @@ from functools import partial
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.commands.console import Options, with_bar
-from stereocal.commands.options import finish, questions
-from stereocal.errors import StereocalError, naming
+from stereocal.commands.options import finish, questions, recording_from
+from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import rig_report
-from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.pair_of_rig import Sets, files_of_sets, refined_set, sets_of_pairs
 from stereocal.network.rig_file import RIG, rig_file
-from stereocal.network.to_calibrate import in_step
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.workflow import Run
@@ -53,10 +51,7 @@ def run(parsed: argparse.Namespace) -> None:
             "A rig is calibrated from its recording, not from the parameter files of its pairs: "
             "give one data set, a folder or a zip with dataset.json of format 2."
         )
-    path = parsed.inputs[0]
-    recording = read_recording(path, parsed.lens_model)
-    with naming(str(path)):
-        recording = in_step(recording)
+    recording = recording_from(parsed, parsed.inputs[0])
     sigma = parsed.baseline_sigma
     settings = RigSettings(baseline_sigma_m=sigma, time_offsets=parsed.time_offset or None)
     rig = rig_file(with_bar("steps", partial(calibrate_rig, recording, settings)))

@@ -57,8 +57,9 @@ def images_in(content: bytes, label: str, rig: Parameters) -> NewImages | Record
     if isinstance(rig, RigFile):
         return recording_in(content, label, rig)
     if is_zip(content):
+        recording = parse_zip(content, label)
         with naming(label):
-            dataset = pair_to_calibrate(parse_zip(content, label))
+            dataset = pair_to_calibrate(recording)
         return images_of_bars(dataset, rig)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
         path = Path(folder) / f"table{Path(label).suffix.lower()}"
@@ -70,8 +71,9 @@ def recording_in(content: bytes, label: str, rig: RigFile) -> Recording:
     """New images of a rig in a file: a zip with `dataset.json`, or a table `points.csv` of the
     object that the rig was calibrated with."""
     if is_zip(content):
+        recording = parse_zip(content, label)
         with naming(label):
-            return in_step(parse_zip(content, label))
+            return in_step(recording)
     if rig.object is None:
         raise StereocalError(
             f"{label}: the rig's file does not say which object it was calibrated with. Give a "

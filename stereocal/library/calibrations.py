@@ -75,8 +75,7 @@ def pair_of(recording: Dataset | Recording) -> Dataset:
         StereocalError: the recording has more than two cameras.
     """
     if isinstance(recording, Dataset):
-        # As `Recording.pair` gives it: not found yet.
-        return with_baseline_found(recording) if recording.baseline_m == 1.0 else recording
+        return with_baseline_found(recording)
     if len(recording.cameras) > 2:
         raise StereocalError(
             f"{recording.name}: it has {len(recording.cameras)} cameras. Calibrate them as one "

@@ -86,7 +86,7 @@ class Inputs:
             primary=self._known("primary", primary),
             secondary=self._known("secondary", secondary),
             correspondences=rows.of_frames([]),
-            baseline_m=float(self.baseline_m or (self.baseline_free and 1.0) or 0.0),
+            baseline_m=1.0 if self.baseline_free else self.baseline_m or 0.0,
             target_distance_m=rigid_object.longest_m
             if rigid_object
             else self.target_distance_m or 0.0,
@@ -94,6 +94,7 @@ class Inputs:
             target_distance_sigma_m=self.target_distance_sigma_m,
             start_frame=self.start_frame,
             step_notes=tuple(self.step_notes),
+            baseline_found=not self.baseline_free,
         ).with_points(rows)
         if self.exchanged:
             dataset = dataset.with_targets_exchanged(self.exchanged)

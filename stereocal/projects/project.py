@@ -81,7 +81,7 @@ def stated_in(dataset: Dataset) -> dict[str, Any]:
     free = dataset.baseline_is_free
     return {
         "name": dataset.name,
-        "baseline_m": dataset.baseline_m,
+        "baseline_m": None if dataset.baseline_is_to_be_found else dataset.baseline_m,
         "baseline_free": free,
         "baseline_sigma_m": None if free else dataset.baseline_sigma_m,
         "target_distance_m": dataset.target_distance_m,

@@ -26,15 +26,20 @@ FEWEST_BARS = 5
 
 
 def with_baseline_found(dataset: Dataset) -> Dataset:
-    """The data set with a free baseline set to the refined method's value; others unchanged."""
-    if not dataset.baseline_is_free:
+    """The data set with a free baseline set to the refined method's value; with one that was
+    measured or is found already, unchanged.
+
+    Raises:
+        StereocalError: the points and lengths do not give it.
+    """
+    if not dataset.baseline_is_to_be_found:
         return dataset
     check_numbering(Recording.of_pair(dataset))
     rough = dataset
     try:
         rough = with_rough_baseline(dataset)
         fit, _ = with_offset_if_out_of_step(rough, RefineSettings(), also_failing=False)
-        return replace(dataset, baseline_m=fit.pose.baseline)
+        return replace(dataset, baseline_m=fit.pose.baseline, baseline_found=True)
     except StereocalError as error:
         if len(dataset.correspondences.bars) < MINIMUM_BARS:
             raise

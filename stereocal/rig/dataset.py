@@ -40,6 +40,7 @@ class Dataset(TableAnswer):
     secondary: Camera
     correspondences: Correspondences
     baseline_m: float
+    """1 m while it is free and not found yet."""
     target_distance_m: float
     baseline_sigma_m: float | None = None
     """Infinite if the baseline is free: then the lengths of the bars alone give the scale."""
@@ -55,6 +56,8 @@ class Dataset(TableAnswer):
     """The primary's frame at which the secondary's frame 0 was taken, by their own counts."""
     step_notes: tuple[str, ...] = ()
     """As of `Recording`."""
+    baseline_found: bool = True
+    """Whether a free baseline is found already (`free_baseline.with_baseline_found`)."""
 
     def __post_init__(self) -> None:
         check_lengths(
@@ -111,10 +114,13 @@ class Dataset(TableAnswer):
         rows, lengths = self.correspondences, self.bar_distances_m
         held = "bar" if rows.rigid_object is None else rows.rigid_object.word
         found = "found from the known lengths" if self.baseline_is_free else "measured"
+        apart = f"{rounded(self.baseline_m, 4)} m apart ({found})"
+        if self.baseline_is_to_be_found:
+            apart = "at a distance that the known lengths tell"
         known = f" of {rounded(float(np.median(lengths)), 4)} m" if len(lengths) else ""
         bars = f"{count(len(lengths), 'known length')}{known} ({held})"
         return [
-            f"{self.name}: two cameras {rounded(self.baseline_m, 4)} m apart ({found}).",
+            f"{self.name}: two cameras {apart}.",
             f"{count(len(rows), 'pair')} of points in {count(len(rows.frames), 'frame')}, {bars}.",
             f"Primary: {self.primary.in_words}. Secondary: {self.secondary.in_words}.",
         ]
@@ -127,6 +133,11 @@ class Dataset(TableAnswer):
     def baseline_is_free(self) -> bool:
         """Whether the baseline was not measured, but found from the lengths of the bars."""
         return self.baseline_sigma_m == np.inf
+
+    @property
+    def baseline_is_to_be_found(self) -> bool:
+        """Whether the baseline is free, and not found yet."""
+        return self.baseline_is_free and not self.baseline_found
 
     @property
     def board(self) -> BoardPattern | None:

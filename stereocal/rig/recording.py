@@ -252,7 +252,7 @@ class Recording(TableAnswer):
             cameras=dict(zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True)),
             object=replace(rigid_object, sigma_m=dataset.target_distance_sigma_m),
             **_of_two(rows),
-            baselines_m={CAMERAS: dataset.baseline_m},
+            baselines_m={} if dataset.baseline_is_to_be_found else {CAMERAS: dataset.baseline_m},
             baseline_sigma_m=dataset.baseline_sigma_m,
             notes=dataset.notes,
             beyond_view=dataset.beyond_view,
@@ -411,7 +411,7 @@ class Recording(TableAnswer):
     def pair(self, first: str, second: str) -> Dataset:
         """The data set of two cameras, of the points that both see.
 
-        A baseline that was not measured is free, and 1 m until it is found.
+        A baseline that was not measured is free, and still to be found.
         """
         a, b = self._common(first, second)
         if self.own_frames:
@@ -425,6 +425,7 @@ class Recording(TableAnswer):
                 f"{self.describe_pairs()} If each counts its own frames, since it was started by "
                 "hand, bring them into step first, with `sync`."
             )
+        measured = self.baseline_m(first, second)
         known = {name: getattr(self, name) for name in OF_TABLES}
         if first != next(iter(self.cameras)):
             known["known_points_m"] = None
@@ -438,11 +439,6 @@ class Recording(TableAnswer):
             rigid_object=None if self.object.names == TARGETS else self.object,
             **{name: column[a] for name, column in known.items() if column is not None},
         )
-        return self.pair_with(first, second, rows)
-
-    def pair_with(self, first: str, second: str, rows: Correspondences) -> Dataset:
-        """The data set of two cameras with these points."""
-        measured = self.baseline_m(first, second)
         return Dataset(
             name=self.name if len(self.cameras) == 2 else f"{self.name}, {first}-{second}",
             primary=self.cameras[first],
@@ -458,6 +454,7 @@ class Recording(TableAnswer):
                 name: n for name, n in self.beyond_view.items() if name in (first, second)
             },
             step_notes=self.step_notes,
+            baseline_found=measured is not None,
             start_frame=self.start_frames.get(second, 0) - self.start_frames.get(first, 0),
         )
 

@@ -8,7 +8,8 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.formats.correspondences_csv import read_table
-from stereocal.formats.dataset_files import pack_dataset, read_dataset
+from stereocal.formats.dataset_files import pack_dataset, read_dataset, read_recording
+from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.rig.parameters import RigParameters
 from tests.archives import easywand_fields, mat
 from tests.files import write, zipped
@@ -88,13 +89,13 @@ def test_a_free_baseline(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     about = json.loads((folder / "dataset.json").read_text())
     about |= {"baseline_m": wrong, "baseline_sigma_m": "free"}
     (folder / "dataset.json").write_text(json.dumps(about))
-    found = read_dataset(folder)
+    found = pair_to_calibrate(read_recording(folder))
     assert found.baseline_is_free
     assert found.baseline_m == pytest.approx(BASELINE_M, rel=0.01)
     packed = pack_dataset(found)
     assert b'"baseline_sigma_m": "free"' in packed["dataset.json"]
     write(packed, folder)
-    assert read_dataset(folder).sha256 == found.sha256
+    assert pair_to_calibrate(read_recording(folder)).sha256 == found.sha256
     capsys.readouterr()
     out = tmp_path / "parameters"
     assert main(["calibrate", str(folder), "--out", str(out), "--runs", "0"]) == 0

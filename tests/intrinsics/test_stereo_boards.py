@@ -27,6 +27,7 @@ from stereocal.intrinsics.stereo_boards import (
     recording_of,
     stereo_boards,
 )
+from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.refined.refine import refine
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
@@ -174,7 +175,7 @@ def test_photographs_to_a_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "7 boards of 8x6 inner corners are in photographs of both" in told
     assert "right04.png: no board with 8x6 inner corners is completely visible" in told
     assert "counts once: left out 8 (as 2)" in told
-    data = read_dataset(out)
+    data = pair_to_calibrate(read_recording(out))
     result = refine(data)
     known = data.primary.uncertainty
     assert known is not None
@@ -193,7 +194,7 @@ def test_a_charuco_board_seen_in_part(tmp_path: Path, capsys: pytest.CaptureFixt
     out = tmp_path / "found"
     command = ["detect", str(tmp_path), "--out", str(out), "--target"]
     assert main([*command, "charuco:8x6:0.03:4X4_50:0.022"]) == 0
-    data = read_dataset(out)
+    data = pair_to_calibrate(read_recording(out))
     counts = np.unique(data.correspondences.frame, return_counts=True)[1]
     assert counts.min() < 40 < counts.max() == 48
     assert_near(refine(data).pose, rig)
@@ -354,7 +355,7 @@ def test_fisheyes_are_taken_for_what_they_are_and_used_to_75_degrees(tmp_path: P
     beyond = recording.beyond_view
     assert min(beyond.values()) > 5
     write(pack_recording(recording), tmp_path)
-    result = refine(read_dataset(tmp_path))
+    result = refine(pair_to_calibrate(read_recording(tmp_path)))
     assert_near(result.pose, rig)
     # Written with the points far out, as other programs do: they are left out, and counted.
     whole = ["frame,camera,target,u,v"]

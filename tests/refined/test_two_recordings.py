@@ -8,8 +8,9 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.formats.dataset_files import read_dataset
+from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.library.calibrations import calibrate
+from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
@@ -68,7 +69,7 @@ def test_few_bars_after_a_movement_are_not_left_out_unsaid() -> None:
 
 def test_few_frames_of_much_noise_are_no_movement() -> None:
     """Thirteen frames in which the wand moved fast; the third camera saw that none moved."""
-    data = read_dataset("sample_data/rig", pair="1-2")
+    data = pair_to_calibrate(read_recording("sample_data/rig"), "1-2")
     assert not said_of(data.of_frames(range(289, 619)))
 
 

@@ -7,7 +7,6 @@ import pandas as pd
 
 from stereocal.errors import StereocalError
 from stereocal.formats.point_files import BarPoints
-from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset
@@ -69,7 +68,7 @@ class Archive:
         return [Part(what, "missing", remedy) for what, value, remedy in wanted if value is None]
 
     def dataset(self, name: str, baseline_m: float | None, distance_m: float | None) -> Dataset:
-        """The data set of a complete archive.
+        """The data set of a complete archive; a free baseline is still to be found.
 
         Args:
             baseline_m: as measured; infinite to leave it free; None: the nominal one, with its
@@ -83,16 +82,20 @@ class Archive:
             )
         assert self.primary is not None and self.secondary is not None
         assert self.correspondences is not None and distance is not None
-        measured, sigma, notes = baseline_m, None, self.notes
+        baseline, sigma, notes = baseline_m, None, self.notes
         if baseline_m is None:
-            measured, sigma = None, self.baseline_sigma_m
+            baseline, sigma = self.baseline_m, self.baseline_sigma_m
             notes += ("The baseline is a result of the other program, not a measurement.",)
         elif baseline_m == np.inf:
-            measured, sigma = None, np.inf
-        lengths = (self.baseline_m or 1.0) if measured is None else measured, distance, sigma
+            baseline, sigma = 1.0, np.inf
+        assert baseline is not None
         none, about = self.correspondences.of_frames([]), " ".join(notes)
-        found = Dataset(name, self.primary, self.secondary, none, *lengths, notes=about)
-        return with_baseline_found(found.with_points(self.correspondences))
+        return Dataset(
+            name,
+            *(self.primary, self.secondary, none, baseline, distance, sigma),
+            notes=about,
+            baseline_found=baseline_m != np.inf,
+        ).with_points(self.correspondences)
 
 
 def with_background(bars: BarPoints, points: BarPoints) -> tuple[BarPoints, str]:
