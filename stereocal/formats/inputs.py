@@ -52,15 +52,19 @@ def read_input(path: Path, lens_model: LensModel | None = None) -> Recording:
     return read_recording(path, lens_model)
 
 
+def pair_in_zip(content: bytes, label: str, lens_model: LensModel | None = None) -> Dataset:
+    """The data set of two cameras in a zip's content, in step and with its baseline found."""
+    recording = parse_zip(content, label, lens_model)
+    with naming(label):
+        return pair_to_calibrate(recording)
+
+
 def images_in(content: bytes, label: str, rig: Parameters) -> NewImages | Recording:
     """New images in an uploaded file: a zip with `dataset.json`, or a table."""
     if isinstance(rig, RigFile):
         return recording_in(content, label, rig)
     if is_zip(content):
-        recording = parse_zip(content, label)
-        with naming(label):
-            dataset = pair_to_calibrate(recording)
-        return images_of_bars(dataset, rig)
+        return images_of_bars(pair_in_zip(content, label), rig)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
         path = Path(folder) / f"table{Path(label).suffix.lower()}"
         path.write_bytes(content)

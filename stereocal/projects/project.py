@@ -15,20 +15,19 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from stereocal.calibration.methods import Method
-from stereocal.errors import DAMAGED, StereocalError, damaged, naming
+from stereocal.errors import DAMAGED, StereocalError, damaged
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_description import TABLE
-from stereocal.formats.dataset_files import parse_zip
 from stereocal.formats.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
-from stereocal.network.to_calibrate import pair_to_calibrate
+from stereocal.formats.inputs import pair_in_zip
 from stereocal.projects.calibration_files import as_stored, pack_calibration, unpack_calibration
 from stereocal.projects.contents import CALIBRATED, FURTHER, INPUT, SETTING, VALIDATION, VALUES
 from stereocal.projects.database import NOT_THERE, DamagedError
 from stereocal.projects.files import PAIR, Store, StoredFile, new_database, store_of
 from stereocal.projects.inputs import LENGTHS, Inputs, Slot
 from stereocal.refined.results import Calibration
-from stereocal.rig.camera import Camera, LensModel
+from stereocal.rig.camera import Camera
 from stereocal.rig.correspondences import Correspondences, refuse_points_outside
 from stereocal.rig.dataset import Dataset, check_length
 from stereocal.rig.recording import Recording
@@ -361,7 +360,7 @@ class Project:
 
     def add_dataset(self, label: str, content: bytes) -> None:
         """Add a zip with a further data set."""
-        dataset = _in_zip(content, label)
+        dataset = pair_in_zip(content, label)
         with self.database.transaction():
             at = len(self.database.files(FURTHER))
             file = self.database.give(FURTHER, f"{at:06d}", label, content)
@@ -399,13 +398,7 @@ def _key(file: StoredFile) -> str:
 
 
 def _parse_stored(file: StoredFile) -> Dataset:
-    return _in_zip(file.read_bytes(), file.label, "brown")
-
-
-def _in_zip(content: bytes, label: str, lens_model: LensModel | None = None) -> Dataset:
-    recording = parse_zip(content, label, lens_model)
-    with naming(label):
-        return pair_to_calibrate(recording)
+    return pair_in_zip(file.read_bytes(), file.label, "brown")
 
 
 def _rows(file: StoredFile) -> Correspondences:

@@ -107,7 +107,7 @@ class Recording(TableAnswer):
             "baselines_m": {"-".join(pair): value for pair, value in self.baselines_m.items()},
             "rows": [column[order].tolist() for column in rows],
         }
-        for name in OF_TABLES[:3]:  # of others the digest stays what it was
+        for name in OF_TABLES[:3]:  # `source` and `line` change no result
             if (column := getattr(self, name)) is not None:
                 content[name] = column[order].tolist()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
@@ -246,7 +246,6 @@ class Recording(TableAnswer):
             rigid_object = RigidObject.bar(
                 dataset.target_distance_m, dataset.target_distance_sigma_m
             )
-        late = dataset.start_frame
         return cls(
             name=dataset.name,
             cameras=dict(zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True)),
@@ -256,7 +255,7 @@ class Recording(TableAnswer):
             baseline_sigma_m=dataset.baseline_sigma_m,
             notes=dataset.notes,
             beyond_view=dataset.beyond_view,
-            start_frames={CAMERAS[0]: 0, CAMERAS[1]: late} if late else {},
+            start_frames={CAMERAS[0]: 0, CAMERAS[1]: late} if (late := dataset.start_frame) else {},
             step_notes=dataset.step_notes,
         )
 

@@ -224,17 +224,11 @@ def test_a_table_of_two_cameras_says_where_targets_are_on_an_object() -> None:
     """The same data set, to its digest."""
     seen = np.random.default_rng(1).random((6, 35)) < 0.8
     data = recorded(BOARD, 6, seen=seen)
-    description = {
-        "format": "stereocal-dataset/1",
-        "baseline_m": data.baseline_m,
-        "target_distance_m": data.target_distance_m,
-        "cameras": {which: f"{which}.json" for which in CAMERAS},
-    }
-    files = {
-        "dataset.json": json.dumps(description).encode(),
-        **{f"{which}.json": write_camera(getattr(data, which)) for which in CAMERAS},
-        "correspondences.csv": write_table(data.correspondences),
-    }
+    bars, table = pack_dataset(FIELD), write_table(data.correspondences)
+    lengths = {"baseline_m": data.baseline_m, "target_distance_m": data.target_distance_m}
+    described = json.dumps({**json.loads(bars["dataset.json"]), **lengths}).encode()
+    cameras = {f"{which}.json": write_camera(getattr(data, which)) for which in CAMERAS}
+    files = {"dataset.json": described, **cameras, "correspondences.csv": table}
     back = parse_recording(files, "x").pair(*CAMERAS)
     assert back.sha256 == data.sha256
     own = back.correspondences.rigid_object

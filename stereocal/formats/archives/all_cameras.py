@@ -178,11 +178,10 @@ def _of_points(
     used = np.flatnonzero(along >= 0.0)
     rows = np.isin(read.target, used)
     recording = replace(
-        read,
+        read.where(rows),
         name=name,
         object=RigidObject(tuple(targets[k] for k in used), whole.points[used]),
         target=np.searchsorted(used, read.target[rows]),
-        **{each: getattr(read, each)[rows] for each in ("frame", "camera", "points", "sigma_px")},
     )
     taken = [Part("points", f"{rows.sum()} of {len(cameras)} cameras", table)]
     taken += [Part("lens", f"of camera {each}", ", ".join(rest)) for each in cameras]
