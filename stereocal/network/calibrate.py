@@ -54,6 +54,11 @@ def calibrate_rig(
     Args:
         progress: called with the steps done, and those in all.
     """
+    if recording.distance_m is not None or recording.time_frame is not None:
+        raise StereocalError(
+            "The table has a column distance_m or time_frame: calibrate its two cameras with "
+            "`calibrate`, which uses them."
+        )
     refuse_same_points(recording)
     check_numbering(recording)
     try:
