@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from stereocal.errors import RefusedRowsError, StereocalError
+from stereocal.network.calibrate import calibrate_rig
 from stereocal.rig.camera import Camera
 from stereocal.rig.correspondences import SHAPES, Correspondences, points_outside
 from stereocal.rig.dataset import Dataset
@@ -55,6 +56,8 @@ def test_a_recording_holds_all_that_a_table_of_two_cameras_says() -> None:
     )
     recording = Recording.of_pair(stated)
     check_same(recording.pair("primary", "secondary"), stated)
+    with pytest.raises(StereocalError, match="distance_m"):
+        calibrate_rig(recording)  # whose fit uses one length
     turned = recording.pair("secondary", "primary").correspondences
     np.testing.assert_array_equal(turned.distance_m, rows.distance_m)
     assert np.isnan(turned.known_points_m).all()  # they are in the primary camera's frame
