@@ -18,14 +18,14 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereocal.frames.pairing import pair_names
+from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.intrinsics.boards import BoardSearch, find_board
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings, solve_lens
 from stereocal.intrinsics.stereo_boards import (
     StereoBoards,
     find_stereo_boards,
-    recording_of,
+    found_of,
     stereo_boards,
 )
 from stereocal.refined.free_baseline import with_baseline_found
@@ -48,7 +48,7 @@ ENDS = np.array([(i, 53 - i) for i in range(27)])
 
 def boards_in(folder: Path) -> StereoBoards:
     files = {p.name: p for p in folder.glob("*.jpg")}
-    about = pair_names(files).moments, files, dict.fromkeys(BOTH), OPENCV
+    about = pair_names(files), files, dict.fromkeys(BOTH), OPENCV
     found = find_stereo_boards(*about, AtOnce(), lambda _: None)
     print(found.sentence)
     return found
@@ -65,7 +65,7 @@ def some(boards: StereoBoards, chosen: Collection[int]) -> StereoBoards:
         )
         for c, camera in enumerate(BOTH)
     }
-    return StereoBoards(moments, searches, {})
+    return StereoBoards(Pairing(moments), searches, {})
 
 
 def camera_of(search: BoardSearch, known: LensUncertainty | None) -> Camera:
@@ -90,7 +90,7 @@ def cameras_of(boards: StereoBoards, known: list[LensUncertainty | None]) -> dic
 
 
 def refined(boards: StereoBoards, known: list[LensUncertainty | None]) -> RefinedResult:
-    found = recording_of(boards, cameras_of(boards, known)).recording
+    found = found_of(boards, cameras_of(boards, known)).recording
     return refine(with_baseline_found(found.pair(*BOTH)))
 
 
@@ -181,8 +181,8 @@ def orders() -> None:
                 for i, pose in enumerate(poses)
             ]
             searches[name] = BoardSearch(PATTERN, tuple(found))  # type: ignore[arg-type]
-        boards = stereo_boards(moments, searches)
-        data = recording_of(boards, dict.fromkeys(BOTH, SMALL)).recording.pair(*CAMERAS)
+        boards = stereo_boards(Pairing(moments), searches)
+        data = found_of(boards, dict.fromkeys(BOTH, SMALL)).recording.pair(*CAMERAS)
         px = Rig(SMALL, SMALL, rig).epipolar_distances(
             data.correspondences.primary, data.correspondences.secondary
         )

@@ -34,7 +34,7 @@ from stereocal.intrinsics.lens_fit import (
     rms_px,
     solve_lens,
 )
-from stereocal.intrinsics.stereo_boards import lenses_of_boards, recording_of
+from stereocal.intrinsics.stereo_boards import found_of, lenses_of_boards
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
@@ -167,7 +167,7 @@ def of_boards(rig: Pose, seed: int) -> tuple[Estimate, float]:
     pair = draw_fisheye(rng), draw_fisheye(rng)
     boards = draw_pairs(pair, rig, pattern, 20, 0.2, rng)
     found = {name: lens.camera for name, lens in lenses_of_boards(boards, None, AtOnce()).items()}
-    recording = recording_of(boards, found).recording
+    recording = found_of(boards, found).recording
     data = with_baseline_found(recording.pair("primary", "secondary"))
     fresh = draw_pairs(pair, rig, pattern, 200, 0.2, rng).of_pair("primary", "secondary")
     corners = [0, len(pattern.points) - 1, pattern.columns - 1, -pattern.columns]

@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.boards import boards_in, cameras_of, uncertainties
 from benchmarks.quarters import FIGURES, METHODS
 from benchmarks.studies import run_studies
-from stereocal.intrinsics.stereo_boards import recording_of
+from stereocal.intrinsics.stereo_boards import found_of
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.unknowns import RefineSettings
@@ -101,7 +101,7 @@ def _parts(data: Dataset, parts: int) -> Iterator[tuple[Dataset, Dataset]]:
 def real(_: int) -> None:
     """OpenCV's sample."""
     boards = boards_in(Path(os.environ["STEREOCAL_REAL_DATA"]) / "opencv_boards")
-    found = recording_of(boards, cameras_of(boards, uncertainties(boards, SUBSET)))
+    found = found_of(boards, cameras_of(boards, uncertainties(boards, SUBSET)))
     data = found.recording.pair("primary", "secondary")
     for name, parts in (("halves", 2), ("quarters", 4)):
         _print(name, [each for pair in _parts(data, parts) for each in held(*pair)])

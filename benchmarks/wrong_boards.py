@@ -24,7 +24,7 @@ from benchmarks.boards import boards_in, cameras_of, uncertainties
 from benchmarks.said import MOST, Said, error_of_files, in_words, judged
 from benchmarks.said import said_of as said_of_dataset
 from benchmarks.studies import parser_of
-from stereocal.intrinsics.stereo_boards import recording_of
+from stereocal.intrinsics.stereo_boards import found_of
 from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
@@ -120,7 +120,7 @@ def real(asked: argparse.Namespace) -> None:
     boards = boards_in(Path(os.environ["STEREOCAL_REAL_DATA"]) / "opencv_boards")
     cameras = cameras_of(boards, uncertainties(boards, SUBSET))
     one, two = cameras.values()
-    recording = recording_of(boards, cameras).recording
+    recording = found_of(boards, cameras).recording
     images = recording.images()[1]
     assert recording.object.board is not None
     pair = BoardPair((one, two), recording.object.board, images)

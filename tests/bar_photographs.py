@@ -13,7 +13,7 @@ from stereocal.frames.frame import Frame
 from stereocal.frames.search import detect_frames
 from stereocal.projects.inputs import Slot
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import Camera
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import field_rig
 from tests.files import description, encoded
@@ -61,8 +61,8 @@ class BarSet:
     def frames_of(self, store: ProjectPhotographs) -> list[Frame]:
         """What is found in the photographs of a project that has them."""
         lenses = {"primary": self.rig.primary, "secondary": self.rig.secondary}
-        about = store.pairing.moments, store.photographs, lenses, BAR
-        return detect_frames(*about, AtOnce(), lambda _: None, lambda *_: None).frames[CAMERAS]
+        about = store.pairing(), store.photographs, lenses, BAR
+        return detect_frames(*about, AtOnce(), lambda _: None, lambda *_: None).frames
 
 
 def small(camera: Camera) -> Camera:

@@ -10,7 +10,6 @@ from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.points_csv import write_points
 from stereocal.frames.frame import correspondences_of, report_line
 from stereocal.frames.search import compile_detection
-from stereocal.rig.recording import Recording
 from stereocal.system.atomic_files import write_atomically
 
 LONGEST_S = 1e9
@@ -45,17 +44,17 @@ def run(parsed: argparse.Namespace) -> None:
     if board is not None:
         refuse_given(parsed, "is for a bar, not for a board", "doubtful")
     with workers_from(parsed, compile_detection) as executor:
-        found = in_search(parsed, executor, target)
-    if isinstance(found, Recording):
-        if parsed.out.suffix.lower() != ".csv":
-            write_recording(parsed.out, found)
-            return
-        write_atomically(parsed.out, write_points(found))
-        report(written=[parsed.out])
-        return
-    for frame in found:
+        search, found = in_search(parsed, executor, target)
+    frames = found.frames
+    for frame in frames:
         say(report_line(frame))
     if parsed.doubtful:
-        found = [frame.used(frame.state != "refused") for frame in found]
-    write_atomically(parsed.out, write_table(correspondences_of(found)))
+        frames = [frame.used(frame.state != "refused") for frame in frames]
+    if not frames and parsed.out.suffix.lower() != ".csv":
+        write_recording(parsed.out, search.recording(found))
+        return
+    table = (
+        write_table(correspondences_of(frames)) if frames else write_points(search.recording(found))
+    )
+    write_atomically(parsed.out, table)
     report(written=[parsed.out])

@@ -16,6 +16,7 @@ from stereocal.intrinsics.boards import find_boards
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.files import about
 from stereocal.intrinsics.lens_fit import LensSettings
+from stereocal.intrinsics.photograph_search import PhotographSearch
 from stereocal.intrinsics.quality import (
     LENS_COLUMNS,
     advice,
@@ -24,7 +25,7 @@ from stereocal.intrinsics.quality import (
     lens_rows,
     note_on_model,
 )
-from stereocal.library.targets import PhotographSearch
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.photograph_files import photographs_of
 from stereocal.system.settings import asked
@@ -49,20 +50,18 @@ def run(parsed: argparse.Namespace) -> None:
     settings = LensSettings(**{name: getattr(parsed, name) for name in asked(LensSettings)})
     with tempfile.TemporaryDirectory() as store, workers_from(parsed) as executor:
         every = photographs_of(parsed.images, Path(store))
-        if unknown := [name for name in parsed.leave_out if name not in every]:
+        if missing := [name for name in parsed.leave_out if name not in every]:
             raise StereocalError(
-                f"--leave-out: there is no photograph {listed(unknown)}; there are "
+                f"--leave-out: there is no photograph {listed(missing)}; there are "
                 f"{listed([*every])}."
             )
         photographs = {name: path for name, path in every.items() if name not in parsed.leave_out}
         proposal = propose(when_taken(photographs))
         if not out.suffix and proposal.pairing.pairs and proposal.way != "order":
-            given = photographs, pattern, proposal.pairing, None, settings
-            two = PhotographSearch(out, executor, say)
-            found = in_stages(
-                lambda begin, show: replace(two, begin=begin, progress=show).recording(*given)
-            )
-            write_recording(out, found)
+            lenses: dict[str, Camera | None] = dict.fromkeys(CAMERAS)
+            two = PhotographSearch(proposal.pairing, photographs, lenses, pattern, settings)
+            found = in_stages(lambda begin, show: two.run(executor, begin, show, tell=say))
+            write_recording(out, replace(found.recording, name=out.stem))
             return
         boards_in = partial(find_boards, photographs, pattern, executor)
         search = with_bar("photographs searched", boards_in)

@@ -11,10 +11,10 @@ from stereocal.commands.console import Options, in_stages, report, say
 from stereocal.detection.target import BRIGHT, Balls, Board, Target
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_recording
-from stereocal.frames.frame import Frame
+from stereocal.frames.all_cameras import Found
 from stereocal.frames.proposal import WAYS
 from stereocal.frames.video.extract import VideoSettings, extract
-from stereocal.library.targets import PhotographSearch
+from stereocal.library.targets import DataSetSearch
 from stereocal.rig.recording import Recording
 from stereocal.system.atomic_files import write_all, write_atomically
 
@@ -30,9 +30,9 @@ PAIR_BY: Options = {
 
 def in_search(
     parsed: argparse.Namespace, executor: Executor, target: Target | Board
-) -> list[Frame] | Recording:
+) -> tuple[DataSetSearch, Found]:
     """What is found in the photographs of a data set, with a bar for each stage."""
-    search = PhotographSearch(parsed.dataset, executor, say, parsed.pair_by, parsed.lens_model)
+    search = DataSetSearch(parsed.dataset, executor, say, parsed.pair_by, parsed.lens_model)
     if search.is_described or not isinstance(target, Board):
         _ = search.known  # before the long work
     if parsed.doubtful and len(search.cameras) > 2:
@@ -40,7 +40,7 @@ def in_search(
     if parsed.videos is not None:
         coloured = isinstance(target, Balls) and BRIGHT not in target.colours
         search = replace(search, heard=_take_frames(parsed, search.cameras, coloured))
-    return in_stages(lambda begin, show: replace(search, begin=begin, progress=show).found(target))
+    return search, in_stages(lambda begin, show: search.found(target, begin, show))
 
 
 def _take_frames(

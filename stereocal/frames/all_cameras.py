@@ -6,7 +6,8 @@ has the same targets in all its pairs, so that these give one order to all photo
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import PurePosixPath
 from types import MappingProxyType
 
@@ -14,8 +15,9 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.frames.by_time import aligned_clocks, times_of
-from stereocal.frames.pairing import Moments, Motion, numbered, short_names
-from stereocal.frames.proposal import CONTRADICTED
+from stereocal.frames.frame import Frame
+from stereocal.frames.pairing import Moments, Pairing, natural, numbered, short_names
+from stereocal.frames.proposal import CONTRADICTED, Choice, by_hand_of
 from stereocal.frames.sides import in_order_taken
 from stereocal.rig.camera import Camera
 from stereocal.rig.field_of_view import beyond_in_words
@@ -28,18 +30,76 @@ PairPoints = Mapping[tuple[str, str], Mapping[int, tuple[FloatArray, FloatArray]
 """By pair of cameras and frame, u, v and their standard error of every target (n, 3) in both; NaN
 if not seen."""
 UNFIT = "no other camera sees its targets, or they do not fit together."
+BY_MOTION = "Which photographs belong together is found with the targets, by their motion."
 DISAGREE = "the pairs of cameras name the targets differently; the frame is left out."
 
 
 @dataclass(frozen=True, eq=False)
-class FoundRecording:
-    """What the photographs of all cameras show."""
+class Found:
+    """What the photographs of all cameras show of an object, found pair by pair."""
 
-    recording: Recording
-    unused: tuple[str, ...]
-    """Photographs that are not used, and why; a line each."""
-    told: str
-    """Of cameras started by hand, how it was found which photographs belong together."""
+    pairing: Pairing
+    """Of cameras that were started by hand as the motion tells."""
+    cameras: Mapping[str, Camera]
+    object: RigidObject
+    """Whose targets these are; a bar is one of 1 m."""
+    orders: Sequence[IntArray]
+    """Orders of the targets, each (n,), in which the object looks the same."""
+    points: PairPoints
+    why: Mapping[str, str]
+    """By photograph, what was wrong with it; empty if nothing."""
+    frames: list[Frame] = field(default_factory=list)
+    """Of a bar and two cameras, in order, also those that are not used."""
+    sentence: str = ""
+    """What was found in the photographs of two cameras, for the user."""
+    doubtful: Mapping[int, str] = field(default_factory=dict)
+    """Of a board, why frames are not used or do not fit well."""
+
+    @cached_property
+    def _sorted(self) -> tuple[list[tuple[int, int, int, FloatArray]], list[str]]:
+        """Frame, camera, target and point of what is used; which photographs are not, and why."""
+        rows: list[tuple[int, int, int, FloatArray]] = []
+        unused = []
+        for frame, files in self.pairing.moments.items():
+            own = {pair: its[frame] for pair, its in self.points.items() if frame in its}
+            points, agree = in_one_order(own, self.orders)
+            for number, (camera, name) in enumerate((k, files.get(k)) for k in self.cameras):
+                if name is None:
+                    continue
+                if not agree or camera not in points:
+                    reason = DISAGREE if not agree else self.why.get(name) or UNFIT
+                    unused.append(reason if reason.startswith(name) else f"{name}: {reason}")
+                    continue
+                seen = np.flatnonzero(np.isfinite(points[camera][:, 0])).tolist()
+                rows += [(frame, number, target, points[camera][target]) for target in seen]
+        return rows, unused
+
+    @cached_property
+    def recording(self) -> Recording:
+        """What is used, with the targets named alike in all cameras.
+
+        Raises:
+            StereocalError: no two cameras see the object in one frame.
+        """
+        rows, unused = self._sorted
+        if not rows:
+            raise StereocalError(
+                f"No two cameras see the targets in the same frame. The first: {unused[0]}"
+            )
+        frame, camera, target = np.array([row[:3] for row in rows], dtype=np.int64).T
+        values = np.array([row[3] for row in rows])
+        about = "", dict(self.cameras), self.object, frame, camera, target
+        return Recording(*about, values[:, :2], values[:, 2]).within_view()
+
+    @property
+    def beyond(self) -> str:
+        """Which points lie farther out than a fisheye sees, for the user; empty if none."""
+        return beyond_in_words(self.recording.beyond_view)
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Photographs that are not used, and why; a line each."""
+        return (*self._sorted[1], *filter(None, [self.beyond]))
 
 
 def by_folder(names: Iterable[str], cameras: Iterable[str]) -> dict[str, list[str]]:
@@ -50,6 +110,23 @@ def by_folder(names: Iterable[str], cameras: Iterable[str]) -> dict[str, list[st
         if (camera := next((each for each in folders if each in found), None)) is not None:
             found[camera].append(name)
     return found
+
+
+def pair_folders(taken: Mapping[str, Taken], cameras: Iterable[str], choice: Choice) -> Pairing:
+    """How the photographs in the folders of all cameras belong together.
+
+    Args:
+        taken: what the file of each says, by name.
+        choice: of its ways, motion only.
+
+    Raises:
+        StereocalError: neither names nor times tell it.
+    """
+    folders = by_folder(sorted(taken, key=natural), cameras)
+    if choice.way != "motion":
+        return Pairing(match_names(folders, taken))
+    own = by_hand_of(folders, choice.heard)
+    return Pairing(own.moments(dict.fromkeys(folders, 0)), sentence=BY_MOTION, by_hand=own)
 
 
 def match_names(
@@ -116,56 +193,6 @@ def _by_time(folders: Mapping[str, Sequence[str]], taken: Mapping[str, Taken]) -
         for stem, frame in numbered(stems).items()
         if (own := moments[stems[stem]])
     }
-
-
-def put_together(
-    moments: Moments,
-    points_of_pairs: PairPoints,
-    ways: Sequence[IntArray],
-    cameras: Mapping[str, Camera],
-    rigid_object: RigidObject,
-    why: Mapping[str, str],
-    motion: Motion | None,
-) -> FoundRecording:
-    """The recording of what was found pair by pair.
-
-    Args:
-        ways: orders of the targets, each (n,), in which the object looks the same.
-        rigid_object: the object, whose targets these are.
-        why: by photograph, what was wrong with it; empty if nothing.
-        motion: of cameras that were started by hand.
-
-    Raises:
-        StereocalError: no two cameras see the object in one frame.
-    """
-    rows: list[tuple[int, int, int, FloatArray]] = []
-    unused = []
-    for frame, files in moments.items():
-        points, agree = in_one_order(
-            {k: its[frame] for k, its in points_of_pairs.items() if frame in its}, ways
-        )
-        for number, (camera, name) in enumerate((each, files.get(each)) for each in cameras):
-            if name is None:
-                continue
-            if not agree or camera not in points:
-                reason = DISAGREE if not agree else why.get(name) or UNFIT
-                unused.append(reason if reason.startswith(name) else f"{name}: {reason}")
-                continue
-            seen = np.flatnonzero(np.isfinite(points[camera][:, 0]))
-            rows += [(frame, number, target, points[camera][target]) for target in seen.tolist()]
-    if not rows:
-        raise StereocalError(
-            f"No two cameras see the targets in the same frame. The first: {unused[0]}"
-        )
-    frame_of, camera_of, target_of = np.array([row[:3] for row in rows], dtype=np.int64).T
-    values = np.array([row[3] for row in rows])
-    recording = Recording(
-        "", dict(cameras), rigid_object, frame_of, camera_of, target_of, values[:, :2], values[:, 2]
-    )
-    recording = recording.within_view()
-    if beyond := beyond_in_words(recording.beyond_view):
-        unused.append(beyond)
-    return FoundRecording(recording, tuple(unused), motion.told if motion else "")
 
 
 def in_one_order(

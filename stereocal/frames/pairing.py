@@ -1,4 +1,4 @@
-"""Pairs of photographs of the two cameras, and how their names pair them.
+"""Photographs of all cameras that belong together, and how the names of two cameras' pair them.
 
 `pair_names` goes by known words only, such as left and right. `frames.proposal` pairs the
 photographs of a recording: by name, by the time taken, or in order.
@@ -85,20 +85,6 @@ class ByHand:
                 found.setdefault(number + later[camera], {})[camera] = name
         return {frame: own for frame, own in sorted(found.items()) if len(own) > 1}
 
-    def pairs(self, later: Mapping[str, int]) -> tuple[Pair, ...]:
-        """As `moments`, of two cameras."""
-        return pairs_of(self.moments(later), *CAMERAS)
-
-
-def names_by_camera(moments: Moments | ByHand, cameras: Iterable[str]) -> dict[str, list[str]]:
-    """The photographs of each camera that are searched, by frame."""
-    if isinstance(moments, ByHand):
-        return {camera: [*own] for camera, own in moments.counts.items()}
-    return {
-        camera: [files[camera] for files in moments.values() if camera in files]
-        for camera in cameras
-    }
-
 
 @dataclass(frozen=True)
 class Motion:
@@ -116,36 +102,49 @@ class Motion:
 
 @dataclass(frozen=True)
 class Pairing:
-    """The proposed pairs, in order of their frames, and the unpaired photographs."""
+    """Which photographs of all cameras belong together, and those without a partner."""
 
-    pairs: tuple[Pair, ...]
-    alone: tuple[Alone, ...]
-    unknown: tuple[str, ...]
+    moments: Moments
+    """Those that belong together, in order of their frames."""
+    alone: tuple[Alone, ...] = ()
+    unknown: tuple[str, ...] = ()
     """Photographs whose names identify no camera, or the same camera and frame as another."""
-    sentence: str
-    """How the photographs were paired, for the user to check."""
-    ambiguous: bool
+    sentence: str = ""
+    """How the photographs were paired, for the user to check; empty if names of moments tell."""
+    ambiguous: bool = False
     """Whether they can as well be paired differently in the same way."""
     by_hand: ByHand | None = None
-    """Of cameras that were started by hand: a search finds which pairs are the true ones."""
+    """Of cameras that were started by hand: a search finds which moments are the true ones."""
+    motion: Motion | None = None
+    """By which a search found them."""
 
     @property
-    def moments(self) -> Moments | ByHand:
-        """The pairs as photographs of a rig of two cameras, or what a search finds them by."""
-        return self.by_hand or moments_of(self.pairs)
+    def pairs(self) -> tuple[Pair, ...]:
+        """The photographs of two cameras that belong together."""
+        return pairs_of(self.moments, *CAMERAS)
 
-    def told_by(self, motion: Motion | None) -> "Pairing":
-        """The pairs that a search found by the motion; the same if there was nothing to find."""
-        if self.by_hand is None or motion is None:
+    def names(self, cameras: Iterable[str]) -> dict[str, list[str]]:
+        """The photographs of each camera that are searched, by frame."""
+        if self.by_hand is not None:
+            return {camera: [*own] for camera, own in self.by_hand.counts.items()}
+        return {
+            camera: [files[camera] for files in self.moments.values() if camera in files]
+            for camera in cameras
+        }
+
+    def told_by(self, motion: Motion) -> "Pairing":
+        """What a search found by the motion."""
+        if self.by_hand is None:
             return self
-        pairs = self.by_hand.pairs(motion.later)
-        sentence = f"{count(len(pairs), 'pair')} by the motion. {motion.told}"
-        return Pairing(pairs, (), self.unknown, sentence, False, self.by_hand)
+        moments, sentence = self.by_hand.moments(motion.later), motion.told
+        if len(self.by_hand.counts) == 2:
+            sentence = f"{count(len(moments), 'pair')} by the motion. {sentence}"
+        return Pairing(moments, (), self.unknown, sentence, False, self.by_hand, motion)
 
     @property
     def complete(self) -> bool:
         """Whether every photograph is in a pair, and in no other way."""
-        return bool(self.pairs) and not (self.alone or self.unknown or self.ambiguous)
+        return bool(self.moments) and not (self.alone or self.unknown or self.ambiguous)
 
 
 @dataclass(frozen=True)
@@ -201,7 +200,7 @@ def best_reading(names: Sequence[str], readings: Iterable[NameReading]) -> Pairi
                 "photographs of a frame the same name, apart from the camera, as left07 and "
                 "right07, or the same name in folders primary and secondary."
             )
-        return Pairing((), (), tuple(names), why, ambiguous=False)
+        return Pairing({}, (), tuple(names), why)
     best = max(read, key=lambda one: one.merit)
     others = [
         one
@@ -214,9 +213,11 @@ def best_reading(names: Sequence[str], readings: Iterable[NameReading]) -> Pairi
     return Pairing(number_pairs(best.pairs), best.alone, unknown, sentence, bool(others))
 
 
-def number_pairs(pairs: Mapping[str, tuple[str, str]]) -> tuple[Pair, ...]:
-    """The two names of each pair, by their common part, with the frame number of that."""
-    return tuple(Pair(frame, *pairs[key]) for key, frame in numbered(pairs).items())
+def number_pairs(pairs: Mapping[str, tuple[str, str]]) -> Moments:
+    """The two names of each pair, by their common part, as a moment of that number."""
+    return {
+        frame: dict(zip(CAMERAS, pairs[key], strict=True)) for key, frame in numbered(pairs).items()
+    }
 
 
 def numbered(names: Iterable[str]) -> dict[str, int]:

@@ -4,7 +4,7 @@ Names decide where they pair all, unless the cameras' own clocks contradict; the
 one difference of the clocks fits clearly best; then names that pair most; then the order.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -19,7 +19,7 @@ from stereocal.frames.conventions import (
 from stereocal.frames.pairing import (
     Alone,
     ByHand,
-    Pair,
+    Moments,
     Pairing,
     best_reading,
     first_names,
@@ -194,7 +194,8 @@ def _in_order(sides: Sides) -> Pairing:
 def _by_motion(sides: Sides, choice: Choice) -> Pairing:
     own = by_hand_of(dict(zip(CAMERAS, sides.cameras, strict=True)), choice.heard)
     if choice.later is not None:
-        return Pairing(own.pairs(choice.later), (), sides.unknown, choice.told, False, own)
+        moments = own.moments(choice.later)
+        return Pairing(moments, (), sides.unknown, choice.told, by_hand=own)
     sentence = (
         "Cameras that were started by hand: which photographs belong together is found with the "
         "targets. Until then, the first with the first."
@@ -204,10 +205,7 @@ def _by_motion(sides: Sides, choice: Choice) -> Pairing:
 
 def by_hand_of(folders: Mapping[str, Sequence[str]], heard: Mapping[str, float]) -> ByHand:
     """The photographs of cameras that were started by hand, by camera and in order."""
-    counts = {
-        camera: {pair.primary: pair.frame for pair in _numbered([(name, name) for name in own])}
-        for camera, own in folders.items()
-    }
+    counts = {camera: dict(zip(own, _numbers(own), strict=True)) for camera, own in folders.items()}
     return ByHand(counts, heard)
 
 
@@ -238,12 +236,17 @@ def _alone(
                 yield Alone(name, camera, where=gap)
 
 
-def _numbered(twos: Sequence[tuple[str, str]]) -> tuple[Pair, ...]:
-    """Pairs in order, by the numbers of the primary's names if these rise, else from 1."""
-    short = short_names([primary for primary, _ in twos])
+def _numbered(twos: Sequence[tuple[str, str]]) -> Moments:
+    """Pairs in order, by the numbers of the primary's names."""
+    frames = _numbers([primary for primary, _ in twos])
+    return {k: dict(zip(CAMERAS, two, strict=True)) for k, two in zip(frames, twos, strict=True)}
+
+
+def _numbers(names: Sequence[str]) -> Iterable[int]:
+    """The numbers in the names if these rise, else from 1."""
+    short = short_names(names)
     by_names = numbered(short)
-    frames = by_names.values() if [*by_names] == short else range(1, len(twos) + 1)
-    return tuple(Pair(frame, *two) for frame, two in zip(frames, twos, strict=True))
+    return by_names.values() if [*by_names] == short else range(1, len(names) + 1)
 
 
 def duration(seconds: float, fine: bool) -> str:

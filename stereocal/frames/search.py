@@ -4,7 +4,6 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
-from dataclasses import dataclass
 from itertools import combinations
 
 import cv2
@@ -15,11 +14,11 @@ from stereocal.detection.detect import detect_targets
 from stereocal.detection.tags import find_tags
 from stereocal.detection.target import Balls, Sighting, Tags, Target
 from stereocal.errors import StereocalError
-from stereocal.frames.all_cameras import FoundRecording, put_together
+from stereocal.frames.all_cameras import Found
 from stereocal.frames.by_motion import found_by_motion
-from stereocal.frames.frame import Frame
+from stereocal.frames.frame import Frame, describe_frames
 from stereocal.frames.labelling import label_frames, points_by_photograph
-from stereocal.frames.pairing import ByHand, Moments, Motion, names_by_camera, pairs_of
+from stereocal.frames.pairing import Pairing, pairs_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.array_types import FloatArray, IntArray
@@ -36,33 +35,8 @@ from stereocal.system.tasks import Earlier, Progress, Task, run_tasks
 STAGES = ("photographs checked", "photographs searched for targets")
 
 
-@dataclass(frozen=True, eq=False)
-class FoundFrames:
-    """The targets in the photographs of all cameras."""
-
-    cameras: Mapping[str, Camera]
-    moments: Moments
-    frames: Mapping[tuple[str, str], list[Frame]]
-    """Of each pair of cameras, those of the moments that both photographed, in order."""
-    seen: Mapping[str, Sighting]
-    """By photograph."""
-    target: Target
-    motion: Motion | None
-    """Of cameras that were started by hand."""
-
-    def recording(self) -> FoundRecording:
-        """The frames that are used, with A and B named alike in all cameras, of a bar of 1 m."""
-        points = {
-            pair: {frame.frame: _points(frame) for frame in own if frame.use}
-            for pair, own in self.frames.items()
-        }
-        why = {name: one.missing or " ".join(one.doubts) for name, one in self.seen.items()}
-        about = self.moments, points, ways_of(self.target), self.cameras, RigidObject.bar(1.0)
-        return put_together(*about, why, self.motion)
-
-
 def detect_frames(
-    moments: Moments | ByHand,
+    pairing: Pairing,
     photographs: Photographs,
     cameras: Mapping[str, Camera],
     target: Target,
@@ -70,7 +44,7 @@ def detect_frames(
     begin: Callable[[str], None],
     progress: Progress,
     earlier: Earlier[Sighting] | None = None,
-) -> FoundFrames:
+) -> Found:
     """Check the photographs, find the targets, find by these which photographs belong together if
     the cameras were started by hand, and label A and B in every pair of cameras.
 
@@ -85,17 +59,17 @@ def detect_frames(
         An unusable photograph affects its own frame only. Doubtful frames are not used until the
         user decides.
     """
-    names, ways = names_by_camera(moments, cameras), ways_of(target)
+    names, ways, bar = pairing.names(cameras), ways_of(target), RigidObject.bar(1.0)
     control = executor, begin, progress, earlier
     seen = search_photographs(names, photographs, cameras, target, *control)
-    motion, exchanged, late = None, frozenset[str](), dict.fromkeys(cameras, 0.0)
-    if isinstance(moments, ByHand):
-        points = points_by_photograph(names, seen, target)
-        motion = found_by_motion(moments, points, cameras, RigidObject.bar(1.0), ways)
-        moments, exchanged, late = moments.moments(motion.later), motion.exchanged, {**motion.late}
-    frames = {
+    exchanged, late = frozenset[str](), dict.fromkeys(cameras, 0.0)
+    if pairing.by_hand is not None:
+        places = points_by_photograph(names, seen, target)
+        motion = found_by_motion(pairing.by_hand, places, cameras, bar, ways)
+        pairing, exchanged, late = pairing.told_by(motion), motion.exchanged, {**motion.late}
+    labelled = {
         (one, other): label_frames(
-            pairs_of(moments, one, other),
+            pairs_of(pairing.moments, one, other),
             seen,
             (cameras[one], cameras[other]),
             target,
@@ -104,7 +78,14 @@ def detect_frames(
         )
         for one, other in combinations(cameras, 2)
     }
-    return FoundFrames(cameras, moments, frames, seen, target, motion)
+    points = {
+        pair: {frame.frame: _points(frame) for frame in own if frame.use}
+        for pair, own in labelled.items()
+    }
+    why = {name: one.missing or " ".join(one.doubts) for name, one in seen.items()}
+    frames = next(iter(labelled.values())) if len(cameras) == 2 else []
+    sentence = describe_frames(frames) if frames else ""
+    return Found(pairing, cameras, bar, ways, points, why, frames, sentence)
 
 
 def ways_of(target: Target) -> list[IntArray]:

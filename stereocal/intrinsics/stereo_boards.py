@@ -1,17 +1,18 @@
 """A board in the photographs of two cameras and more: a recording of its corners, and the lenses if
 not known."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.frames.all_cameras import FoundRecording, put_together
+from stereocal.frames.all_cameras import Found
 from stereocal.frames.by_motion import found_by_motion
-from stereocal.frames.pairing import Alone, ByHand, Moments, Motion, names_by_camera
+from stereocal.frames.pairing import Pairing
 from stereocal.intrinsics.board_order import SeenBoard, boards_in_one_order, orders_of
 from stereocal.intrinsics.boards import BoardSearch, BoardView, FoundBoard, Refused, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
@@ -27,7 +28,6 @@ SAME_PLACE_PX = 1.0
 """Two boards whose corners lie closer together than this in all images stand at one place."""
 ROUGHLY = 20
 """Boards that tell a lens well enough to bring cameras into step."""
-LENSES_STAGE = "lenses"
 
 
 def stages_of(cameras: Iterable[str]) -> tuple[str, ...]:
@@ -39,13 +39,12 @@ def stages_of(cameras: Iterable[str]) -> tuple[str, ...]:
 class StereoBoards:
     """The boards in the photographs of two cameras and more."""
 
-    moments: Moments
+    pairing: Pairing
+    """Of cameras that were started by hand as the motion tells."""
     searches: Mapping[str, BoardSearch]
     """Of each camera that has photographs, without repeated boards."""
     repeated: Mapping[int, int]
     """Frames left out because their board stands where that of an earlier frame did."""
-    motion: Motion | None = None
-    """Of cameras that were started by hand."""
 
     @property
     def pattern(self) -> BoardPattern:
@@ -58,7 +57,7 @@ class StereoBoards:
         views = {view.name: view for own in self.searches.values() for view in own.views}
         every = {
             frame: {camera: views[name] for camera, name in files.items() if name in views}
-            for frame, files in self.moments.items()
+            for frame, files in self.pairing.moments.items()
         }
         return {frame: own for frame, own in every.items() if len(own) > 1}
 
@@ -79,7 +78,7 @@ class StereoBoards:
     def doubtful(self) -> dict[int, str]:
         """Why frames are not used."""
         reasons, found = {item.name: item.reason for item in self.refused}, dict[int, str]()
-        for frame, files in self.moments.items():
+        for frame, files in self.pairing.moments.items():
             if own := [name for name in files.values() if name in reasons]:
                 found[frame] = "; ".join(f"{name}: {reasons[name]}" for name in own)
         return found | {
@@ -109,7 +108,7 @@ class StereoBoards:
 
 
 def find_stereo_boards(
-    moments: Moments | ByHand,
+    pairing: Pairing,
     photographs: Photographs,
     cameras: Mapping[str, Camera | None],
     pattern: BoardPattern,
@@ -117,7 +116,6 @@ def find_stereo_boards(
     begin: Callable[[str], None],
     progress: Progress | None = None,
     earlier: Earlier[FoundBoard] | None = None,
-    alone: Sequence[Alone] = (),
 ) -> StereoBoards:
     """The boards in the photographs of two cameras and more.
 
@@ -126,10 +124,9 @@ def find_stereo_boards(
             are brought into step with one that is fitted to some of the boards.
         begin: called with each stage of `stages_of`.
         progress, earlier: as for `find_boards`.
-        alone: photographs without a partner, for the lens.
     """
-    names = names_by_camera(moments, cameras)
-    for each in alone:
+    names = pairing.names(cameras)
+    for each in pairing.alone:  # for the lens
         names[CAMERAS[each.camera]].append(each.name)
     searches: dict[str, BoardSearch] = {}
     for stage, (which, own) in zip(stages_of(names), names.items(), strict=True):
@@ -138,8 +135,8 @@ def find_stereo_boards(
             files = {name: photographs[name] for name in own}
             searches[which] = find_boards(files, pattern, executor, progress, earlier)
             _check_size(which, cameras[which], searches[which])
-    if not isinstance(moments, ByHand):
-        return stereo_boards(moments, searches)
+    if pairing.by_hand is None:
+        return stereo_boards(pairing, searches)
     points = {
         view.name: _whole(view, pattern)[:, :2]
         for search in searches.values()
@@ -147,8 +144,8 @@ def find_stereo_boards(
     }
     lenses = {which: cameras[which] or _rough_lens(own) for which, own in searches.items()}
     board = RigidObject.of_board(pattern)
-    motion = found_by_motion(moments, points, lenses, board, orders_of(pattern))
-    return stereo_boards(moments.moments(motion.later), searches, motion)
+    motion = found_by_motion(pairing.by_hand, points, lenses, board, orders_of(pattern))
+    return stereo_boards(pairing.told_by(motion), searches)
 
 
 def _whole(view: BoardView, pattern: BoardPattern) -> FloatArray:
@@ -166,11 +163,9 @@ def _rough_lens(search: BoardSearch) -> Camera:
     return camera_of(values, search.image_size, settings.model)
 
 
-def stereo_boards(
-    moments: Moments, searches: Mapping[str, BoardSearch], motion: Motion | None = None
-) -> StereoBoards:
+def stereo_boards(pairing: Pairing, searches: Mapping[str, BoardSearch]) -> StereoBoards:
     """The boards that were found by camera, without repeated ones."""
-    boards = StereoBoards(moments, searches, {}, motion)
+    boards = StereoBoards(pairing, searches, {})
     seen = boards.seen
     if not seen:
         counts = ", ".join(f"{len(own.views)} of the {name}'s" for name, own in searches.items())
@@ -207,11 +202,25 @@ def lenses_of_boards(
     }
 
 
-def recording_of(
-    boards: StereoBoards, cameras: Mapping[str, Camera], name: str = ""
-) -> FoundRecording:
-    """The recording of the boards that two cameras or more see; an error if the images of one are
-    mirrored, or of another size than its lens."""
+def found_of(
+    boards: StereoBoards,
+    cameras: Mapping[str, Camera],
+    made: Mapping[str, LensCalibration] = MappingProxyType({}),
+) -> Found:
+    """The boards that two cameras or more see; an error if the images of one are mirrored, or of
+    another size than its lens.
+
+    Args:
+        cameras: the lenses, if not `made` of these boards.
+    """
+    cameras = {**cameras, **{name: lens.camera for name, lens in made.items()}}
+    outlying = {name for lens in made.values() for name in lens.outlying}
+    loose = {
+        frame: f"The corners in {view.name} fit the lens less than half as well as usual."
+        for frame, views in boards.seen.items()
+        for view in views.values()
+        if view.name in outlying
+    }
     frame_of = {
         view.name: str(frame) for frame, own in boards.seen.items() for view in own.values()
     }
@@ -234,10 +243,10 @@ def recording_of(
             }
     board, orders = RigidObject.of_board(pattern), orders_of(pattern)
     doubtful, why = boards.doubtful, {item.name: item.reason for item in boards.refused}
-    again = {name: doubtful[k] for k in boards.repeated for name in boards.moments[k].values()}
-    about = boards.moments, points, orders, named, board
-    found = put_together(*about, again | why, boards.motion)
-    return replace(found, recording=replace(found.recording, name=name))
+    moments = boards.pairing.moments
+    again = {name: doubtful[k] for k in boards.repeated for name in moments[k].values()}
+    about = boards.pairing, named, board, orders, points, again | why
+    return Found(*about, sentence=boards.sentence, doubtful={**loose, **doubtful})
 
 
 def _check_size(which: str, camera: Camera | None, search: BoardSearch) -> None:

@@ -7,9 +7,9 @@ from types import MappingProxyType
 from typing import Any
 
 from stereocal.errors import RefusedRowsError, StereocalError, damaged
-from stereocal.frames.all_cameras import by_folder, match_names
+from stereocal.frames.all_cameras import pair_folders
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
-from stereocal.frames.pairing import Moments, Motion, Pairing, moments_of
+from stereocal.frames.pairing import Pairing, moments_of
 from stereocal.frames.proposal import Choice, Proposal, propose
 from stereocal.frames.search import keep_corrections
 from stereocal.projects.contents import BAR
@@ -109,31 +109,29 @@ class ProjectPhotographs(ProjectPart):
         edited = self._decisions[-1].rows
         return [*map(PairRow, self.proposal.pairing.pairs)] if edited is None else edited
 
-    def moments(self, cameras: Sequence[str]) -> Moments:
-        """The photographs of each moment: of two cameras the pairs that are used, of a rig those
-        alike in the folders of its cameras."""
+    def pairing(self, cameras: Sequence[str] = CAMERAS) -> Pairing:
+        """How the photographs belong together: of primary and secondary the pairs in use, of others
+        those in their folders; of cameras started by hand, until it is found, what finds it."""
         if tuple(cameras) != CAMERAS:
-            return match_names(by_folder(self.photographs, cameras), self.taken)
-        pairs = [row.pair for row in self.rows if row.use]
-        if not pairs:
-            raise StereocalError(self.proposal.pairing.sentence)
-        return moments_of(pairs)
-
-    @property
-    def pairing(self) -> Pairing:
-        """The pairs in use; of cameras started by hand, until they are found, what finds them."""
+            return pair_folders(self.taken, cameras, self.choice)
         pairing = self.proposal.pairing
         if pairing.by_hand and self._edited is None:
             return pairing
-        used = tuple(row.pair for row in self.rows if row.use)
-        return Pairing(used, (), (), pairing.sentence, ambiguous=False)
+        used = moments_of(row.pair for row in self.rows if row.use)
+        return Pairing(used, sentence=pairing.sentence)
 
-    def settle(self, pairing: Pairing, motion: Motion | None) -> None:
+    def paired(self, cameras: Sequence[str]) -> Pairing:
+        """As `pairing`; an error if no photographs belong together."""
+        pairing = self.pairing(cameras)
+        if not pairing.moments:
+            raise StereocalError(pairing.sentence)
+        return pairing
+
+    def settle(self, pairing: Pairing) -> None:
         """Keep what a search found about cameras that were started by hand, if it did."""
-        if motion is not None:
+        if pairing.motion is not None:
             with self.database.transaction():
-                told = pairing.told_by(motion).sentence
-                found = replace(self.choice, later=motion.later, told=told)
+                found = replace(self.choice, later=pairing.motion.later, told=pairing.sentence)
                 self._decide([*self._decisions[:-1], Decided(found)])
 
     def keep_rows(self, rows: Sequence[PairRow] | None) -> None:

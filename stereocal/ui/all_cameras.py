@@ -1,14 +1,13 @@
 """The Data page for three cameras and more: their files, and one table of points or photographs."""
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 import pandas as pd
 import streamlit as st
 
-from stereocal.detection.target import Sighting, Target
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.all_cameras import Gathered, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import is_table
@@ -16,12 +15,8 @@ from stereocal.formats.dataset_description import POINTS
 from stereocal.formats.dataset_files import pack_recording
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.points_csv import write_points
-from stereocal.frames import all_cameras
-from stereocal.frames.pairing import ByHand, Moments, natural, pairs_of
-from stereocal.frames.proposal import by_hand_of
-from stereocal.frames.search import STAGES, detect_frames
-from stereocal.intrinsics.boards import FoundBoard
-from stereocal.intrinsics.stereo_boards import find_stereo_boards, recording_of, stages_of
+from stereocal.frames.all_cameras import Found, by_folder
+from stereocal.frames.pairing import Pairing, natural
 from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
@@ -29,26 +24,23 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import Camera
-from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
-from stereocal.system.records import plain
 from stereocal.ui import jobs
 from stereocal.ui.fields import Number, setting
-from stereocal.ui.holding import ask_what_is_held, holds_board, settle
+from stereocal.ui.holding import settle
 from stereocal.ui.intake import give_pair
 from stereocal.ui.length_known import ask_object_known
 from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import button, readable, show_stale, show_with_button
 from stereocal.ui.navigation import go_to
-from stereocal.ui.photographs import held_board, press_search
 from stereocal.ui.rig import rig_work
+from stereocal.ui.search import ask_held, press_search, search_work
 from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.ui.videos import show_frames_taken
 from stereocal.ui.wizard import Questions
 
 FOUND_BY, UNUSED, TOLD = "several_found_by", "several_unused", "several_told"
-BY_HAND = "Which photographs belong together is found with the targets, by their motion."
 GATHERED: Latest[Gathered] = Latest(8)
 
 
@@ -188,49 +180,40 @@ def _calibrate(store: ProjectRecording, gathered: Gathered) -> None:
 def _photographs_of_all(project: Project, cameras: Mapping[str, Camera]) -> bool:
     """How many photographs there are of each camera, and the search; whether there are any."""
     store = ProjectPhotographs(project)
-    folders = all_cameras.by_folder(store.photographs, cameras)
+    folders = by_folder(store.photographs, cameras)
     counts = ", ".join(f"{camera} {len(own) or 'none'}" for camera, own in folders.items())
     if not any(folders.values()):
         return False
     words, remove = f"Photographs: {counts}.", "Remove all photographs"
     show_with_button("markdown", words, remove, "several_clear", store.clear)
-    moments: Moments | ByHand | None
-    if store.choice.way == "motion":
-        moments = by_hand_of(
-            {c: sorted(own, key=natural) for c, own in folders.items()}, store.choice.heard
-        )
-    else:
-        match = partial(all_cameras.match_names, folders, store.taken)
-        moments = readable(match, told=all(folders.values()))
-    if moments is not None:
-        _search(store, cameras, moments)
+    pairing = readable(lambda: store.pairing([*cameras]), told=all(folders.values()))
+    if pairing is not None:
+        _search(store, cameras, pairing)
     return True
 
 
-def _search(
-    store: ProjectPhotographs, cameras: Mapping[str, Camera], moments: Moments | ByHand
-) -> None:
+def _search(store: ProjectPhotographs, cameras: Mapping[str, Camera], pairing: Pairing) -> None:
     """What is held, the press, and what was not found."""
     project = store.project
     found_by = project.settings.get(FOUND_BY)
-    held, ready = ask_held(store, moments, found_by is not None)
-    work = moment_search(store, cameras, moments, held, partial(_keep, store))
+    held, ready = ask_held(store, pairing, found_by is not None)
+    work = search_work(store, pairing, cameras, held, partial(_keep, store))
     press_search(work, "targets", "find_in_all_cameras", found_by is not None, ready)
     if found_by is None:
-        if isinstance(moments, ByHand):
-            st.caption(BY_HAND)
+        if pairing.sentence:
+            st.caption(pairing.sentence)
         return
     if found_by != work.digest:
         show_stale("photographs, cameras or what is held")
     unused = project.settings.get(UNUSED) or []
-    told = project.settings.get(TOLD) or f"{count(len(_in_order(moments)), 'frame')}."
+    told = project.settings.get(TOLD) or f"{count(len(pairing.moments), 'frame')}."
     st.caption(f"{escape_markdown(str(told))} Photographs not used: {len(unused):,}.")
     if unused:
         with st.expander("Photographs that are not used"):
             st.markdown("\n".join(f"- {escape_markdown(line)}" for line in unused))
 
 
-def _keep(store: ProjectPhotographs, found: all_cameras.FoundRecording, digest: str) -> None:
+def _keep(store: ProjectPhotographs, found: Found, digest: str) -> None:
     """Store the table of the targets that were found, of boards the whole recording."""
     project, recording = store.project, ProjectRecording(store.project)
     if found.recording.object.board is not None:
@@ -238,75 +221,5 @@ def _keep(store: ProjectPhotographs, found: all_cameras.FoundRecording, digest: 
         recording.give(whole, pack_recording(whole))
     else:
         recording.add_parts({POINTS: write_points(found.recording)})
-    project.keep_settings({FOUND_BY: digest, UNUSED: [*found.unused], TOLD: found.told})
+    project.keep_settings({FOUND_BY: digest, UNUSED: [*found.unused], TOLD: found.pairing.sentence})
     settle(project)
-
-
-def _in_order(moments: Moments | ByHand) -> Moments:
-    """The moments; while those of cameras started by hand are open, the first with the first."""
-    if isinstance(moments, ByHand):
-        return moments.moments(dict.fromkeys(moments.counts, 0))
-    return moments
-
-
-HeldTarget = Target | BoardPattern
-
-
-def ask_held(
-    store: ProjectPhotographs, moments: Moments | ByHand, fold: bool
-) -> tuple[HeldTarget | None, bool]:
-    """What is held, and whether it can be searched for: of a board, its size must be stated.
-
-    Args:
-        fold: once it is said.
-    """
-    moments = _in_order(moments)
-    pairs = pairs_of(moments, *[*next(iter(moments.values()))][:2])
-    held: HeldTarget | None = ask_what_is_held(store, pairs, fold)
-    stated = True
-    if holds_board(store.project):
-        held, stated = held_board(store.project)
-    return held, held is not None and stated
-
-
-def moment_search(
-    store: ProjectPhotographs,
-    cameras: Mapping[str, Camera],
-    moments: Moments | ByHand,
-    held: HeldTarget | None,
-    keep: Callable[[all_cameras.FoundRecording, str], None],
-    **more: float | None,
-) -> jobs.PageWork:
-    """The search, for a button.
-
-    Args:
-        keep: stores what was found, and the digest of the search.
-        more: what else it is a result of.
-    """
-    files = {name: file.name for name, file in store.photographs.items()}
-    about = {
-        "photographs": [
-            {"frame": k, **{c: files[n] for c, n in own.items()}}
-            for k, own in _in_order(moments).items()
-        ],
-        "cameras": {name: camera.to_json() for name, camera in cameras.items()},
-        "target": None if held is None else [type(held).__name__, plain(held)],
-        **more,
-    }
-
-    def run(job: jobs.Job) -> None:
-        control = job.executor, job.begin, job.progress
-        photographs = store.photographs
-        if isinstance(held, BoardPattern):
-            before = job.found_before(FoundBoard)
-            boards = find_stereo_boards(moments, photographs, cameras, held, *control, before)
-            found = recording_of(boards, cameras)
-        elif held is not None:
-            seen = job.found_before(Sighting)
-            found = detect_frames(moments, photographs, cameras, held, *control, seen).recording()
-        else:
-            return
-        keep(found, job.work.digest)
-
-    stages = stages_of(cameras) if isinstance(held, BoardPattern) else STAGES
-    return jobs.PageWork(store.project, "photographs", stages, run, jobs.job_digest(about))

@@ -25,7 +25,7 @@ from stereocal.formats.dataset_description import POINTS, TABLE
 from stereocal.formats.dataset_files import pack_recording
 from stereocal.formats.dropped import Dropped
 from stereocal.formats.inputs import images_in
-from stereocal.frames import all_cameras
+from stereocal.frames.all_cameras import Found
 from stereocal.matching.application import PAIRS
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
 from stereocal.matching.point_table import PARQUET
@@ -50,7 +50,6 @@ from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.numbers import count
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import jobs
-from stereocal.ui.all_cameras import ask_held, moment_search
 from stereocal.ui.apply_points import ask_noise, noise_field
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
 from stereocal.ui.downloads import offer
@@ -60,7 +59,7 @@ from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import drop_zone, take_one
 from stereocal.ui.messages import button, end_here, readable, show_refusal
 from stereocal.ui.parameter_files import APPLY_SETS, Source
-from stereocal.ui.photographs import press_search
+from stereocal.ui.search import ask_held, press_search, search_work
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
 
@@ -352,13 +351,14 @@ def _search(seen: Seen) -> None:
         st.info("The photographs are searched once there are parameters, which have the lenses.")
         return
     with st.container(border=True):
-        moments = readable(lambda: store.moments([*seen.cameras]))
+        pairing = readable(lambda: store.paired([*seen.cameras]))
+        moments = pairing.moments if pairing else {}
         with st.container(horizontal=True, vertical_alignment="center"):
-            st.markdown(f"{count(len(files), 'photograph')}, {count(len(moments or ()), 'frame')}.")
+            st.markdown(f"{count(len(files), 'photograph')}, {count(len(moments), 'frame')}.")
             button("Remove the photographs", "check_clear", store.clear)
-        if moments is None:
+        if pairing is None:
             return
-        held, ready = ask_held(store, moments, fold=True)
+        held, ready = ask_held(store, pairing, fold=True)
         length_m = None
         if not holds_board(project):
             length = setting(project, "length_m", seen.length_m, Number(0.0, or_none=True))
@@ -366,7 +366,7 @@ def _search(seen: Seen) -> None:
             length_m = length.number_input(label, format="%.10g") or None
             ready = ready and length_m is not None
         keep = partial(_keep, seen, length_m)
-        work = moment_search(store, seen.cameras, moments, held, keep, length_m=length_m)
+        work = search_work(store, pairing, seen.cameras, held, keep, length_m=length_m)
         found = project.settings.get(FOUND_BY)
         if found is not None and found != work.digest:
             st.warning("The photographs or what is held have changed. Find the targets again.")
@@ -381,9 +381,7 @@ def _as_in_the_data(whole: Project, project: Project) -> None:
     project.keep_settings(same)
 
 
-def _keep(
-    seen: Seen, length_m: float | None, found: all_cameras.FoundRecording, digest: str
-) -> None:
+def _keep(seen: Seen, length_m: float | None, found: Found, digest: str) -> None:
     """Use the targets that were found as the new images."""
     store, recording = seen.photographs, found.recording
     frames = len({*recording.frame.tolist()})

@@ -133,7 +133,7 @@ class Pictures:
             if not (files := store.photographs):
                 continue
             with suppress(*([StereocalError] if of else [])):
-                moments = store.moments(self.cameras)
+                moments = store.paired(self.cameras).moments
                 found = {
                     frame: {camera: files[name] for camera, name in own.items() if name in files}
                     for frame, own in moments.items()

@@ -13,7 +13,8 @@ import pytest
 
 from stereocal.detection.target import parse_target
 from stereocal.errors import StereocalError
-from stereocal.frames.all_cameras import FoundRecording, by_folder, in_one_order, match_names
+from stereocal.frames.all_cameras import Found, by_folder, in_one_order, match_names
+from stereocal.frames.pairing import Pairing
 from stereocal.frames.search import detect_frames
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.rig.rigid_object import RigidObject
@@ -27,16 +28,16 @@ EITHER_WAY = [np.array([0, 1]), np.array([1, 0])]
 FRAMES = {"bar2x2": 12, TAGS: 8}
 
 
-def search(files: Mapping[str, bytes], kind: str) -> FoundRecording:
+def search(files: Mapping[str, bytes], kind: str) -> Found:
     with TemporaryDirectory() as folder, ThreadPoolExecutor(2) as executor:
         write(dict(files), Path(folder))
         found = photographs_in(Path(folder), Path(folder))
-        about = match_names(by_folder(files, CAMERAS)), found, CAMERAS, parse_target(kind)
-        return detect_frames(*about, executor, lambda _: None, lambda *_: None).recording()
+        about = Pairing(match_names(by_folder(files, CAMERAS))), found, CAMERAS, parse_target(kind)
+        return detect_frames(*about, executor, lambda _: None, lambda *_: None)
 
 
 @lru_cache
-def seen_in_part(kind: str) -> FoundRecording:
+def seen_in_part(kind: str) -> Found:
     """Each camera sees nothing in one frame, and one photograph is missing."""
     files = dict(photographed_bars(kind, FRAMES[kind])[0])
     blank = encoded(np.full((600, 800), 110, np.uint8))

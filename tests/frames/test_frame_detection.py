@@ -39,8 +39,8 @@ def detect(
     photographs = {name: folder / name for name in files}
     with ThreadPoolExecutor(2) as pool:
         lenses = dict(zip(BOTH, cameras, strict=True))
-        about = pair_names(names).moments, photographs, lenses, target
-        return detect_frames(*about, pool, lambda _: None, progress).frames[BOTH]
+        about = pair_names(names), photographs, lenses, target
+        return detect_frames(*about, pool, lambda _: None, progress).frames
 
 
 def away(frame: Frame, camera: int, truth: np.ndarray, swap: bool) -> float:

@@ -16,15 +16,15 @@ from stereocal.cli import main
 from stereocal.detection.target import parse_board, parse_target
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_recording, read_dataset, read_recording
-from stereocal.frames.pairing import pair_names
+from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.intrinsics.board_order import SeenBoard, boards_in_one_order, orders_of
 from stereocal.intrinsics.boards import BoardSearch, BoardView, find_board
 from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.stereo_boards import (
     StereoBoards,
     find_stereo_boards,
+    found_of,
     lenses_of_boards,
-    recording_of,
     stereo_boards,
 )
 from stereocal.network.to_calibrate import pair_to_calibrate
@@ -112,7 +112,7 @@ def test_a_board_at_the_same_place_counts_once() -> None:
     assert found.repeated == {17: 2}
     assert "17 (as 2)" in found.sentence
     assert [len(search.views) for search in found.searches.values()] == [6, 6]
-    unused = recording_of(found, dict.fromkeys(BOTH, SMALL)).unused
+    unused = found_of(found, dict.fromkeys(BOTH, SMALL)).unused
     assert unused == tuple(
         f"{name}17.png: the board stands where it does in frame 2" for name in BOTH
     )
@@ -137,7 +137,7 @@ def found_boards(
         )
         for k, camera in enumerate(cameras)
     }
-    return stereo_boards(moments, searches)
+    return stereo_boards(Pairing(moments), searches)
 
 
 def assert_near(found: Pose, rig: Pose) -> None:
@@ -275,7 +275,7 @@ class TestOpencvsSample:
     def test_all_boards_serve(self, files: dict[str, Path]) -> None:
         """Narrow squares on one side."""
         pattern = BoardPattern(9, 6, 0.03)
-        about = pair_names(files).moments, files, dict.fromkeys(BOTH), pattern
+        about = pair_names(files), files, dict.fromkeys(BOTH), pattern
         boards = find_stereo_boards(*about, AtOnce(), lambda _: None)
         assert len(boards.seen) == 13
         assert not boards.refused and not boards.repeated
@@ -299,7 +299,7 @@ class TestOpencvsSample:
 def test_sizes_of_lens_files_and_photographs() -> None:
     found = found_boards(seen(stereo(0.0), 3))
     with pytest.raises(StereocalError, match=r"primary's photographs have 640x480 px"):
-        recording_of(found, {"primary": replace(SMALL, image_size=(800, 600)), "secondary": SMALL})
+        found_of(found, {"primary": replace(SMALL, image_size=(800, 600)), "secondary": SMALL})
 
 
 def test_large_2x2_targets_are_no_board(tmp_path: Path) -> None:
@@ -351,7 +351,7 @@ def test_fisheyes_are_taken_for_what_they_are_and_used_to_75_degrees(tmp_path: P
     boards = draw_pairs(lenses, rig, BoardPattern(5, 4, 0.03), 10, 0.1, rng)
     found = {name: lens.camera for name, lens in lenses_of_boards(boards, None, AtOnce()).items()}
     assert all(camera.is_fisheye for camera in found.values())
-    recording = recording_of(boards, found).recording
+    recording = found_of(boards, found).recording
     beyond = recording.beyond_view
     assert min(beyond.values()) > 5
     write(pack_recording(recording), tmp_path)

@@ -69,9 +69,9 @@ def give_cameras_and_lengths(app: AppTest) -> None:
     app.number_input(key="target_distance_m_value").set_value(0.9).run()
 
 
-def wait_for_the_cancel(*given: object, earlier: object) -> None:
+def wait_for_the_cancel(*given: object) -> None:
     """In place of the search."""
-    target, progress = given[3], given[-1]
+    target, *_, progress, earlier = given[3:]
     assert earlier is not None and target is not None
     assert callable(progress)
     wait_until(partial(progress, 0, 1))
@@ -99,7 +99,7 @@ def test_from_photographs_to_a_complete_data_set_which_a_cancelled_search_leaves
     assert rows.has_sigmas and (rows.source == 0).all()
 
     before = store_of(app, tmp_path).frames
-    monkeypatch.setattr("stereocal.ui.photographs.detect_frames", wait_for_the_cancel)
+    monkeypatch.setattr("stereocal.intrinsics.photograph_search.detect_frames", wait_for_the_cancel)
     app.button(key="find_targets").click().run()
     assert app.button(key="find_targets").disabled
     assert app.checkbox(key="use_frame_1").disabled

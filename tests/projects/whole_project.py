@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from stereocal.formats.dataset_files import parse_recording
-from stereocal.frames.pairing import Motion
+from stereocal.frames.pairing import Motion, Pairing
 from stereocal.frames.proposal import Choice
 from stereocal.frames.review import use_frame
 from stereocal.matching.clicks import Click
@@ -58,7 +58,7 @@ def whole_project(home: Path) -> Project:
     photographs.choose(Choice("order", without=(pairs[0].primary,), exchanged=True))
     photographs.choose(Choice("motion", heard={"secondary": 0.25}))
     found = Motion({"primary": 0, "secondary": 2}, {}, frozenset(), "The swing says it.")
-    photographs.settle(photographs.pairing, found)
+    photographs.settle(Pairing({}, motion=found))
     photographs.keep_rows([PairRow(pair, pair is not pairs[0]) for pair in pairs])
     known = {"primary": (0.001, 2.0)}
     project.give({}, lens_known=known, planned=["baseline_m"], step_notes=["by a flash"])

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.frames.pairing import moments_of, pair_names
+from stereocal.frames.pairing import pair_names
 from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.intrinsics.stereo_boards import StereoBoards, stereo_boards
 from stereocal.rig.camera import CAMERAS
@@ -136,8 +136,8 @@ def draw_pairs(
             break
     by_camera = zip(CAMERAS, zip(*views, strict=True), strict=True)
     searches = {str(camera): BoardSearch(pattern, own) for camera, own in by_camera}
-    pairs = pair_names(view.name for each in views for view in each).pairs
-    return stereo_boards(moments_of(pairs), searches)
+    pairing = pair_names(view.name for each in views for view in each)
+    return stereo_boards(pairing, searches)
 
 
 def _placed(half: float, pattern: BoardPattern, rng: np.random.Generator) -> Iterator[FloatArray]:

@@ -1,0 +1,93 @@
+"""The search of photographs for a page: what is held, the button, and what it is a result of."""
+
+from collections.abc import Callable, Mapping
+
+import streamlit as st
+
+from stereocal.detection.target import BAR, Target
+from stereocal.frames.all_cameras import Found
+from stereocal.frames.pairing import Pairing, pairs_of
+from stereocal.intrinsics.photograph_search import PhotographSearch
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.records import plain
+from stereocal.ui import jobs
+from stereocal.ui.holding import ask_what_is_held, board_form, holds_board
+from stereocal.ui.messages import ErrorsShown
+
+HeldTarget = Target | BoardPattern
+
+
+def ask_held(
+    store: ProjectPhotographs, pairing: Pairing, fold: bool
+) -> tuple[HeldTarget | None, bool]:
+    """What is held, and whether it can be searched for: of a board, its size must be stated.
+
+    Args:
+        fold: once it is said.
+    """
+    two = [*next(iter(pairing.moments.values()), CAMERAS)][:2]
+    held: HeldTarget | None = ask_what_is_held(store, pairs_of(pairing.moments, *two), fold)
+    stated = True
+    if holds_board(store.project):
+        held, stated = _held_board(store.project)
+    return held, bool(pairing.moments) and held is not None and stated
+
+
+def _held_board(project: Project) -> tuple[BoardPattern | None, bool]:
+    """The form of the board, None if no board is like that, and whether its size is entered."""
+    pattern = None
+    with ErrorsShown():
+        pattern = board_form(project, (9, 6), square_mm=None)
+    entered = project.settings.get("board_square_mm") is not None
+    if pattern is not None and not entered:
+        st.info("Enter the side of a square as measured: all lengths follow from it.")
+    return pattern, entered
+
+
+def search_work(
+    store: ProjectPhotographs,
+    pairing: Pairing,
+    cameras: Mapping[str, Camera | None],
+    held: HeldTarget | None,
+    keep: Callable[[Found, str], None],
+    **more: float | None,
+) -> jobs.PageWork:
+    """The search, for a button.
+
+    Args:
+        cameras: as of `PhotographSearch`.
+        keep: stores what was found, and the digest of the search.
+        more: what else it is a result of.
+    """
+    search = PhotographSearch(pairing, store.photographs, cameras, held or BAR)
+    files = {name: file.name for name, file in search.photographs.items()}
+    by_hand, moments = pairing.by_hand, [*pairing.moments.items()]
+    if by_hand is not None:  # the search finds the moments
+        moments = [(k, {c: name}) for c, own in by_hand.counts.items() for name, k in own.items()]
+    about = {
+        "photographs": [
+            {"frame": k, **{camera: files.get(name) for camera, name in own.items()}}
+            for k, own in moments
+        ],
+        "cameras": {name: camera and camera.to_json() for name, camera in cameras.items()},
+        "target": None if held is None else [type(held).__name__, plain(held)],
+        **more,
+    }
+    digest = jobs.job_digest(about)
+
+    def run(job: jobs.Job) -> None:
+        found = search.run(job.executor, job.begin, job.progress, job.found_before)
+        keep(found, digest)
+
+    return jobs.PageWork(store.project, "photographs", search.stages, run, digest)
+
+
+def press_search(work: jobs.PageWork, what: str, key: str, found: bool, ready: bool) -> None:
+    """The button that begins a search in the photographs, and its progress."""
+    again = " again" * found
+    jobs.start_button(work, f"Find the {what}{again}", key, primary=not found, disabled=not ready)
+    cancelled = "Cancelled. What was found before is unchanged."
+    jobs.show_job(work.project, work.kind, cancelled)
