@@ -142,10 +142,7 @@ class DataSetSearch:
             pairing = self._pairing(photographs)
             if len(self.cameras) == 2 and not is_board:
                 self.tell(f"{len(photographs)} photographs. {pairing.sentence}")
-            if isinstance(target, Board):
-                held: Target | BoardPattern = self._pattern(target, photographs, pairing)
-            else:
-                held = target
+            held = self._held(target, photographs, pairing)
             search = PhotographSearch(pairing, photographs, lenses, held)
             found = search.run(self.workers, begin, progress, tell=self.tell)
         if found.frames and not found.pairing.motion:
@@ -190,11 +187,15 @@ class DataSetSearch:
             raise StereocalError(f"{self.path}: {unsure}")
         return pairing
 
-    def _pattern(self, stated: Board, photographs: Photographs, pairing: Pairing) -> BoardPattern:
-        """With the size of the board that moves before the cameras, or else that most show, where
-        none is stated."""
-        if stated.size:
-            return stated.pattern()
+    def _held(
+        self, target: Target | Board, photographs: Photographs, pairing: Pairing
+    ) -> Target | BoardPattern:
+        """Where the size of a board is not stated, it is that of the board that moves before the
+        cameras, or else that most show."""
+        if not isinstance(target, Board):
+            return target
+        if target.size:
+            return target.pattern()
         names = pairing.names(self.cameras).values()
         held = held_object([{name: photographs[name] for name in own} for own in names])
         board = held.what if held is not None else None
@@ -208,4 +209,4 @@ class DataSetSearch:
         self.tell(
             f"The board has {board} inner corners, as the first photographs show; else state them."
         )
-        return stated.pattern(str(board))
+        return target.pattern(str(board))

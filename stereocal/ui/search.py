@@ -9,7 +9,6 @@ from stereocal.frames.all_cameras import Found
 from stereocal.frames.pairing import Pairing, pairs_of
 from stereocal.intrinsics.photograph_search import PhotographSearch
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.records import plain
@@ -30,21 +29,14 @@ def ask_held(
     """
     two = [*next(iter(pairing.moments.values()), CAMERAS)][:2]
     held: HeldTarget | None = ask_what_is_held(store, pairs_of(pairing.moments, *two), fold)
-    stated = True
+    is_stated = True
     if holds_board(store.project):
-        held, stated = _held_board(store.project)
-    return held, bool(pairing.moments) and held is not None and stated
-
-
-def _held_board(project: Project) -> tuple[BoardPattern | None, bool]:
-    """The form of the board, None if no board is like that, and whether its size is entered."""
-    pattern = None
-    with ErrorsShown():
-        pattern = board_form(project, (9, 6), square_mm=None)
-    entered = project.settings.get("board_square_mm") is not None
-    if pattern is not None and not entered:
-        st.info("Enter the side of a square as measured: all lengths follow from it.")
-    return pattern, entered
+        with ErrorsShown():
+            held = board_form(store.project, (9, 6), square_mm=None)
+        is_stated = store.project.settings.get("board_square_mm") is not None
+        if held is not None and not is_stated:
+            st.info("Enter the side of a square as measured: all lengths follow from it.")
+    return held, bool(pairing.moments) and held is not None and is_stated
 
 
 def search_work(

@@ -11,7 +11,7 @@ from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.frames.by_motion import found_by_motion
-from stereocal.frames.pairing import ByHand, Motion, pairs_of
+from stereocal.frames.pairing import ByHand, Motion
 from stereocal.frames.video.extract import VideoSettings, by_themselves, extract
 from stereocal.frames.video.sound import heard_later
 from stereocal.intrinsics.board_order import orders_of
@@ -75,8 +75,7 @@ def test_ends_that_look_alike_are_followed_and_told_apart() -> None:
     found = _found(150, mixed, *about)
     assert _offset(found) == pytest.approx(40.4, abs=0.02)
     assert found.exchanged in (turned, {*seen} - turned)
-    pairs = pairs_of(ByHand(_counts(150)).moments(found.later), *CAMERAS)
-    assert {pair.frame: pair.secondary for pair in pairs}[60] == "right/20"
+    assert ByHand(_counts(150)).moments(found.later)[60]["secondary"] == "right/20"
     of_one = {name: own for name, own in seen.items() if name.startswith("left")}
     with pytest.raises(StereocalError, match="a target found"):
         _found(150, of_one, *about)

@@ -136,8 +136,7 @@ def draw_pairs(
             break
     by_camera = zip(CAMERAS, zip(*views, strict=True), strict=True)
     searches = {str(camera): BoardSearch(pattern, own) for camera, own in by_camera}
-    pairing = pair_names(view.name for each in views for view in each)
-    return stereo_boards(pairing, searches)
+    return stereo_boards(pair_names(view.name for each in views for view in each), searches)
 
 
 def _placed(half: float, pattern: BoardPattern, rng: np.random.Generator) -> Iterator[FloatArray]:
