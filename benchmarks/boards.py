@@ -28,7 +28,7 @@ from stereocal.intrinsics.stereo_boards import (
     found_of,
     stereo_boards,
 )
-from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.network.baseline import with_baseline_found
 from stereocal.refined.parameter_file import standard_errors
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty

@@ -35,7 +35,7 @@ from stereocal.intrinsics.lens_fit import (
     solve_lens,
 )
 from stereocal.intrinsics.stereo_boards import found_of, lenses_of_boards
-from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.network.baseline import with_baseline_found
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
 from stereocal.rig.rigid_object import BoardPattern

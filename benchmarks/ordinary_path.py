@@ -9,12 +9,11 @@ of rigs and of mistakes: `benchmarks.promises`.
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from benchmarks.studies import run_studies
-from stereocal.calibration.corrections import scaled, with_changed
+from stereocal.calibration.corrections import scaled
 from stereocal.errors import StereocalError
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.disagreement import compare_inputs
@@ -91,21 +90,21 @@ def far_off(camera: Camera) -> Camera:
 WRONG: dict[str, tuple[Callable[[Dataset], Dataset], str]] = {
     "baseline 3 %": (lambda d: replace(d, baseline_m=1.03 * d.baseline_m), "baseline"),
     "bar 2 %": (lambda d: replace(d, target_distance_m=1.02 * d.target_distance_m), "distance"),
-    "focal length 2 %": (lambda d: with_changed(d, ("primary",), far_off), "primary focal"),
+    "focal length 2 %": (lambda d: replace(d, primary=far_off(d.primary)), "primary focal"),
     "distortion sign, primary": (
-        lambda d: with_changed(d, ("primary",), flipped),
+        lambda d: replace(d, primary=flipped(d.primary)),
         "primary camera's distortion",
     ),
     "distortion sign, secondary": (
-        lambda d: with_changed(d, ("secondary",), flipped),
+        lambda d: replace(d, secondary=flipped(d.secondary)),
         "secondary camera's distortion",
     ),
     "K of half the image": (
-        lambda d: with_changed(d, ("primary",), partial(scaled, factor=0.5)),
+        lambda d: replace(d, primary=scaled(d.primary, 0.5)),
         "primary camera's lens",
     ),
     "K of twice the image": (
-        lambda d: with_changed(d, ("secondary",), partial(scaled, factor=2.0)),
+        lambda d: replace(d, secondary=scaled(d.secondary, 2.0)),
         "secondary camera's matrix K",
     ),
 }

@@ -31,10 +31,10 @@ from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.workflow import Run
+from tests.rigs.mistakes import Change
 from tests.rigs.pair_mistakes import MISTAKES as OF_PAIRS
 from tests.rigs.pair_mistakes import Mistake
 from tests.rigs.spoiled_rigs import MISTAKES as MADE
-from tests.rigs.spoiled_rigs import Change
 
 MOST_BASELINE = 0.02
 OF_RIGS: Mapping[str, Change] = {

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.network.baseline import with_baseline_found
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray

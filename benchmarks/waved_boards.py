@@ -21,7 +21,7 @@ from benchmarks.quarters import FIGURES, METHODS
 from benchmarks.studies import run_studies
 from stereocal.intrinsics.stereo_boards import found_of
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.network.baseline import with_baseline_found
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.rigid_object import BoardPattern

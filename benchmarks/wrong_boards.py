@@ -25,7 +25,7 @@ from benchmarks.said import MOST, Said, error_of_files, in_words, judged
 from benchmarks.said import said_of as said_of_dataset
 from benchmarks.studies import parser_of
 from stereocal.intrinsics.stereo_boards import found_of
-from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.network.baseline import with_baseline_found
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.workflow import Run

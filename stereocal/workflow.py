@@ -31,15 +31,16 @@ from stereocal.calibration.montecarlo import (
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
-from stereocal.refined.best_reading import check_inputs
-from stereocal.refined.diagnosis import (
+from stereocal.network.baseline import with_baseline_found
+from stereocal.network.likely_cause import (
     claimed_offset,
     explain_failure,
     frames_to_judge,
     offer_time_offset,
     warnings_about_fit,
 )
-from stereocal.refined.free_baseline import note_on_free_baseline, with_baseline_found
+from stereocal.network.wrong_inputs import as_in_step, check_inputs
+from stereocal.refined.free_baseline import note_on_free_baseline
 from stereocal.refined.misfit import Misfit, misfit_of
 from stereocal.refined.misplaced_target import misplaced_target
 from stereocal.refined.refine import RefinedResult, refine
@@ -51,6 +52,7 @@ from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import RefineSettings, check_stated
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.parameters import ForecastEntries, RigParameters
+from stereocal.rig.recording import Recording
 from stereocal.system.array_types import IntArray
 from stereocal.system.latest import is_made, step
 from stereocal.system.tasks import Progress
@@ -139,7 +141,9 @@ class Run:
             raise StereocalError(f"{error} {left_out_line(screening)}".rstrip()) from error
         reconstruction = reconstruction_problem(chosen, settings.known_points)
         warnings = [
-            *filter(None, [note_on_free_baseline(chosen), note_on_ways_round(chosen)]),
+            *filter(
+                None, [note_on_free_baseline(chosen), note_on_ways_round(Recording.of_pair(chosen))]
+            ),
             *checks.warnings_about(chosen),
             *checks.warnings_about_copies(dataset),
         ]
@@ -147,7 +151,9 @@ class Run:
         start = _essential(chosen, settings, reconstruction, screening)
         offset = claimed_offset(screening)
         offer = offer_time_offset(offset)
-        warnings += check_inputs(frames_to_judge(chosen, screening), out_of_step=bool(offer))
+        warnings += check_inputs(
+            as_in_step(frames_to_judge(chosen, screening)), out_of_step=bool(offer)
+        )
         of_searches = settings.search, settings.known_points, self.trace, self.progress
         found = two_searches(chosen, start.pose, *of_searches)
         results = dict(zip(METHODS, [start, *found], strict=True))

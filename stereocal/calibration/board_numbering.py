@@ -14,7 +14,6 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from stereocal.errors import StereocalError
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray, IntArray
@@ -128,19 +127,19 @@ def _message(board: BoardPattern, fitting: Mapping[str, int], all_cameras: bool)
     )
 
 
-def run_counter_clockwise(dataset: Dataset) -> bool:
-    """Whether the corners of a board, columns to rows, run counter-clockwise in both cameras."""
-    if dataset.board is None:
+def run_counter_clockwise(recording: Recording) -> bool:
+    """Whether the corners of a board, columns to rows, run counter-clockwise in all cameras."""
+    board, images = recording.object.board, board_images(recording)
+    if board is None or len(images) < len(recording.cameras):
         return False
-    columns = dataset.board.columns
-    images = board_images(Recording.of_pair(dataset)).values()
-    shares = [np.mean([image.is_clockwise(columns) for image in own]) for own in images]
-    return len(shares) == 2 and bool(max(shares) < 1.0 - ONE_WAY)
+    own = images.values()
+    shares = [np.mean([image.is_clockwise(board.columns) for image in each]) for each in own]
+    return bool(max(shares) < 1.0 - ONE_WAY)
 
 
-def note_on_ways_round(dataset: Dataset) -> str:
+def note_on_ways_round(recording: Recording) -> str:
     """What it may mean that the corners of a board run counter-clockwise; empty if they do not."""
-    if not run_counter_clockwise(dataset):
+    if not run_counter_clockwise(recording):
         return ""
     return (
         "The corners of the board run counter-clockwise in both cameras, rows after columns: they "

@@ -3,33 +3,26 @@
 The fit of a reading is measured by two quantities that do not depend on the scale: the median
 reprojection error, and the spread of the bar lengths about their median. Both can be better by
 chance: of lenses of 9 degrees the essential matrix hardly fixes the lengths. So these readings only
-are suspects; `refined.best_reading` judges them, with all the images and lengths in one fit.
+are suspects; `network.judge` judges them, with all the images and lengths in one fit.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from stereocal.calibration.corrections import (
-    Given,
-    cameras_of,
-    fitting_px,
-    scaled,
-    whose,
-    with_changed,
-)
+from stereocal.calibration.corrections import fitting_px, scaled, with_changed
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.calibration.readings import Group, Reading
+from stereocal.calibration.readings import Group, Reading, Row, Way
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import one_file_in_words
+from stereocal.rig.camera import CAMERAS, one_file_in_words
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
-from stereocal.rig.recording import Recording
+from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 
@@ -111,28 +104,26 @@ def pose_fit(dataset: Dataset, pose: Pose) -> PoseFit:
     return PoseFit(float(np.nanmedian(px)), spread, float(np.exp(median)), free, pose)
 
 
-def suspects(
-    shown: Dataset, readings: Iterable[Reading[Given]], seen: Callable[[Given], Dataset]
-) -> list[Reading[Given]]:
-    """The readings that seem to fit better; all of them where the points do not fit as they are
-    given.
-
-    Args:
-        shown: two cameras, by which the readings are judged.
-        seen: these two, of corrected data.
-    """
-    found: list[Reading[Given]] = []
-    if len(shown.correspondences.bars) < MINIMUM_BARS:
-        return found
-    nominal = essential_fit(shown)
-    if not (nominal.px < fitting_px(shown) and nominal.spread < LENGTH_TOLERANCE):
-        return list(readings)
+def suspects(recording: Recording, readings: Iterable[Reading]) -> list[Reading]:
+    """The readings that seem to fit better before the two cameras of their group; all of them where
+    the points do not fit as they are given."""
+    found, as_given = list[Reading](), dict[CameraPair, PoseFit | None]()
     for reading in readings:
-        if reading.is_likely:
+        pair, likely = reading.group.pair, reading.way.is_likely
+        if pair not in as_given:
+            shown = recording.pair(*pair)
+            enough = len(shown.correspondences.bars) >= MINIMUM_BARS
+            as_given[pair] = essential_fit(shown) if enough else None
+        if (nominal := as_given[pair]) is None:
+            continue
+        if likely or not (
+            nominal.px < fitting_px(recording.cameras.values())
+            and nominal.spread < LENGTH_TOLERANCE
+        ):
             found.append(reading)
             continue
         with suppress(StereocalError):
-            gains = _gains(nominal, essential_fit(seen(reading.corrected())))
+            gains = _gains(nominal, essential_fit(reading.way.corrected().pair(*pair)))
             if min(gains) > 1.0 and max(gains) > POSSIBLE_GAIN:
                 found.append(reading)
     return found
@@ -145,27 +136,63 @@ def _gains(nominal: PoseFit, reading: PoseFit) -> tuple[float, float]:
     return nominal.px / max(reading.px, 1e-9), nominal.spread / max(reading.spread, 1e-9)
 
 
-def scaled_readings(data: Given, groups: Sequence[Group]) -> Iterator[Reading[Given]]:
-    """Another focal length, or size of the images, of the cameras of each group, at its best
-    factor."""
-    for of_size, group in product((False, True), groups):
-        camera = cameras_of(group.shown)[group.roles[0]]
-        if of_size and camera.size_factor is not None:
-            continue  # K contradicts the image size: a reading of its own
-        focal = FOCAL_RANGE * camera.image_size[0] / camera.K[0, 0]
-        shown = partial(_rescaled, group.shown, group.roles, of_size)
-        best = _best_factor(shown, SIZE_FACTORS if of_size else focal)
-        if best is None or (of_size and abs(np.exp(best) - 1.0) < SMALLEST_RESIZE):
-            continue
-        message = _size_message if of_size else _focal_message
-        claim, remedy = message(data, group.names, float(np.exp(best)))
-        corrected = partial(_rescaled, data, group.names, of_size, best)
-        yield Reading(claim, remedy, corrected, group.names, is_estimated=True)
+def _of_another_lens(recording: Recording, group: Group) -> Iterator[Way]:
+    """Other focal lengths, at the best factor."""
+    cameras = [recording.cameras[name] for name in group.names]
+    focal_px = FOCAL_RANGE * cameras[0].image_size[0]
+    best = _best_factor(recording, group, focal_px / cameras[0].K[0, 0], with_centre=False)
+    if best is not None:
+        stated, fitting = (
+            " and ".join(f"{factor * camera.K[0, 0]:.0f}" for camera in cameras)
+            for factor in (1.0, best)
+        )
+        corrected = partial(_rescaled, recording, group.names, best, with_centre=False)
+        yield Way(corrected, {"stated": stated, "fitting": fitting})
 
 
-def _rescaled(data: Given, names: Sequence[str], of_size: bool, log_factor: float) -> Given:
-    change = partial(scaled, factor=float(np.exp(log_factor)), with_centre=of_size)
-    return with_changed(data, names, change)
+def _of_another_size(recording: Recording, group: Group) -> Iterator[Way]:
+    """Images of another size, at the best factor."""
+    camera = recording.cameras[group.names[0]]
+    if camera.size_factor is not None:
+        return  # K contradicts the image size: a reading of its own
+    best = _best_factor(recording, group, SIZE_FACTORS, with_centre=True)
+    if best is not None and abs(best - 1.0) >= SMALLEST_RESIZE:
+        width, height = camera.image_size
+        values = {
+            "about": f"{width * best:.0f}x{height * best:.0f}",
+            "times": f"{rounded(best)}",
+            "size": f"{width}x{height}",
+        }
+        yield Way(partial(_rescaled, recording, group.names, best, with_centre=True), values)
+
+
+def _rescaled(
+    recording: Recording, names: Iterable[str], factor: float, with_centre: bool
+) -> Recording:
+    return with_changed(recording, names, partial(scaled, factor=factor, with_centre=with_centre))
+
+
+SCALED = (
+    Row(
+        "The {whose} lens cannot have the stated focal length of {stated} px; about {fitting} px "
+        "would fit",
+        "Calibrate it again, or check whether the file belongs to this camera, lens and image "
+        "size.",
+        "each and all",
+        _of_another_lens,
+        is_estimated=True,
+    ),
+    Row(
+        "The {whose} points seem to be measured in images of about {about} px, {times} times the "
+        "size in the camera file, {size} px",
+        "Give the points in pixels of the images that the lens was calibrated for, or the camera "
+        "file for the images in which they were measured.",
+        "each and all",
+        _of_another_size,
+        "centres that are in the middle of the image",
+        is_estimated=True,
+    ),
+)
 
 
 def inconsistency_message(dataset: Dataset, nominal: PoseFit | None = None) -> str:
@@ -184,37 +211,6 @@ def inconsistency_message(dataset: Dataset, nominal: PoseFit | None = None) -> s
         "cannot all be right, and these frames cannot tell which is wrong. State the uncertainty "
         "of each, and check both camera files: focal lengths, image size, signs of the distortion; "
         "and, if the bar moved, that both cameras exposed at the same moment."
-    )
-
-
-def _size_message(
-    data: Dataset | Recording, names: Sequence[str], factor: float
-) -> tuple[str, str]:
-    width, height = cameras_of(data)[names[0]].image_size
-    return (
-        f"The {whose(data, names)} points seem to be measured in images of about "
-        f"{width * factor:.0f}x{height * factor:.0f} px, {rounded(factor)} times the size in the "
-        f"camera file, {width}x{height} px",
-        "Give the points in pixels of the images that the lens was calibrated for, or the camera "
-        "file for the images in which they were measured.",
-    )
-
-
-def _focal_message(
-    data: Dataset | Recording, names: Sequence[str], factor: float
-) -> tuple[str, str]:
-    cameras = [cameras_of(data)[name] for name in names]
-    stated, fitting = (
-        " and ".join(f"{scale * camera.K[0, 0]:.0f}" for camera in cameras)
-        for scale in (1.0, factor)
-    )
-    remedy = (
-        "Calibrate it again, or check whether the file belongs to this camera, lens and image size."
-    )
-    return (
-        f"The {whose(data, names)} lens cannot have the stated focal length of {stated} px; "
-        f"about {fitting} px would fit",
-        remedy,
     )
 
 
@@ -240,15 +236,24 @@ def _lengths_message(dataset: Dataset, scale: float) -> str:
     )
 
 
-def _best_factor(corrected: Callable[[float], Dataset], factors: FloatArray) -> float | None:
-    """The logarithm of the factor with the best fit of images and lengths; None if none fits.
+def _best_factor(
+    recording: Recording, group: Group, factors: FloatArray, with_centre: bool
+) -> float | None:
+    """The factor of the cameras' matrices with the best fit of images and lengths; None if none
+    fits.
 
     A wrong scale counts like a spread of the lengths.
     """
+    shown = recording.pair(*group.pair)
+    roles = CAMERAS[-1:] if len(group.names) == 1 else CAMERAS
 
     def cost(log_factor: float) -> float:
+        factor = float(np.exp(log_factor))
         try:
-            found = essential_fit(corrected(log_factor))
+            cameras: dict[str, Any] = {
+                role: scaled(getattr(shown, role), factor, with_centre) for role in roles
+            }
+            found = essential_fit(replace(shown, **cameras))
         except StereocalError:
             return NO_FIT_COST
         if not np.isfinite(found.px):
@@ -263,4 +268,4 @@ def _best_factor(corrected: Callable[[float], Dataset], factors: FloatArray) -> 
     at, step = int(np.argmin(values)), tried[1] - tried[0]
     bounds = tried[at] - step, tried[at] + step
     best = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-3})
-    return float(best.x)
+    return float(np.exp(best.x))

@@ -24,7 +24,7 @@ from stereocal.formats.dataset_description import FREE
 from stereocal.formats.dataset_files import pack_dataset, pack_recording
 from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
 from stereocal.formats.point_layouts import LAYOUTS
-from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.network.baseline import with_baseline_found
 from stereocal.rig.dataset import Dataset
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import POSSIBLE_M, rounded

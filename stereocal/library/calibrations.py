@@ -23,12 +23,12 @@ from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.evaluation_files import Evaluation, unique_names
 from stereocal.formats.exchange.exchange import export
 from stereocal.library.drawing import draw, of_figures
+from stereocal.network.baseline import with_baseline_found
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.to_calibrate import in_step, pair_to_calibrate
-from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import LensModel

@@ -258,7 +258,7 @@ class _Both:
         found, px = how_counted(self.rig, whole, lambda tried: self.misfit(self.placed(tried)))
         if not whole:
             return found, []
-        if px > fitting_px(self.rig):
+        if px > fitting_px((self.rig.primary, self.rig.secondary)):
             if min(len(np.unique(each)) for each in (self.frames, self.times)) < FEWEST:
                 return found, [
                     f"the calibrated recording was counted {abs(whole)} frames apart; these frames "
@@ -295,7 +295,10 @@ class _Both:
         errors, frames, drifts = np.array(tries).T
         best, at = int(errors.argmin()), frames + drifts * np.median(self.times)
         other = errors[np.abs(at - at[best]) > APART].min(initial=np.inf)
-        if errors[best] <= fitting_px(self.rig) and STANDS_OUT * errors[best] < other < np.inf:
+        if (
+            errors[best] <= fitting_px((self.rig.primary, self.rig.secondary))
+            and STANDS_OUT * errors[best] < other < np.inf
+        ):
             return MeasuredOffset(float(frames[best]), float(drifts[best]))
         return None
 

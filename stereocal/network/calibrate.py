@@ -10,6 +10,7 @@ from stereocal.calibration.board_numbering import check_numbering
 from stereocal.calibration.checks import refuse_same_points
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
+from stereocal.network.baseline import with_baseline_found
 from stereocal.network.diagnosis import camera_warnings, moved_in_words, refuse_poor_fit
 from stereocal.network.fit import RigSettings
 from stereocal.network.free_distortion import better_held_out, lenses_with_distortion
@@ -28,7 +29,6 @@ from stereocal.network.pairs import (
 from stereocal.network.result import RigCalibration
 from stereocal.network.screening import rows_of, wrong_images
 from stereocal.network.wrong_inputs import check_inputs, contradicting_lengths, find_wrong_input
-from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.movement import MovedError, movement
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened
@@ -73,7 +73,7 @@ def calibrate_rig(
     disagree = {name for pair in rig.pairs.failed for name in pair} & {*rig.unreached}
     if disagree and (wrong := find_wrong_input(recording)):
         raise StereocalError(wrong)
-    possible = check_inputs(rig.fit, [*rig.pairs.fits.values()])
+    possible = check_inputs(rig.fit.recording, rig.fit, [*rig.pairs.fits.values()])
     told = [*possible, *rig.warnings, rig.moved, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, told)), sha256=recording.sha256)
 

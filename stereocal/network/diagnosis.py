@@ -8,10 +8,10 @@ import numpy as np
 from stereocal.calibration.methods import POOR_LENGTH
 from stereocal.errors import StereocalError
 from stereocal.network.fit import RigFit, RigSettings
+from stereocal.network.judge import CONTRADICTED
+from stereocal.network.likely_cause import heads_in_words
 from stereocal.network.pairs import MOST_NOISE
 from stereocal.network.result import RigCalibration
-from stereocal.refined.diagnosis import heads_in_words
-from stereocal.refined.judge import CONTRADICTED
 from stereocal.refined.movement import Movement
 from stereocal.refined.small_steps import lens_places
 from stereocal.refined.stated_inputs import moved_length

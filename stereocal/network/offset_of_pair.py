@@ -355,7 +355,7 @@ def _two_best(searches: Sequence[_Search]) -> tuple[_Candidate, _Candidate]:
     least = RIVAL * best.evidence if best.evidence > ENOUGH else -np.inf
     rival = _best(each for each in others if each.evidence > least)
     stated = searches[0].stated
-    if best.px > fitting_px(searches[0].recording):
+    if best.px > fitting_px(searches[0].recording.cameras.values()):
         raise StereocalError(
             f"at no offset do their points fit together; at the best, {stated(best.offset)} "
             f"frames, they lie {rounded(best.px)} px from their epipolar lines. Check that both "

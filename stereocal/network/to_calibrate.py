@@ -1,8 +1,8 @@
 """What is found of a recording before it is calibrated: where each camera's count of frames began,
 and a baseline that was not measured."""
 
+from stereocal.network.baseline import with_baseline_found
 from stereocal.network.started_by_hand import bring_into_step
-from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
 

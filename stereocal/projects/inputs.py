@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.network.baseline import with_baseline_found
 from stereocal.rig.camera import Camera, CameraName, LensUncertainty
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.dataset import Dataset

@@ -1,1 +1,1 @@
-"""Method 4 (`stereocal.refined.refine`), and the screening and diagnosis that are based on it."""
+"""Method 4 (`stereocal.refined.refine`), and the screening that is based on it."""

@@ -8,44 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereocal.calibration.board_numbering import check_numbering
-from stereocal.calibration.corrections import fewer_corners
-from stereocal.calibration.wrong_inputs import MINIMUM_BARS
 from stereocal.errors import StereocalError
-from stereocal.refined.diagnosis import explain_failure
-from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.refine import robust_start
-from stereocal.refined.screening import unscreened
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import word_of
-from stereocal.rig.recording import Recording
 from stereocal.system.numbers import rounded
 
 FEWEST_BARS = 5
-
-
-def with_baseline_found(dataset: Dataset) -> Dataset:
-    """The data set with a free baseline set to the refined method's value; with one that was
-    measured or is found already, unchanged.
-
-    Raises:
-        StereocalError: the points and lengths do not give it.
-    """
-    if not dataset.baseline_is_to_be_found:
-        return dataset
-    check_numbering(Recording.of_pair(dataset))
-    rough = dataset
-    try:
-        rough = with_rough_baseline(dataset)
-        fit, _ = with_offset_if_out_of_step(rough, RefineSettings(), also_failing=False)
-        return replace(dataset, baseline_m=fit.pose.baseline, baseline_found=True)
-    except StereocalError as error:
-        if len(dataset.correspondences.bars) < MINIMUM_BARS:
-            raise
-        # The cause is named, as where the baseline was measured.
-        few = fewer_corners(rough)
-        raise StereocalError(explain_failure(few, unscreened(few), f"{error} ")) from error
 
 
 def with_rough_baseline(dataset: Dataset) -> Dataset:

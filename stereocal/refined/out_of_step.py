@@ -174,4 +174,4 @@ def _counted(fit: RefinedResult) -> str:
     whole, rest = fit.time_offset.split()
     if not whole or abs(rest.frames) > WHOLE + COUNTED * rest.sigma:
         return ""
-    return f" {'. '.join(counted_apart(fit.frames, whole))}"
+    return f" {counted_apart(fit.frames, whole)}"

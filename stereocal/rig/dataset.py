@@ -57,7 +57,7 @@ class Dataset(TableAnswer):
     step_notes: tuple[str, ...] = ()
     """As of `Recording`."""
     baseline_found: bool = True
-    """Whether a free baseline is found already (`free_baseline.with_baseline_found`)."""
+    """Whether a free baseline is found already (`network.baseline`)."""
 
     def __post_init__(self) -> None:
         check_lengths(

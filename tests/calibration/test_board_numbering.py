@@ -8,7 +8,7 @@ import pytest
 from stereocal.calibration.board_numbering import check_numbering, note_on_ways_round
 from stereocal.calibration.corrections import fewer_corners
 from stereocal.errors import StereocalError
-from stereocal.refined.free_baseline import with_baseline_found
+from stereocal.network.baseline import with_baseline_found
 from stereocal.rig.recording import Recording
 from stereocal.workflow import Run
 from tests.further import further
@@ -47,13 +47,14 @@ def test_mistake_is_named_first(mistake: str, pair: BoardPair) -> None:
 
 def test_sound_numbers_pass_and_other_ways_round_are_told() -> None:
     check_numbering(PAIR.recording)
-    assert not note_on_ways_round(PAIR.dataset)
+    assert not note_on_ways_round(PAIR.recording)
     one, both = (of_points(from_the_right, each) for each in (False, True))
-    mirrored = both(PAIR.dataset, np.random.default_rng(1))
-    check_numbering(Recording.of_pair(mirrored))
+    mirrored = Recording.of_pair(both(PAIR.dataset, np.random.default_rng(1)))
+    check_numbering(mirrored)
     assert "mirrored" in note_on_ways_round(mirrored)
     # One camera alone is no such case.
-    assert not note_on_ways_round(one(PAIR.dataset, np.random.default_rng(1)))
+    alone = Recording.of_pair(one(PAIR.dataset, np.random.default_rng(1)))
+    assert not note_on_ways_round(alone)
 
 
 def test_misnumbered_camera_is_named() -> None:

@@ -1,6 +1,7 @@
 """What was evidently given wrongly is named, and sound data hear nothing."""
 
 import re
+from collections import defaultdict
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -12,14 +13,17 @@ from stereocal.calibration.checks import scale_is_plausible
 from stereocal.calibration.corrections import scaled
 from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import CalibrationSettings
+from stereocal.calibration.readings import words_of
 from stereocal.calibration.wrong_inputs import NO_FIT, pose_fit
 from stereocal.cli import main
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.best_reading import check_inputs, find_wrong_input
+from stereocal.network.judge import TABLE
+from stereocal.network.wrong_inputs import check_inputs, find_wrong_input
 from stereocal.rig.camera import CAMERAS, LensModel
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.recording import Recording
 from stereocal.simulation.nineteen import simulate_nineteen
 from tests.fisheye_rig import recording
 from tests.further import further
@@ -29,6 +33,7 @@ from tests.rigs.mistakes import rig as random_rig
 from tests.rigs.pair_mistakes import MISTAKES
 
 CASES = Path(__file__).parents[1] / "cases"
+PAGE = Path(__file__).parents[2] / "docs" / "wrong_input.md"
 FOUR = np.array([-0.25, 0.1, 0.001, -0.001])
 SOUND = random_rig(3)[1]
 SIDES = ("primary",), ("secondary",), CAMERAS
@@ -61,7 +66,7 @@ def test_the_textbooks_solver_accuses_nobody(solver: Solver) -> None:
 def test_few_bars_cannot_tell() -> None:
     """Nine bars, whatever the cameras: five angles fit too much."""
     wrong = replace(SOUND, primary=flipped(SOUND.primary))
-    assert check_inputs(wrong.of_frames(range(1, 10))) == []
+    assert check_inputs(Recording.of_pair(wrong.of_frames(range(1, 10)))) == []
 
 
 def test_a_lens_that_cannot_be_inverted_is_named_with_its_size() -> None:
@@ -80,7 +85,9 @@ def test_points_of_resized_images_are_named_with_both_sizes(
     """Measured: within 2 % of the true size, and first of the explanations."""
     rows = SOUND.correspondences
     resized = {side: factor * getattr(rows, side) for side in sides}
-    said = find_wrong_input(replace(SOUND, correspondences=replace(rows, **resized)))
+    said = find_wrong_input(
+        Recording.of_pair(replace(SOUND, correspondences=replace(rows, **resized)))
+    )
     whose = f"The {sides[0]} camera's" if len(sides) == 1 else "The cameras'"
     assert said.startswith(f"{whose} points seem to be measured in images of about ")
     width, height = getattr(SOUND, sides[0]).image_size
@@ -112,9 +119,8 @@ def test_a_lens_of_the_other_model_is_named(lens: str, sides: tuple[str, ...]) -
     usual = lens == "usual"
     data = four_coefficients() if usual else recording(float(lens.split()[0]), 0)[0]
     model: LensModel = "fisheye" if usual else "brown"
-    said = find_wrong_input(
-        replace(data, **{side: replace(getattr(data, side), model=model) for side in sides})
-    )
+    lenses = {side: replace(getattr(data, side), model=model) for side in sides}
+    said = find_wrong_input(Recording.of_pair(replace(data, **lenses)))
     whose = f"The {sides[0]} camera's" if len(sides) == 1 else "The cameras'"
     assert f"{whose} four distortion coefficients seem to be of the other" in said
 
@@ -152,7 +158,7 @@ def test_no_sound_set_is_accused(kind: str, noise_px: float | None, number: int)
 def test_an_order_of_words_is_that_of_all_frames() -> None:
     """Of 72, where 60 are enough to judge a reading."""
     mistake = replace(MISTAKES["frames in the order of words"], frames=72)
-    assert "order of words" in find_wrong_input(mistake.data(1))
+    assert "order of words" in find_wrong_input(Recording.of_pair(mistake.data(1)))
 
 
 def test_a_crop_is_no_fisheye() -> None:
@@ -176,6 +182,15 @@ def test_a_mirrored_camera_is_named(
     assert main(["import", *files, *lengths, "--out", str(tmp_path / "set")]) == 0
     assert main(["calibrate", str(tmp_path / "set"), "--out", str(tmp_path / "out")]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_the_table_of_the_documentation_is_that_of_the_readings() -> None:
+    lines = []
+    for row in TABLE:
+        words = words_of(CAMERAS if row.of in ("all", "two") else CAMERAS[1:], CAMERAS)
+        claim = row.claim.format_map(defaultdict(lambda: "N", words | {"whose": "camera's"}))
+        lines.append(f"| {claim} | {row.of} | {row.where} |\n")
+    assert "".join(lines) in PAGE.read_text()
 
 
 def test_bars_whose_ends_are_at_one_place_end_in_no_warning() -> None:

@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
 from stereocal.library.calibrations import calibrate
+from stereocal.network.baseline import with_baseline_found
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.network.rig_file import rig_file
 from stereocal.refined import out_of_step
-from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.parameter_file import of_file
 from stereocal.refined.small_steps import step_between
 from stereocal.refined.views import EACH, TRANSLATION, fit_points

@@ -8,11 +8,11 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import camera_table
+from stereocal.network.baseline import with_baseline_found
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.in_words import rig_sentence
 from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.parameter_file import of_file
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings

@@ -13,9 +13,9 @@ from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.fit import RigSettings
 from stereocal.network.in_words import rig_notes, rig_sentence
+from stereocal.network.judge import fewer_points, noise_of
 from stereocal.network.pair_of_rig import data_of_pair
 from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.network.wrong_inputs import _fewer_points, noise_of_rig
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
@@ -72,7 +72,7 @@ def test_a_sound_rig_of_few_boards_or_of_hidden_ones(
         monkeypatch.setattr(rigs, name, value)
     recording = simulated_rig(np.random.default_rng(boards), 3, boards).recording
     assert calibrate_rig(recording).warnings == ()
-    assert np.isfinite(noise_of_rig(_fewer_points(recording)).px)
+    assert np.isfinite(noise_of(fewer_points(recording)).px)
 
 
 def test_a_sound_chain_is_not_accused_because_a_camera_shares_too_few_bars() -> None:
@@ -88,14 +88,8 @@ def test_a_sound_chain_is_not_accused_because_a_camera_shares_too_few_bars() -> 
         ("3 cameras", "one file for all", "cameras c1 and c2 and c3 have the same lens"),
         *further(
             ("3 cameras", "files exchanged", "camera files of c1 and c2, or their points"),
-            ("3 cameras", "one mirrored", "images of camera c1 seem to be mirrored"),
             ("3 cameras", "K of half size", "camera c1's"),
             ("3 cameras", "ends exchanged", "A and B seem to be exchanged in camera c1"),
-            (
-                "3 cameras",
-                "frames as words",
-                "frames of camera c1 seem to be in the order of words",
-            ),
             (
                 "3 cameras",
                 "frames shifted by one",

@@ -1,11 +1,11 @@
 """The input that is wrong is named, and no sound one accused."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from stereocal.calibration.corrections import with_changed
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.small_steps import lens_places
@@ -111,7 +111,8 @@ def test_a_wrong_distortion_is_named_and_estimated(camera: CameraName) -> None:
     data = rig.dataset(50, 0.2)
     own = getattr(data, camera)
     k1 = 0.25 * np.eye(own.distortion.size)[0]
-    off = with_changed(data, [camera], lambda lens: replace(lens, distortion=lens.distortion + k1))
+    changed: dict[str, Any] = {camera: replace(own, distortion=own.distortion + k1)}
+    off = replace(data, **changed)
     found = compare_inputs(refine(off))
     assert f"{camera} distortion" in [item.key for item in found.inputs if item.accused]
     freed = getattr(found.model, camera).distortion

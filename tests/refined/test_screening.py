@@ -10,7 +10,7 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.wrong_inputs import LENGTH_TOLERANCE, essential_fit
 from stereocal.errors import StereocalError
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.diagnosis import explain_failure
+from stereocal.network.likely_cause import explain_failure
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.correspondences import Correspondences

@@ -10,9 +10,9 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.library.calibrations import calibrate
+from stereocal.network.baseline import with_baseline_found
 from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.refined.disagreement import compare_inputs
-from stereocal.refined.free_baseline import with_baseline_found
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screened
 from stereocal.refined.stated_inputs import far_off

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.cli import main
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.diagnosis import geometry_warning
+from stereocal.network.likely_cause import geometry_warning
 from stereocal.refined.parameter_file import covariance_entry, covariance_of_entry
 from stereocal.refined.screening import screen
 from stereocal.refined.small_steps import (

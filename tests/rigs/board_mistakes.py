@@ -10,21 +10,17 @@ from stereocal.calibration.corrections import scaled
 from stereocal.rig.dataset import Dataset
 from stereocal.system.array_types import FloatArray, IntArray
 from tests.rigs.board_pairs import BoardPair, seen_at
-from tests.rigs.mistakes import (
-    files_exchanged,
-    flipped,
-    from_below,
-    from_the_right,
-    of_lenses,
-    one_file_for_all,
-    zoomed,
-)
+from tests.rigs.mistakes import flipped, from_below, from_the_right
 from tests.rigs.pair_mistakes import (
+    ANOTHER_ZOOM,
+    EXCHANGED,
     OF_FISHEYES,
+    ONE_FILE,
     Change,
     copied,
     lexical,
     moved,
+    of_files,
     of_points,
     reordered,
     slipped,
@@ -144,10 +140,10 @@ MISTAKES: Mapping[str, BoardMistake] = {
     "frames in the order of words": _of_pair(reordered(lexical), "order of words"),
     "frames shifted by one": _of_pair(reordered(slipped), "counted 1 apart"),
     "K at half size": _of_pair(
-        of_lenses(partial(scaled, factor=0.5)), "matrix k", "focal length", *OF_FISHEYES
+        of_files(partial(scaled, factor=0.5)), "matrix k", "focal length", *OF_FISHEYES
     ),
     "a crop": BoardMistake(_of_board(cropped), ("centre", "principal point")),
-    "camera files exchanged": _of_pair(files_exchanged, "exchanged", *OF_FISHEYES),
+    "camera files exchanged": _of_pair(EXCHANGED, "exchanged", *OF_FISHEYES),
     "one camera from below": _of_pair(of_points(from_below), "from below"),
     "both cameras from below": _of_pair(of_points(from_below, True), "from below", "mirrored"),
     "u and v exchanged in one camera": _of_pair(
@@ -160,13 +156,13 @@ MISTAKES: Mapping[str, BoardMistake] = {
         of_points(lambda points, _: 0.75 * points, True), "images of about"
     ),
     "K of both at half size": _of_pair(
-        of_lenses(partial(scaled, factor=0.5), True), "matrix k", "k seems", *OF_FISHEYES
+        of_files(partial(scaled, factor=0.5), True), "matrix k", "k seems", *OF_FISHEYES
     ),
-    "K at twice the size": _of_pair(of_lenses(partial(scaled, factor=2.0)), "matrix k"),
-    "distortion of one camera of the other sign": _of_pair(of_lenses(flipped), "distortion"),
-    "distortion of both of the other sign": _of_pair(of_lenses(flipped, True), "distortion"),
-    "file of another zoom": _of_pair(zoomed(0.5), "focal length"),
-    "one file for both cameras": _of_pair(one_file_for_all, "same lens"),
+    "K at twice the size": _of_pair(of_files(partial(scaled, factor=2.0)), "matrix k"),
+    "distortion of one camera of the other sign": _of_pair(of_files(flipped), "distortion"),
+    "distortion of both of the other sign": _of_pair(of_files(flipped, True), "distortion"),
+    "file of another zoom": _of_pair(ANOTHER_ZOOM, "focal length"),
+    "one file for both cameras": _of_pair(ONE_FILE, "same lens"),
     "frames in no order": _of_pair(unrelated, "cannot tell"),
     "half of the frames copied": _of_pair(partial(copied, share=0.5), "exactly those of"),
 }

@@ -1,12 +1,12 @@
 """The ordinary mistakes of a first hour: exchanged frames, wrong points, wrong lenses."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from stereocal.calibration.corrections import Given, cameras_of, with_changed, with_files
+from stereocal.calibration.corrections import with_changed, with_files
 from stereocal.rig.camera import Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import Recording
@@ -92,41 +92,38 @@ def from_below(points: FloatArray, camera: Camera) -> FloatArray:
     return np.column_stack([points[:, 0], camera.image_size[1] - 1 - points[:, 1]])
 
 
-def one_of(data: Dataset | Recording, rng: np.random.Generator) -> str:
+Change = Callable[[Recording, np.random.Generator], Recording]
+
+
+def one_of(names: Iterable[str], rng: np.random.Generator) -> str:
     """The name of a camera."""
-    names = [*cameras_of(data)]
-    return names[int(rng.integers(len(names)))]
+    every = [*names]
+    return every[int(rng.integers(len(every)))]
 
 
-def of_lenses(
-    change: Callable[[Camera], Camera], every: bool = False
-) -> Callable[[Given, np.random.Generator], Given]:
+def of_lenses(change: Callable[[Camera], Camera], every: bool = False) -> Change:
     """The file of one camera, or of every one, changed."""
-
-    def changed(data: Given, rng: np.random.Generator) -> Given:
-        names = cameras_of(data) if every else [one_of(data, rng)]
-        return with_changed(data, names, change)
-
-    return changed
+    return lambda recording, rng: with_changed(
+        recording, recording.cameras if every else [one_of(recording.cameras, rng)], change
+    )
 
 
-def zoomed(factor: float) -> Callable[[Given, np.random.Generator], Given]:
+def zoomed(factor: float) -> Change:
     """The file of one camera is of a focal length longer by a part of itself."""
     return of_lenses(lambda camera: lens_off_by(camera, factor, (0.0, 0.0)))
 
 
-def files_exchanged(data: Given, rng: np.random.Generator) -> Given:
+def files_exchanged(recording: Recording, rng: np.random.Generator) -> Recording:
     """The files of two cameras beside each other exchanged, with the image sizes where they
     belong."""
-    cameras: Mapping[str, Camera] = cameras_of(data)
-    first = int(rng.integers(len(cameras) - 1))
-    (a, one), (b, two) = [*cameras.items()][first : first + 2]
+    first = int(rng.integers(len(recording.cameras) - 1))
+    (a, one), (b, two) = [*recording.cameras.items()][first : first + 2]
     of_a, of_b = replace(two, image_size=one.image_size), replace(one, image_size=two.image_size)
-    return with_files(data, {a: of_a, b: of_b})
+    return with_files(recording, {a: of_a, b: of_b})
 
 
-def one_file_for_all(data: Given, _: np.random.Generator) -> Given:
+def one_file_for_all(recording: Recording, _: np.random.Generator) -> Recording:
     """The first camera's file for all, with the image sizes where they belong."""
-    cameras: Mapping[str, Camera] = cameras_of(data)
+    cameras = recording.cameras
     first = next(iter(cameras.values()))
-    return with_changed(data, cameras, lambda own: replace(first, image_size=own.image_size))
+    return with_changed(recording, cameras, lambda own: replace(first, image_size=own.image_size))

@@ -12,8 +12,10 @@ from stereocal.calibration.corrections import scaled
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.recording import Recording
 from stereocal.system.array_types import FloatArray
 from tests.rigs.culprits import OFF, accusations_of, sound, waved
+from tests.rigs.mistakes import Change as OfRecording
 from tests.rigs.mistakes import (
     files_exchanged,
     flipped,
@@ -25,8 +27,22 @@ from tests.rigs.mistakes import (
     upside_down,
     zoomed,
 )
+from tests.rigs.spoiled_rigs import ends_exchanged, points_twice
 
 Change = Callable[[Dataset, np.random.Generator], Dataset]
+
+
+def in_pair(change: OfRecording) -> Change:
+    """A mistake of any recording."""
+    return lambda data, rng: change(Recording.of_pair(data), rng).pair(*CAMERAS)
+
+
+def of_files(change: Callable[[Camera], Camera], every: bool = False) -> Change:
+    """The file of one camera, or of both, changed."""
+    return in_pair(of_lenses(change, every))
+
+
+EXCHANGED, ONE_FILE, ANOTHER_ZOOM = map(in_pair, (files_exchanged, one_file_for_all, zoomed(0.5)))
 
 
 def _points(data: Dataset, **changed: FloatArray) -> Dataset:
@@ -37,7 +53,7 @@ def _points(data: Dataset, **changed: FloatArray) -> Dataset:
 def cropped(data: Dataset, rng: np.random.Generator) -> Dataset:
     """The outer columns of one camera cut off, an eighth on each side, of which its file tells
     nothing: only bars that are left."""
-    which = one_of(data, rng)
+    which = one_of(CAMERAS, rng)
     width = getattr(data, which).image_size[0]
     points = getattr(data.correspondences, which) - [width / 8, 0.0]
     kept = (points[:, 0] >= 0) & (points[:, 0] <= 0.75 * width - 1)
@@ -59,7 +75,7 @@ def reordered(order: Callable[[int], list[int]]) -> Change:
     """The frames of one camera in another order, given by their places."""
 
     def change(data: Dataset, rng: np.random.Generator) -> Dataset:
-        rows, which = data.correspondences, one_of(data, rng)
+        rows, which = data.correspondences, one_of(CAMERAS, rng)
         places = np.array(order(len(rows.frames)))
         points = getattr(rows, which).reshape(len(places), -1, 2)
         changed = _points(data, **{which: points[places % len(points)].reshape(-1, 2)})
@@ -80,7 +96,7 @@ def slipped(count: int) -> list[int]:
 
 def copied(data: Dataset, rng: np.random.Generator, share: float = 0.2) -> Dataset:
     """A share of the frames of one camera are others of its frames, saved once more."""
-    which, rows = one_of(data, rng), data.correspondences
+    which, rows = one_of(CAMERAS, rng), data.correspondences
     points = getattr(rows, which).reshape(len(rows.frames), -1, 2).copy()
     count = round(share * len(points))
     order = rng.permutation(len(points))
@@ -99,7 +115,7 @@ def of_points(change: Callable[[FloatArray, Camera], FloatArray], both: bool = F
     def changed(data: Dataset, rng: np.random.Generator) -> Dataset:
         rows, points = data.correspondences, dict[str, FloatArray]()
         lost = np.zeros(len(rows), dtype=bool)
-        for which in CAMERAS if both else [one_of(data, rng)]:
+        for which in CAMERAS if both else [one_of(CAMERAS, rng)]:
             camera = getattr(data, which)
             own = change(getattr(rows, which), camera)
             lost |= ~((own >= 0) & (own <= np.array(camera.image_size) - 1)).all(axis=1)
@@ -138,19 +154,9 @@ def sure(change: Change) -> Change:
     return changed
 
 
-def points_twice(data: Dataset, _: np.random.Generator) -> Dataset:
-    """The primary's points for both cameras."""
-    return _points(data, secondary=data.correspondences.primary.copy())
-
-
-def targets_exchanged(data: Dataset, _: np.random.Generator) -> Dataset:
-    """A and B exchanged in one camera."""
-    return data.with_targets_exchanged(data.correspondences.frames)
-
-
 def moved(data: Dataset, rng: np.random.Generator, degrees: float = 2.0) -> Dataset:
     """One camera turned from the middle on."""
-    which, axis = one_of(data, rng), rng.standard_normal(3)
+    which, axis = one_of(CAMERAS, rng), rng.standard_normal(3)
     turn = np.radians(degrees) * axis / np.linalg.norm(axis)
     return turned_after(data, which, turn, float(np.median(data.correspondences.frames)))
 
@@ -235,8 +241,8 @@ MISTAKES: Mapping[str, Mistake] = {
     "one frame less": Mistake(reordered(slipped), ("counted 1 apart",)),
     "a fifth of the frames copied": Mistake(copied, ("copied",)),
     "half of the frames copied": Mistake(partial(copied, share=0.5), ("copied",)),
-    "camera files exchanged": Mistake(files_exchanged, ("exchanged", *OF_FISHEYES), kinds=UNLIKE),
-    "file of another zoom": Mistake(zoomed(0.5), ("focal length",)),
+    "camera files exchanged": Mistake(EXCHANGED, ("exchanged", *OF_FISHEYES), kinds=UNLIKE),
+    "file of another zoom": Mistake(ANOTHER_ZOOM, ("focal length",)),
     "0.3 frames late": Mistake(None, ("out of step", "same moment")),
     "0.3 frames late, every tenth frame kept": Mistake(None, ("out of step",), every=10),
     "frames in no order": Mistake(unrelated, ("cannot tell",)),
@@ -256,30 +262,30 @@ MISTAKES: Mapping[str, Mistake] = {
         of_points(lambda points, _: points[:, ::-1]), ("u and v",)
     ),
     "K of half the image": Mistake(
-        of_lenses(partial(scaled, factor=0.5)), ("times as large", "matrix K", *OF_FISHEYES, *FOCAL)
+        of_files(partial(scaled, factor=0.5)), ("times as large", "matrix K", *OF_FISHEYES, *FOCAL)
     ),
     "K of twice the image": Mistake(
-        of_lenses(partial(scaled, factor=2.0)), ("times as large", "matrix K", *OF_FISHEYES, *FOCAL)
+        of_files(partial(scaled, factor=2.0)), ("times as large", "matrix K", *OF_FISHEYES, *FOCAL)
     ),
     "K of both of half the image": Mistake(
-        of_lenses(partial(scaled, factor=0.5), True), ("matrix K", "K seems", *OF_FISHEYES)
+        of_files(partial(scaled, factor=0.5), True), ("matrix K", "K seems", *OF_FISHEYES)
     ),
     "distortion of one camera of the other sign": Mistake(
-        of_lenses(flipped), ("distortion", *OF_FISHEYES)
+        of_files(flipped), ("distortion", *OF_FISHEYES)
     ),
     "distortion of both of the other sign": Mistake(
-        of_lenses(flipped, True), ("distortion", *OF_FISHEYES)
+        of_files(flipped, True), ("distortion", *OF_FISHEYES)
     ),
-    "focal length 2 % too long": Mistake(sure(zoomed(0.02)), FOCAL),
+    "focal length 2 % too long": Mistake(sure(in_pair(zoomed(0.02))), FOCAL),
     "baseline 3 % too long": Mistake(sure(lengths(1.03)), ("baseline", "distance")),
     "bar 2 % too long": Mistake(sure(lengths(bar=1.02)), ("baseline", "distance")),
     "baseline in cm": Mistake(lengths(100.0), ("centimetres", "millimetres")),
     "bar in mm": Mistake(lengths(bar=1000.0), ("millimetres",)),
     "one file for both cameras": Mistake(
-        one_file_for_all, ("same lens", *OF_FISHEYES, *FOCAL), kinds=UNLIKE
+        ONE_FILE, ("same lens", *OF_FISHEYES, *FOCAL), kinds=UNLIKE
     ),
-    "the same points in both cameras": Mistake(points_twice, ("same points",), kinds=LIKE),
-    "targets exchanged in one camera": Mistake(targets_exchanged, ("A and B seem",)),
+    "the same points in both cameras": Mistake(in_pair(points_twice), ("same points",), kinds=LIKE),
+    "targets exchanged in one camera": Mistake(in_pair(ends_exchanged), ("A and B seem",)),
     "a camera moved half-way": Mistake(moved, ("moved",)),
     "another bar from half-way on": Mistake(another_bar, ("times as l", "another")),
 }

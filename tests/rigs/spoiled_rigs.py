@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.calibration.corrections import scaled, with_pixels
+from stereocal.calibration.corrections import scaled, with_pixels, with_targets
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
@@ -24,6 +24,7 @@ from stereocal.simulation.rigs import (
 )
 from stereocal.system.array_types import FloatArray
 from tests.rigs.mistakes import (
+    Change,
     files_exchanged,
     flipped,
     from_below,
@@ -154,11 +155,8 @@ def _waved(it: Kind, rng: np.random.Generator) -> Placed:
     return placed
 
 
-Change = Callable[[Recording, np.random.Generator], Recording]
-
-
 def _one(recording: Recording, rng: np.random.Generator) -> int:
-    return [*recording.cameras].index(one_of(recording, rng))
+    return [*recording.cameras].index(one_of(recording.cameras, rng))
 
 
 def _two(recording: Recording, rng: np.random.Generator) -> tuple[str, str]:
@@ -169,7 +167,7 @@ def _two(recording: Recording, rng: np.random.Generator) -> tuple[str, str]:
 
 def of_one(change: Callable[[FloatArray, Camera], FloatArray]) -> Change:
     """The points of one camera changed."""
-    return lambda recording, rng: with_pixels(recording, [one_of(recording, rng)], change)
+    return lambda recording, rng: with_pixels(recording, [one_of(recording.cameras, rng)], change)
 
 
 def of_all(change: Callable[[FloatArray, Camera], FloatArray]) -> Change:
@@ -238,9 +236,8 @@ def in_no_order(frames: list[int], rng: np.random.Generator) -> list[int]:
 
 def ends_exchanged(recording: Recording, rng: np.random.Generator) -> Recording:
     """The targets of one camera in the reverse order."""
-    target, own = recording.target.copy(), recording.camera == _one(recording, rng)
-    target[own] = len(recording.object.names) - 1 - target[own]
-    return replace(recording, target=target)
+    order = np.arange(len(recording.object.names))[::-1]
+    return with_targets(recording, one_of(recording.cameras, rng), order)
 
 
 def object_times(factor: float) -> Change:

@@ -11,7 +11,7 @@ import numpy as np
 from stereocal.calibration.checks import warnings_about_copies
 from stereocal.calibration.wrong_inputs import essential_fit, inconsistency_message
 from stereocal.errors import StereocalError
-from stereocal.refined.best_reading import find_wrong_input, nothing_fits
+from stereocal.network.wrong_inputs import as_in_step, find_wrong_input, nothing_fits
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import (
@@ -70,7 +70,7 @@ def explain_failure(dataset: Dataset, screening: Screening, failure: str = "") -
         return inconsistency_message(dataset, nominal)
     # The residuals of exchanged files may follow the motion by chance.
     if (
-        named := find_wrong_input(dataset, bool(offer))
+        named := find_wrong_input(as_in_step(dataset), bool(offer))
         or offer
         or " ".join(warnings_about_copies(dataset))
     ):
@@ -95,7 +95,7 @@ def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool, offer
     heads = heads_in_words((AT_ORIGIN, fit.pose), CAMERAS) if fit is not None else []
     if poor and not cause:
         nominal = essential_fit(dataset)
-        cause = find_wrong_input(dataset) or nothing_fits(dataset)
+        cause = find_wrong_input(as_in_step(dataset)) or nothing_fits(dataset)
         if not cause and nominal.only_scale_is_wrong:
             cause = inconsistency_message(dataset, nominal)
     return [*filter(None, (failure, screening.together, cause)), *heads]
