@@ -1,4 +1,5 @@
-"""`stereocal calibrate`: the parameter files of a data set, and whether it needs two sets."""
+"""`stereocal calibrate`: the parameter files of two cameras, and whether these need two sets; of
+more cameras one rig."""
 
 import argparse
 import math
@@ -10,22 +11,30 @@ from stereocal.commands.console import Number, Options, with_bar
 from stereocal.commands.options import (
     LENSES_AND_LENGTHS,
     PAIR,
+    PAIRS,
     SEARCH,
-    dataset_from,
+    changed,
     finish,
+    pair_from,
     refine_settings_from,
+    refuse_given,
     settings_from,
 )
-from stereocal.errors import StereocalError
+from stereocal.commands.rig import calibrate_all
+from stereocal.errors import StereocalError, naming
 from stereocal.evaluation.evaluate import MOST_RUNS, EvaluationSettings
 from stereocal.formats.dataset_description import DESCRIPTION
 from stereocal.formats.evaluation_files import validation_in_summary
+from stereocal.formats.inputs import read_input
+from stereocal.network.fit import RigSettings
+from stereocal.network.to_calibrate import in_step
 from stereocal.paper_kit.kit import paper_kit
 from stereocal.refined.parameter_file import standard_errors
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import question_about_units, rig_in_words, word_of
+from stereocal.rig.recording import Recording
 from stereocal.system.executors import engine
 from stereocal.system.numbers import count
 from stereocal.verdict.file_figures import stated_in
@@ -39,6 +48,7 @@ OPTIONS: Options = {
     **SEARCH,
     **LENSES_AND_LENGTHS,
     **PAIR,
+    **PAIRS,
     "--calibration-frames K": "calibrate with K frames drawn at random, test with the others "
     "(default: all)",
     "--known-points": "3D cost: known points (columns x_m, y_m, z_m, or the corners of a board) "
@@ -57,6 +67,10 @@ OPTIONS: Options = {
     "--kit": "also write paper_kit.zip: methods, references, table, data set and parameter files",
 }
 DEFAULTS = {"runs": 100, "free_distortion": ()}
+OF_ALL = ("--pairs", "--baseline-sigma", "--time-offset", "--time-drift", "--lens-model", "--out")
+OF_FRAMES = ("--all-frames", "--put-back", "--leave-out")
+OF_TWO = "is for two cameras: choose them with --pair, as --pair left-right"
+OF_SEARCHES = "is for the paper's two sets: add --pairs, or choose two cameras with --pair"
 
 
 def run(parsed: argparse.Namespace) -> None:
@@ -64,7 +78,12 @@ def run(parsed: argparse.Namespace) -> None:
         raise StereocalError(
             "A paper kit describes the validation of its own run: give --kit or --validation."
         )
-    dataset = dataset_from(parsed, parsed.dataset)
+    recording = read_input(parsed.dataset, parsed.lens_model)
+    if parsed.pair is None and len(recording.cameras) > 2:
+        _all(recording, parsed)
+        return
+    refuse_given(parsed, "is for three cameras and more", "pairs")
+    dataset = pair_from(parsed, parsed.dataset, recording)
     settings = settings_from(parsed, parsed.calibration_frames)
     refuse_unknown_frames(settings, [dataset])
     free = tuple(parsed.free_distortion)
@@ -79,6 +98,24 @@ def run(parsed: argparse.Namespace) -> None:
     notes = (f"Note: {note}" for note in _notes_on(found) if note)
     recommended = f"Recommendation: {found.recommendation.text}"
     finish(parsed.out, files, *_lines_of(found), *notes, recommended)
+
+
+def _all(recording: Recording, parsed: argparse.Namespace) -> None:
+    """Calibrate all cameras as one rig."""
+    for option in changed(parsed, OPTIONS, DEFAULTS):
+        if option not in OF_ALL and (option not in SEARCH or option in OF_FRAMES):
+            raise StereocalError(f"{option} {OF_TWO}.")
+        if option not in OF_ALL and not parsed.pairs:
+            raise StereocalError(f"{option} {OF_SEARCHES}.")
+    with naming(str(parsed.dataset)):
+        recording = in_step(recording)
+    rig = RigSettings(
+        baseline_sigma_m=parsed.baseline_sigma,
+        time_offsets=parsed.time_offset or parsed.time_drift or None,
+        time_drifts=bool(parsed.time_drift),
+    )
+    searches = replace(settings_from(parsed, None), time_offset=False) if parsed.pairs else None
+    calibrate_all(recording, rig, parsed.out, searches)
 
 
 def _lines_of(found: Run) -> list[str]:

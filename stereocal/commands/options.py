@@ -72,6 +72,9 @@ LENSES_AND_LENGTHS: Options = {
 }
 WITH_RIG = "is for two cameras: leave it out with a rig"
 PAIR: Options = {"--pair LEFT-RIGHT": "two cameras of a data set with more than two"}
+PAIRS: Options = {
+    "--pairs": "of every pair also the two sets of the paper, with forecast and threshold"
+}
 BOARD: Options = {
     "--board 18x12": {"required": True, "help": "inner corners, where four squares meet"},
     "--square M": {"required": True, "help": "side of a square, in metres"},
@@ -107,6 +110,20 @@ def refuse_given(parsed: argparse.Namespace, why: str, *names: str) -> None:
     for name in names:
         if getattr(parsed, name) not in (None, False):
             raise StereocalError(f"--{name.replace('_', '-')} {why}.")
+
+
+def changed(
+    parsed: argparse.Namespace, options: Options, defaults: Mapping[str, Any]
+) -> Iterator[str]:
+    """The options of a command that were given another value than their default, as written."""
+    for text, told in options.items():
+        option = text.split()[0]
+        about = told if isinstance(told, Mapping) else {}
+        off = option.startswith("--no-")
+        name = about.get("dest", option.removeprefix("--no-").removeprefix("--").replace("-", "_"))
+        value, usual = getattr(parsed, name), about.get("default", defaults.get(name, off))
+        if option.startswith("--") and value not in (usual, None, off):
+            yield option
 
 
 def answers(parsed: argparse.Namespace) -> dict[str, Any]:
@@ -189,7 +206,11 @@ def with_sigmas(dataset: Dataset, parsed: argparse.Namespace) -> Dataset:
 
 def dataset_from(parsed: argparse.Namespace, path: Path) -> Dataset:
     """A data set, read as the options say."""
-    recording = read_input(path, parsed.lens_model)
+    return pair_from(parsed, path, read_input(path, parsed.lens_model))
+
+
+def pair_from(parsed: argparse.Namespace, path: Path, recording: Recording) -> Dataset:
+    """The data set of two cameras of a recording, as the options say."""
     with naming(str(path)):
         return with_sigmas(pair_to_calibrate(recording, parsed.pair), parsed)
 

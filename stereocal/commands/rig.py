@@ -1,12 +1,13 @@
-"""`stereocal rig`: one rig of three cameras and more."""
+"""`stereocal rig`: one rig of all cameras of a recording, as `calibrate` of three and more."""
 
 import argparse
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.commands.console import Options, with_bar
-from stereocal.commands.options import finish, questions, recording_from
+from stereocal.commands.options import PAIRS, finish, questions, recording_from
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import rig_report
 from stereocal.network.calibrate import calibrate_rig
@@ -16,13 +17,14 @@ from stereocal.network.pair_of_rig import Sets, files_of_sets, refined_set, sets
 from stereocal.network.rig_file import RIG, rig_file
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.recording import Recording
 from stereocal.workflow import Run
 
 OPTIONS: Options = {
     "inputs DATASET...": "a data set with dataset.json of format 2",
     "--out OUT": "folder for the files",
     "--time-offset": "bring the cameras into step; each its offset",
-    "--pairs": "of every pair also the two sets of the paper, with forecast and threshold",
+    **PAIRS,
     "--baseline-sigma S": "of baselines, m",
     **questions("lens_model"),
 }
@@ -35,27 +37,39 @@ FIGURES = (
 """Of the forecast of a pair, in rig.json."""
 
 
-def paper_sets(dataset: Dataset, settings: RefineSettings) -> Sets:
+def paper_sets(searches: CalibrationSettings, dataset: Dataset, settings: RefineSettings) -> Sets:
     """The refined set of a pair of a rig and the paper's two, with the forecast."""
     # The rig has left out the frames that contradict it.
-    found = Run(dataset, CalibrationSettings(all_frames=True), settings)
+    found = Run(dataset, replace(searches, all_frames=True), settings)
     if found.forecast is None:
         raise StereocalError("there is no forecast for it.")
     return found.sets
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Calibrate, write rig.json, report.html and the pairs' files, print the answer."""
     if len(parsed.inputs) > 1 or parsed.inputs[0].suffix == ".json":
         raise StereocalError(
             "A rig is calibrated from its recording, not from the parameter files of its pairs: "
             "give one data set, a folder or a zip with dataset.json of format 2."
         )
     recording = recording_from(parsed, parsed.inputs[0])
-    sigma = parsed.baseline_sigma
-    settings = RigSettings(baseline_sigma_m=sigma, time_offsets=parsed.time_offset or None)
+    settings = RigSettings(
+        baseline_sigma_m=parsed.baseline_sigma, time_offsets=parsed.time_offset or None
+    )
+    searches = CalibrationSettings() if parsed.pairs else None
+    calibrate_all(recording, settings, parsed.out, searches)
+
+
+def calibrate_all(
+    recording: Recording, settings: RigSettings, out: Path, searches: CalibrationSettings | None
+) -> None:
+    """Calibrate, write rig.json, report.html and the pairs' files, print the answer.
+
+    Args:
+        searches: of the paper's two sets of every pair; None: without these.
+    """
     rig = rig_file(with_bar("steps", partial(calibrate_rig, recording, settings)))
-    sets_of = paper_sets if parsed.pairs else refined_set
+    sets_of = refined_set if searches is None else partial(paper_sets, searches)
     sets, notes = with_bar("pairs", partial(sets_of_pairs, recording, rig, sets_of=sets_of))
     of_pairs = {**rig.about.pairs}
     for pair, own in sets.items():
@@ -67,4 +81,4 @@ def run(parsed: argparse.Namespace) -> None:
     files = {RIG: rig.dumps().encode(), "report.html": rig_report(rig, recording.name).encode()}
     files |= files_of_sets(sets)
     sentences = filter(None, (rig_sentence(rig), loops_sentence(rig)))
-    finish(parsed.out, files, *sentences, notes=(*rig_notes(rig), *notes))
+    finish(out, files, *sentences, notes=(*rig_notes(rig), *notes))

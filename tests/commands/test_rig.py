@@ -35,9 +35,15 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_rig_writes_its_files(
     dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["rig", str(dataset), "--out", str(tmp_path)]) == 0
+    assert main(["rig", str(dataset), "--out", str(tmp_path / "rig")]) == 0
+    of_rig = capsys.readouterr().out
+    assert main(["calibrate", str(dataset), "--out", str(tmp_path)]) == 0
     told = capsys.readouterr().out
     assert "One rig of 3 cameras" in told
+    assert told.replace(str(tmp_path), "") == of_rig.replace(str(tmp_path / "rig"), "")
+    for name in ("rig.json", "c1-c2_refined.json"):
+        once, again = (json.loads((at / name).read_text()) for at in (tmp_path, tmp_path / "rig"))
+        assert once | {"created": ""} == again | {"created": ""}
     assert RigFile.load(tmp_path / "rig.json").names == ["c1", "c2", "c3"]
     report = (tmp_path / "report.html").read_text()
     assert "One rig of 3 cameras" in report
@@ -105,6 +111,17 @@ def test_options_without_effect_are_rejected(
     with chdir(tmp_path):
         assert main([*command.split(), *option.split(), "--out", "out"]) == 2
     assert capsys.readouterr().err.startswith(f"stereocal: {option.split()[0]} is for ")
+
+
+@pytest.mark.parametrize("option", ["--runs 3", "--no-refined", "--leave-out 3", "--delta 0.002"])
+def test_options_of_two_cameras_are_rejected_for_more(
+    option: str, dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["calibrate", str(dataset), *option.split(), "--out", str(out)]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"stereocal: {option.split()[0]} is for ") and "--pair" in told
+    assert not out.exists()
 
 
 def test_a_rig_is_written_for_other_programs(dataset: Path, tmp_path: Path) -> None:
