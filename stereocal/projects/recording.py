@@ -28,7 +28,7 @@ OF_RIG, REFINED = "of_rig", "refined_of_rig"
 refined set is the rig's."""
 OBJECT_SIGMA = "object_sigma_m"
 """Setting: how well the lengths of the object are known, m."""
-VERSION = 2
+VERSION = 3
 """The version of what a pair is given; one of another is given again."""
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -133,6 +133,11 @@ class RefineSettings(Settings):
             raise StereocalError("free_distortion names a camera that is not primary or secondary.")
         if self.maximum_steps < 1:
             raise StereocalError("maximum_steps must be at least 1.")
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """As of `Settings`; earlier versions had `rest`, of a pair of a rig: it is made again."""
+        return super().from_json({key: value for key, value in data.items() if key != "rest"})
 
 
 Block = tuple[list[tuple[str, float, list[int]]], FloatArray | None]

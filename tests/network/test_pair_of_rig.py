@@ -47,7 +47,9 @@ def test_the_refined_set_of_a_pair_is_the_rigs(pair: CameraPair) -> None:
     sigmas = np.sqrt(np.diag(stated))
     unit = np.where(sigmas > 0.0, sigmas, 1.0)
     assert own / np.outer(unit, unit) == pytest.approx(stated / np.outer(unit, unit), abs=1e-5)
-    assert found.settings.from_json(found.settings.to_json()) == found.settings
+    kept = found.settings.to_json()
+    assert found.settings.from_json(kept) == found.settings
+    assert found.settings.from_json({**kept, "rest": None}) == found.settings
 
 
 def test_without_some_frames_it_is_that_of_the_other_images() -> None:
