@@ -27,6 +27,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import default_home
+from stereocal.refined.parameter_file import of_file
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.rigs import simulated_rig
 from stereocal.ui.apply_points import CLICKED
@@ -247,7 +248,8 @@ def test_a_pair_opens_by_its_address(project: Project) -> None:
     assert [*found.refined.pose.angles] == pytest.approx([*rig.pose.angles], abs=1e-9)
     assert found.refined.primary.lens_values == pytest.approx(rig.primary.lens_values, rel=1e-9)
     stated = (rig.uncertainties or {})["covariance"]["matrix"]
-    sigmas = np.sqrt(np.diag(found.refined.covariance))[: len(stated)]
+    own = of_file(found.refined.covariance, found.refined.pose)
+    sigmas = np.sqrt(np.diag(own))[: len(stated)]
     assert sigmas == pytest.approx(np.sqrt(np.diag(stated)), rel=1e-4)
 
 
