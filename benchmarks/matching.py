@@ -23,8 +23,8 @@ from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.matching import ANY_DEPTH, match_points
-from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
+from stereocal.matching.settled import Stated
 from stereocal.matching.threshold import choose_threshold
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters

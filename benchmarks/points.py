@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.flock import FlockFrame
 from benchmarks.studies import numbers_asked
 from stereocal.matching.matching import match_points
-from stereocal.matching.reconstruction import reconstruct_points
+from stereocal.matching.reconstruction import midpoints
 from stereocal.matching.threshold import ThresholdChoice, choose_threshold
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
@@ -90,12 +90,10 @@ def outcome(
         good = own == other
         right, total = right + int(good.sum()), total + len(pairs)
         possible += frame.pairs
-        points = reconstruct_points(
-            measuring,
-            frame.primary_px[pairs.primary[good]],
-            frame.secondary_px[pairs.secondary[good]],
-            sigma_px=None if choice.noise is None else choice.noise.sigma_px,
-        )
+        pixels = frame.primary_px[pairs.primary[good]], frame.secondary_px[pairs.secondary[good]]
+        assert choice.noise is not None
+        found = midpoints(measuring, np.stack(pixels, axis=1), choice.noise.sigma_px)
+        points = found.in_frame(None, measuring.volume, with_errors=True)
         assert points.sigma_m is not None
         z.append((points.xyz - frame.places_m[own[good]]) / points.sigma_m)
     return Outcome(choice, right / possible, 1 - right / max(total, 1), np.concatenate(z))

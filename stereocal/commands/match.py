@@ -31,10 +31,10 @@ from stereocal.formats.point_files import PointLayout, read_points
 from stereocal.formats.point_layouts import LAYOUTS, OURS, first_rows, layout_name, propose_layout
 from stereocal.formats.point_text import point_text
 from stereocal.matching.match_tables import match_tables
-from stereocal.matching.matching import ANY_DEPTH, match_points
+from stereocal.matching.matching import ANY_DEPTH
 from stereocal.matching.names import AUTO
-from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable, is_parquet
+from stereocal.matching.settled import Stated
 from stereocal.matching.view_groups import ViewFitter, match_views
 from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
@@ -42,7 +42,6 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import read_whole
 from stereocal.system.numbers import POSSIBLE_M, POSSIBLE_PX
 
-A_POINT = np.zeros((1, 2))
 BY_HAND = "columns"
 COUNTED = "-"
 OPTIONS: Options = {
@@ -101,12 +100,8 @@ def run(parsed: argparse.Namespace) -> None:
     depths = tuple(parsed.depth or ANY_DEPTH)
     stated = Stated(threshold, depths, parsed.sigma_px, parsed.names or AUTO)
     files = partial(match_tables, rig, tables, parsed.out, stated, parsed.unmatched)
-    compile_first = (
-        partial(match_views, ViewFitter(rig), [A_POINT] * len(rig.names), 1.0)
-        if isinstance(rig, RigFile)
-        else partial(match_points, rig, A_POINT, A_POINT, 1.0)
-    )
-    with workers_from(parsed, compile_first) as executor:
+    a_point = [np.zeros((1, 2))] * len(rig.placed)
+    with workers_from(parsed, partial(match_views, ViewFitter(rig), a_point, 1.0)) as executor:
         matched = with_bar("frames", partial(files, executor=executor))
     report(*matched.sentences, notes=matched.notes, written=(parsed.out, parsed.unmatched))
 

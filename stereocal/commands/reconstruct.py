@@ -17,12 +17,11 @@ from stereocal.commands.options import (
 from stereocal.matching.matching import refuse_different_rigs
 from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.point_table import PointTable
-from stereocal.matching.reconstruction import reconstruct_points
 from stereocal.matching.tables_by_camera import pixel_columns
+from stereocal.matching.views import views_of
 from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.parameters import RigParameters
 
-A_POINT = np.zeros((1, 2))
 OPTIONS: Options = {
     "pairs": "pairs.csv or pairs.parquet of match; with --rig its tracks.csv",
     ONE_OF: {
@@ -40,17 +39,12 @@ OPTIONS: Options = {
 
 def run(parsed: argparse.Namespace) -> None:
     rig = _rig(parsed)
-    table = PointTable(parsed.pairs, pixel_columns(rig), may_be_empty=parsed.rig is not None)
+    table = PointTable(parsed.pairs, pixel_columns(rig))
     about = rig, table, parsed.out, world_from(parsed), parsed.sigma_px
-    with workers_from(parsed, partial(_compile, rig)) as executor:
+    a_point = np.zeros((1, len(rig.placed), 2))
+    with workers_from(parsed, partial(views_of(rig).fit, a_point, 1.0)) as executor:
         measured = with_bar("pairs", partial(measure_tables, *about, executor=executor))
     report(*measured.sentences, notes=measured.notes, written=[parsed.out])
-
-
-def _compile(rig: Parameters) -> None:
-    """Compile what worker processes call, which those of a rig do not have."""
-    if isinstance(rig, RigParameters):
-        reconstruct_points(rig, A_POINT, A_POINT)
 
 
 def _rig(parsed: argparse.Namespace) -> Parameters:

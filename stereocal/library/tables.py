@@ -14,14 +14,14 @@ from stereocal.matching.match_tables import match_tables
 from stereocal.matching.matching import ANY_DEPTH
 from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.names import AUTO
-from stereocal.matching.pairs import PAIR_COLUMNS, Stated, further_names
+from stereocal.matching.pairs import PAIR_COLUMNS, further_names
 from stereocal.matching.point_table import PointTable
+from stereocal.matching.settled import Stated
 from stereocal.matching.tables_by_camera import Report, pixel_columns
 from stereocal.matching.trajectories import POINT_COLUMNS
-from stereocal.network.rig_file import RigFile
+from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
-from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras
 from stereocal.system.answers import TableAnswer
 
@@ -86,7 +86,7 @@ class Points(_Table):
 
 
 def match(
-    rig: RigParameters | RigFile,
+    rig: Parameters,
     primary: pd.DataFrame | Mapping[str, pd.DataFrame],
     secondary: pd.DataFrame | None = None,
     threshold_px: float | Literal["auto"] | None = "auto",
@@ -123,8 +123,8 @@ def match(
         which: PointTable(table, label=f"the {which} table") for which, table in tables.items()
     }
     first, last = (tables[name]["frame"] for name in (min(tables), max(tables)))
-    two = isinstance(rig, RigParameters) and len(tables) == 2
-    apart = isinstance(rig, RigParameters) and rig.start_frame and len(first) and len(last)
+    two = len(tables) == len(rig.placed) == 2
+    apart = two and rig.pair(*rig.placed).start_frame and len(first) and len(last)
     if two and not apart and not len(np.intersect1d(first, last)):
         further = further_names(*map(tuple, tables.values()))
         columns = [*PAIR_COLUMNS, *(name for own in further for name in own.values())]
@@ -137,10 +137,7 @@ def match(
 
 
 def reconstruct(
-    rig: RigParameters | RigFile,
-    pairs: pd.DataFrame,
-    world: Pose | None = None,
-    sigma_px: float | None = None,
+    rig: Parameters, pairs: pd.DataFrame, world: Pose | None = None, sigma_px: float | None = None
 ) -> Points:
     """3D points of what `match` returns.
 
@@ -164,8 +161,7 @@ def reconstruct(
         found, report = pd.DataFrame(columns=[*POINT_COLUMNS]), Report(0, ["No points."])
     else:
         rows: list[pd.DataFrame] = []
-        about = pixel_columns(rig), "the table of pairs", isinstance(rig, RigFile)
-        table = PointTable(pd.DataFrame(pairs), *about)
+        table = PointTable(pd.DataFrame(pairs), pixel_columns(rig), "the table of pairs")
         report = measure_tables(rig, table, None, world, sigma_px, passed_on=rows)
         found = pd.concat(rows, ignore_index=True)
     points = Points.of(found, report)

@@ -17,20 +17,21 @@ import pandas as pd
 
 from stereocal.errors import StereocalError
 from stereocal.matching.match_tables import match_tables
-from stereocal.matching.matching import ANY_DEPTH, refuse_different_rigs
+from stereocal.matching.matching import refuse_different_rigs
 from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.names import AUTO, WITHIN
-from stereocal.matching.pairs import PAIR_COLUMNS, Stated
+from stereocal.matching.pairs import PAIR_COLUMNS
 from stereocal.matching.point_table import POINT, SIGMAS, PointTable
 from stereocal.matching.reconstruction import name_of_world
+from stereocal.matching.settled import Stated
 from stereocal.matching.tables_by_camera import pixel_columns
-from stereocal.matching.tracks import CHI_SQUARE, OF_TRACKS
+from stereocal.matching.tracks import OF_TRACKS
 from stereocal.matching.trajectories import OUTSIDE_VOLUME, POINT_COLUMNS, SIGMA_COLUMNS
-from stereocal.network.rig_file import Parameters, RigFile
+from stereocal.matching.views import PAIRS, Views, views_of
+from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
-from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import PlacedCamera, PlacedCameras, Rig, SeveralCameras
 from stereocal.system.csv_text import unquoted, without_apostrophes
@@ -38,14 +39,8 @@ from stereocal.system.numbers import count, rounded
 from stereocal.system.tasks import Progress
 from stereocal.verdict.in_words import listed
 
-PAIRS, TRACKS, POINTS = "pairs.csv", "tracks.csv", "points.csv"
+POINTS = "points.csv"
 STAGES = ("frames matched", "pairs measured")
-SECONDS_PER_FRAME, SECONDS_PER_ROW, SECONDS_PER_PAIR = 3.5e-3, 2.2e-5, 6e-9
-"""CPU time per frame, row and candidate pair: within 10 % of the measured 1.4 s for 400 frames of 3
-points and 11.6 s for 200 frames of 1,000."""
-SECONDS_PER_FRAME_OF_RIG, SECONDS_PER_GROUP = 0.012, 1e-4
-"""The same per frame, and per pair of images of one frame: 60 frames of three cameras and three
-points took 1.4 s."""
 
 
 @dataclass(frozen=True)
@@ -80,39 +75,32 @@ class Application:
         return [each.rows for each in self.points.values()]
 
     @property
-    def matched(self) -> str:
-        """Name of the table of what belongs together."""
-        return TRACKS if isinstance(self.matching, RigFile) else PAIRS
+    def views(self) -> Views:
+        """How the points are matched."""
+        return views_of(self.matching)
 
     @property
     def digest(self) -> str:
         """Digest of the input, independent of dates."""
         stated, world = self.stated, self.world and name_of_world(self.world)
-        content: list[Any]
-        if isinstance(self.matching, RigFile):
-            points = [[camera, each.name] for camera, each in self.points.items()]
-            content = [points, self.matching.digest, world, stated.sigma_px, stated.names]
-        else:
-            content = [
-                [each.name for each in self.points.values()],
-                [self.matching.digest, self.measuring.digest],
-                stated.threshold_px,
-                [repr(depth) for depth in stated.depths_m],
-                ["names", stated.names],
-                *([] if world is None else [world]),
-                *([] if stated.sigma_px is None else [["sigma_px", stated.sigma_px]]),
-            ]
+        cameras = (*self.points,)
+        content = [
+            [each.name for each in self.points.values()],
+            [self.matching.digest, self.measuring.digest],
+            stated.threshold_px,
+            [repr(depth) for depth in stated.depths_m],
+            ["names", stated.names],
+            *([] if cameras == CAMERAS else [cameras]),
+            *([] if world is None else [world]),
+            *([] if stated.sigma_px is None else [["sigma_px", stated.sigma_px]]),
+        ]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     @property
     def used(self) -> dict[str, Any]:
         """As of `Outcome`."""
         labels = {"points": [each.label for each in self.points.values()]}
-        if isinstance(self.matching, RigFile):
-            return {**labels, "rig": self.matching.digest}
-        assert isinstance(self.measuring, RigParameters)
-        sets = {"matching": self.matching, "measuring": self.measuring}
-        return labels | {use: [chosen.method, chosen.digest] for use, chosen in sets.items()}
+        return labels | self.views.used(self.measuring)
 
     @property
     def shown_depths_m(self) -> list[float | None]:
@@ -122,13 +110,9 @@ class Application:
     @property
     def expected_seconds(self) -> float:
         """Estimated time, for frames with about equal numbers of points."""
-        frames = max(each.frames for each in self.points.values())
-        if isinstance(self.matching, RigFile):
-            groups = sum(self.rows) ** 2 / max(frames, 1)
-            return SECONDS_PER_FRAME_OF_RIG * frames + SECONDS_PER_GROUP * groups
-        pairs = np.prod(self.rows) / max(frames, 1)
-        rows = sum(self.rows)
-        return SECONDS_PER_FRAME * frames + SECONDS_PER_ROW * rows + SECONDS_PER_PAIR * pairs
+        frames, rows = max(each.frames for each in self.points.values()), sum(self.rows)
+        parts = frames, rows, rows**2 / max(frames, 1)
+        return float(np.dot(self.views.SECONDS, parts))
 
 
 @dataclass(frozen=True)
@@ -214,24 +198,21 @@ def apply_sets(
         executor: computes blocks of both tables; None: the calling thread.
     """
     rig, measuring, stated = work.matching, work.measuring, work.stated
-    if isinstance(rig, RigParameters) and isinstance(measuring, RigParameters):
-        refuse_different_rigs(rig, measuring)
+    if rig.digest != measuring.digest:
+        refuse_different_rigs(*(each.pair(*each.placed) for each in (rig, measuring)))
     begin(STAGES[0])
     rows: list[pd.DataFrame] = []
-    out = folder / work.matched
+    table = work.views.TABLE
+    out = folder / table
     matched = match_tables(rig, tables, out, stated, None, progress, executor, passed_on=rows)
     if not matched.found:
-        raise StereocalError(_none_found(work, matched.threshold_px))
+        raise StereocalError(work.views.NONE_FOUND.format(rounded(matched.threshold_px, 3)))
     begin(STAGES[1])
-    is_rig = isinstance(rig, RigFile)
-    columns = pixel_columns(measuring)
     whole = pd.concat(rows, ignore_index=True)
     rows.clear()  # in memory once
-    together = PointTable(whole, columns, work.matched, may_be_empty=is_rig)
-    sigma_px = stated.sigma_px if is_rig else None
-    measured = measure_tables(
-        measuring, together, folder / POINTS, work.world, sigma_px, progress, executor
-    )
+    together = PointTable(whole, pixel_columns(measuring), table)
+    about = work.world, matched.sigma_px, progress, executor
+    measured = measure_tables(measuring, together, folder / POINTS, *about)
     return Outcome(
         digest=work.digest,
         threshold_px=matched.threshold_px,
@@ -245,37 +226,16 @@ def apply_sets(
         used=work.used,
         sigma_px=stated.sigma_px,
         names=stated.names,
-        matched=work.matched,
+        matched=table,
         cameras=[*work.points],
-    )
-
-
-def _none_found(work: Application, threshold_px: float) -> str:
-    if isinstance(work.matching, RigFile):
-        return (
-            "No two points of different cameras belong together: make sure that the points and the "
-            "cameras are not exchanged, and that the points are of the same frames; or state the "
-            "noise of the points, if they are less exact."
-        )
-    return (
-        f"No pair of points has an error of {rounded(threshold_px, 3)} px or less: "
-        "raise the threshold, or make sure that points, parameters and the two cameras "
-        "(primary, secondary) belong together."
     )
 
 
 def _made_with(work: Application, threshold_px: float) -> str:
     labels = listed([each.label for each in work.points.values()])
     frame = "" if work.world is None else f", in the world frame {name_of_world(work.world)}"
-    if isinstance(work.matching, RigFile) or isinstance(work.measuring, RigFile):
-        return f"{labels}; the rig of the cameras {listed(list(work.matching.placed))}{frame}."
-    near, far = work.stated.depths_m
-    depths = "" if (near, far) == ANY_DEPTH else f", depths from {near:g} to {far:g} m"
-    return (
-        f"{labels}; matched with the {work.matching.set_name}, threshold "
-        f"{rounded(threshold_px, 4)} px{depths}; measured with the {work.measuring.set_name}"
-        f"{frame}."
-    )
+    sets = work.views.in_words(work.measuring, threshold_px, work.stated)
+    return f"{labels}; {sets}{frame}."
 
 
 def _measured_with(work: Application) -> dict[str, Any]:
@@ -312,7 +272,7 @@ def read_result(content: bytes) -> pd.DataFrame:
     """
     names = pd.read_csv(io.BytesIO(content), nrows=0).columns
     own = {"frame", *POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, WITHIN, *PAIR_COLUMNS}
-    own |= {*OF_TRACKS, CHI_SQUARE, *SIGMAS}
+    own |= {*OF_TRACKS, *SIGMAS}
     texts = [name for name in names if name not in own and name[:2] not in ("u_", "v_")]
     table = pd.read_csv(
         io.BytesIO(content), dtype=dict.fromkeys(texts, str), keep_default_na=False, na_values=[""]

@@ -10,20 +10,18 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.special import chdtri
 
 from stereocal.matching.in_step import points_in_step
-from stereocal.matching.pairs import PairMatching, Stated, sample_frames
 from stereocal.matching.point_table import POINT
-from stereocal.matching.reconstruction import Points3D, errors_of_pairs
-from stereocal.matching.tracks import noise_of_tracks
+from stereocal.matching.reconstruction import Measured, Points3D
+from stereocal.matching.settled import Settled, Stated
 from stereocal.matching.trajectories import TRACK
-from stereocal.matching.view_groups import LOST, Measured, ViewFitter
-from stereocal.network.rig_file import Parameters, RigFile
+from stereocal.matching.views import points_of_names, views_of
+from stereocal.network.rig_file import Parameters
 from stereocal.refined.small_steps import FACTOR
 from stereocal.rig.epipolar_curve import epipolar_curve
 from stereocal.rig.geometry import Pose
-from stereocal.system.array_types import FloatArray, IntArray
+from stereocal.system.array_types import FloatArray
 from stereocal.system.names import check_name
 from stereocal.system.numbers import rounded, with_error
 
@@ -144,15 +142,6 @@ class Length(NamedTuple):
         return f"{with_error(self.metres, self.sigma_m)} m"
 
 
-class Settled(NamedTuple):
-    """What is settled before points are measured."""
-
-    sigma_px: float
-    """The noise of the clicks."""
-    threshold_px: float = 0.0
-    """Of two cameras; of more, the noise decides."""
-
-
 @dataclass(frozen=True, eq=False)
 class ClickMeasure:
     """The parameters that match and measure, what is stated, and the world frame."""
@@ -165,27 +154,16 @@ class ClickMeasure:
 
     def settled(self, clicks: Clicks) -> Settled:
         """The noise and the threshold, as of the tables."""
-        rig, stated_px = self.matching, self.stated.sigma_px
-        usual = Settled(stated_px or CLICK_PX)
-        if isinstance(rig, RigFile):
-            found = self.measured(clicks, usual)
-            noise = noise_of_tracks(rig, found.views, found.fits.chi_square, stated_px)
-            return Settled(noise.sigma_px) if noise.source == "estimated" else usual
-        first, second = self._in_step(clicks)[0].values()
-        sample, distinct = sample_frames(first, second), [first[[TRACK]], second[[TRACK]]]
-        chosen = PairMatching.settled(rig, sample, distinct, self.stated).threshold
-        return Settled((chosen.noise or usual).sigma_px, chosen.threshold_px)
+        usual_px = self.stated.sigma_px or CLICK_PX
+        tables, _ = self._in_step(clicks)
+        return views_of(self.matching).settled_by_hand(tables, self.stated, usual_px)
 
     def measured(self, clicks: Clicks, settled: Settled) -> "MeasuredClicks":
         """What the points measure that two cameras or more have."""
         tables, timing = self._in_step(clicks)
-        rows = pd.concat([table.assign(camera=camera) for camera, table in tables.items()])
-        wide = rows.pivot_table(index=["frame", TRACK], columns="camera", values=[*POINT])
-        columns = [(axis, camera) for camera in self.matching.placed for axis in POINT]
-        pixels = wide.reindex(columns=columns).to_numpy(np.float64).reshape(len(wide), -1, 2)
-        seen = np.isfinite(pixels[..., 0]).sum(axis=1) >= FEWEST
-        places = [Place(track, int(frame)) for frame, track in wide.index[seen]]
-        return MeasuredClicks(self, settled, places, pixels[seen], timing)
+        at, pixels = points_of_names(tables, self.matching.placed)
+        places = [Place(track, int(frame)) for frame, track in at]
+        return MeasuredClicks(self, settled, places, pixels, timing)
 
     def _in_step(self, clicks: Clicks) -> tuple[dict[str, pd.DataFrame], str]:
         """The points of each camera at the instants of the first's frames, and how."""
@@ -225,39 +203,20 @@ class MeasuredClicks:
     timing: str = ""
     """How the points of cameras after the first were brought into step."""
 
-    @property
-    def views(self) -> IntArray:
-        """(n,): the number of cameras that see each point."""
-        return np.asarray(np.isfinite(self.pixels[..., 0]).sum(axis=1))
-
     @cached_property
     def fits(self) -> Measured:
-        """As `reconstruct` has them; of two cameras without chi-squares."""
-        rig, sigma_px = self.how.measuring, self.settled.sigma_px
-        if isinstance(rig, RigFile):
-            fitter = ViewFitter(rig)
-            return fitter.fit(self.pixels, fitter.rays(self.pixels), sigma_px)
-        first, second = self.pixels.swapaxes(0, 1)
-        xyz, error_px = rig.reconstruct(first, second), rig.reprojection_errors(first, second)
-        errors = errors_of_pairs(rig, xyz, sigma_px)
-        return Measured(xyz, error_px.mean(axis=1), errors, np.zeros(len(xyz)))
+        """As `reconstruct` has them."""
+        return views_of(self.how.measuring).fit(self.pixels, self.settled.sigma_px)
 
     @cached_property
     def points(self) -> Points3D:
         """As they are in `points.csv`."""
-        fits, volume = self.fits, self.how.measuring.volume
-        about = fits.xyz, fits.error_px, fits.errors.covariances
-        return Points3D.in_frame(self.how.world, volume, *about)
+        return self.fits.in_frame(self.how.world, self.how.measuring.volume, with_errors=True)
 
     @cached_property
     def errors_px(self) -> tuple[FloatArray, FloatArray]:
         """(n,) each: the reprojection errors, and the largest of clicks of one point."""
-        rig, settled = self.how.matching, self.settled
-        if isinstance(rig, RigFile):
-            limits = settled.sigma_px * np.sqrt(chdtri(2.0 * self.views - 3.0, LOST) / self.views)
-            return np.sqrt(self.fits.chi_square / self.views), limits
-        errors = rig.reprojection_errors(self.pixels[:, 0], self.pixels[:, 1]).mean(axis=1)
-        return errors, np.full(len(errors), settled.threshold_px)
+        return views_of(self.how.matching).errors_px(self.pixels, self.settled)
 
     @cached_property
     def rows(self) -> dict[Place, int]:

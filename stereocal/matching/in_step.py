@@ -18,7 +18,8 @@ from stereocal.errors import StereocalError
 from stereocal.matching.point_table import POINT, PointTable
 from stereocal.matching.trajectories import naming_columns
 from stereocal.network.offset_of_pair import APART, STANDS_OUT
-from stereocal.network.rig_file import Parameters, RigFile
+from stereocal.network.rig_file import Parameters
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.clusters import follow_each_other
 from stereocal.rig.correspondences import PIXELS, TIME
 from stereocal.rig.geometry import sampson
@@ -79,7 +80,7 @@ def points_in_step(
     """
     first, *others = tables
     found, notes = dict(tables), dict[str, list[str]]()
-    called = {name: name if isinstance(rig, RigFile) else f"the {name}" for name in tables}
+    called = {name: f"the {name}" if name in CAMERAS else name for name in tables}
     for name in others:
         pair, points = rig.pair(first, name), tables[name]
         pair = replace(pair, start_frame=0) if numbered_alike else pair

@@ -5,23 +5,21 @@ from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from stereocal.errors import StereocalError
 from stereocal.matching.in_step import tables_in_step
-from stereocal.matching.pairs import PairMatching, Stated
 from stereocal.matching.point_table import PointTable, open_table, together
+from stereocal.matching.settled import Matching, Stated
 from stereocal.matching.tables_by_camera import Frame, Report, TablesByCamera, without_partner
-from stereocal.matching.tracks import TrackMatching
-from stereocal.network.rig_file import Parameters, RigFile
+from stereocal.matching.views import views_of
+from stereocal.network.rig_file import Parameters
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.system.tasks import Progress, Task, run_tasks
 
 LOST_COLUMNS = ("camera", "frame", "u", "v")
 BLOCK_FRAMES, BLOCK_ROWS, AHEAD = 25, 2000, 6
-Matching = PairMatching | TrackMatching
 
 
 def match_tables(
@@ -58,22 +56,15 @@ def match_tables(
     in_step, timing = tables_in_step(rig, tables)
     if timing:
         given = TablesByCamera.checked(in_step, rig, stated.names)
-    matching: Matching
-    columns: list[str] | None = None  # those of the first pairs
-    if isinstance(rig, RigFile):
-        matching = TrackMatching.of_tables(rig, given, stated)
-        columns = matching.columns
-    else:
-        matching = PairMatching.of_tables(rig, given, stated)
-    lonely_of = None if unmatched is None else tuple(tables)
+    matching = views_of(rig).settled(given, stated)
     tasks = (
-        Task(_match_block, (matching, block, lonely_of), len(block))
+        Task(_match_block, (matching, block, unmatched is not None), len(block))
         for block in _blocks(given.side_by_side())
     )
     matched = run_tasks(tasks, executor, len(given.frames), progress, ahead=AHEAD)
-    tallies: list[Any] = []
+    told = list[pd.DataFrame]()
     with ExitStack() as stack:
-        writer = stack.enter_context(open_table(out, columns, passed_on))
+        writer = stack.enter_context(open_table(out, matching.columns, passed_on))
         lost = None
         if unmatched is not None:
             further = dict.fromkeys(name for each in given.tables.values() for name in each.further)
@@ -82,8 +73,8 @@ def match_tables(
             writer.add(found)
             if lost is not None and lonely is not None:
                 lost.add(lonely)
-            tallies.append(matching.tally(found))
-    report = matching.report(tallies, given)
+            told.append(found[matching.told])
+    report = matching.report(together(told), given)
     first = filter(None, [*timing, beyond_in_words(given.beyond)])
     return replace(report, notes=[*first, *report.notes])
 
@@ -103,17 +94,13 @@ def _blocks(frames: Iterator[Frame]) -> Iterator[list[Frame]]:
 
 
 def _match_block(
-    matching: Matching, block: list[Frame], lonely_of: tuple[str, ...] | None
+    matching: Matching, block: list[Frame], with_lonely: bool
 ) -> tuple[pd.DataFrame, pd.DataFrame | None]:
-    """What belongs together in a block, and the points without a partner.
-
-    Args:
-        lonely_of: the names of the cameras; None: nobody asks for points without a partner.
-    """
+    """What belongs together in a block, and the points without a partner, if they are wanted."""
     found, left = zip(*(matching.match_frame(*frame) for frame in block), strict=True)
-    if lonely_of is None:
-        return together(found), None
     lonely = [
-        without_partner(rows, lonely_of, own) for (_, rows), own in zip(block, left, strict=True)
+        without_partner(rows, matching.cameras, own)
+        for (_, rows), own in zip(block, left, strict=True)
+        if with_lonely
     ]
-    return together(found), together(lonely)
+    return together(found), together(lonely) if with_lonely else None

@@ -1,17 +1,16 @@
 """Match the points of two cameras: what is settled before the first frame, and each frame."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.matching.matching import ANY_DEPTH, check_depths, match_points, purpose_warning
+from stereocal.matching.matching import check_depths, match_points, purpose_warning
 from stereocal.matching.names import (
     AUTO,
     NO_NAMES,
@@ -24,7 +23,8 @@ from stereocal.matching.names import (
     texts,
 )
 from stereocal.matching.point_noise import noise_of_calibration, on_far
-from stereocal.matching.point_table import PAIR_SIGMAS, POINT, SIGMA, SIGMAS, pixels_of
+from stereocal.matching.point_table import PAIR_SIGMAS, SIGMA, pixels_of
+from stereocal.matching.settled import ERROR_DECIMALS, Matching, Stated, further_of
 from stereocal.matching.tables_by_camera import Report, TablesByCamera
 from stereocal.matching.threshold import ThresholdChoice, choose_threshold, sample_of
 from stereocal.rig.camera import CAMERAS
@@ -34,36 +34,10 @@ from stereocal.system.array_types import IntArray
 from stereocal.system.numbers import count, rounded
 
 PAIR_COLUMNS = ("frame", *PIXELS, "error_px", "runner_up_px", "ambiguous")
-ERROR_DECIMALS = 6
 FEW_MATCHED, MANY_LOST, USUAL_LOST = 0.1, 0.1, 0.05
 MANY_POINTS = 100
 
 
-@dataclass(frozen=True)
-class Stated:
-    """What a person states about the points to be matched."""
-
-    threshold_px: float | None = None
-    """Of two cameras; None: by the noise of the points."""
-    depths_m: tuple[float, float] = ANY_DEPTH
-    """Nearest and farthest in the primary's frame, of two cameras."""
-    sigma_px: float | None = None
-    """The noise of the points, if it is known; None: that of the column `sigma_px`, else
-    estimated."""
-    names: str = AUTO
-    """`AUTO`: where all tables name their points (`names.name_columns`), only points of one name
-    belong together; `OFF`: names are not used; else the columns that name points."""
-    usual_px: float | None = None
-    """The noise taken where none is stated and points of two cameras do not show their own; None:
-    that of the targets."""
-
-
-def further_of(columns: Iterable[Any]) -> list[str]:
-    """The columns of a table of points that are passed through."""
-    return [str(name) for name in columns if name not in ("frame", *POINT, *SIGMAS)]
-
-
-@lru_cache(maxsize=16)
 def further_names(primary: tuple[Any, ...], secondary: tuple[Any, ...]) -> list[dict[str, str]]:
     """The further columns of both tables, and their names in the table of pairs.
 
@@ -92,40 +66,19 @@ def sample_frames(primary: pd.DataFrame, secondary: pd.DataFrame) -> Sample:
 
 
 @dataclass(frozen=True, eq=False)
-class PairMatching:
-    """How the points of two cameras are matched: what is settled before the first frame."""
+class BelowThreshold(Matching):
+    """Points of two cameras that are pairs: those of least reprojection errors, below a
+    threshold."""
 
     rig: RigParameters
     depths_m: tuple[float, float]
     threshold: ThresholdChoice
-    names: Names
-    contradiction: str = ""
-    """A note on names that the images contradict."""
 
     @classmethod
-    def settled(
-        cls, rig: RigParameters, sample: Sample, distinct: Sequence[pd.DataFrame], stated: Stated
-    ) -> "PairMatching":
-        """The names that decide, and the threshold.
-
-        Args:
-            sample: some of the frames that both cameras have.
-            distinct: the different rows of the columns that may name points, in each table.
-        """
-        columns, is_forced = tuple(map(str, distinct[0])), stated.names != AUTO
-        names, note = choose_names([TwoCameras(rig, sample)], distinct, columns, is_forced)
-        chosen: ThresholdChoice | None = None
-        if stated.sigma_px is None and stated.usual_px is not None:
-            with suppress(StereocalError):  # they are too few
-                found = _threshold(rig, sample, names, stated)
-                chosen = found if found.noise and found.noise.source == "estimated" else None
-            stated = replace(stated, sigma_px=stated.usual_px)
-        chosen = chosen or _threshold(rig, sample, names, stated)
-        return cls(rig, stated.depths_m, chosen, names, note)
-
-    @classmethod
-    def of_tables(cls, rig: RigParameters, given: TablesByCamera, stated: Stated) -> "PairMatching":
-        """As `settled`, of tables that are read frame by frame."""
+    def of_tables(
+        cls, rig: RigParameters, given: TablesByCamera, stated: Stated
+    ) -> "BelowThreshold":
+        """Names and threshold by a sample of the frames."""
         check_depths(stated.depths_m)
         (first, one), (second, other) = given.contents.items()
         common = np.intersect1d(one.frames, other.frames)
@@ -138,66 +91,43 @@ class PairMatching:
             )
         wanted = sample_of(common.tolist(), one.rows / len(one.frames))
         sample = [(a, b) for frame, (a, b) in given.side_by_side() if frame in wanted]
-        return cls.settled(rig, sample, given.distinct, stated)
+        names, note, chosen = names_and_threshold(rig, sample, given.distinct, stated)
+        further = further_names(*(table.further for table in given.tables.values()))
+        told = ["ambiguous", *([WITHIN, *_named(names)] if names.columns else [])]
+        return cls((first, second), further, None, told, names, note, rig, stated.depths_m, chosen)
 
-    def match_frame(
-        self, frame: int, rows: Sequence[pd.DataFrame]
-    ) -> tuple[pd.DataFrame, list[IntArray]]:
-        """Pairs of one frame, with `PAIR_SIGMAS` if the noise is that of the points, and with
-        `WITHIN` if the points have names; and the rows (n,) of each camera without a partner.
-
-        Args:
-            rows: of the primary and of the secondary camera.
-        """
-        first, second = rows
-        primary, secondary = pixels_of(first), pixels_of(second)
+    def groups(self, rows: Sequence[pd.DataFrame]) -> tuple[IntArray, dict[str, Any]]:
+        """With `PAIR_SIGMAS` if the noise is that of the points, `WITHIN` if they have names."""
         threshold, noise = self.threshold.threshold_px, self.threshold.noise
+        primary, secondary = map(pixels_of, rows)
         if self.names.columns:
-            groups = self.names.groups(first, second)
+            groups = self.names.groups(*rows)
             found = match_groups(self.rig, primary, secondary, groups, threshold, self.depths_m)
         else:
             found = match_points(self.rig, primary, secondary, threshold, self.depths_m)
-        i, j = found.primary, found.secondary
+        images = np.column_stack([found.primary, found.secondary])
         columns: dict[str, Any] = {
-            "frame": np.full(len(found), frame),
-            **dict(zip(PIXELS, np.column_stack([primary[i], secondary[j]]).T, strict=True)),
             "error_px": found.error_px.round(ERROR_DECIMALS),
             "runner_up_px": found.runner_up_px.round(ERROR_DECIMALS),
             "ambiguous": found.ambiguous,
             **({WITHIN: found.error_px <= threshold} if self.names.columns else {}),
         }
         if noise is not None and noise.source != "calibration":
-            for name, table, at in zip(PAIR_SIGMAS, rows, (i, j), strict=True):
+            for name, table, at in zip(PAIR_SIGMAS, rows, images.T, strict=True):
                 stated = noise.source == "columns" and SIGMA in table
                 columns[name] = (
                     table[SIGMA].array[at] if stated else np.full(len(at), noise.sigma_px)
                 )
-        further = further_names(tuple(first), tuple(second))
-        for names, table, at in zip(further, rows, (i, j), strict=True):
-            columns |= {new: table[name].array[at] for name, new in names.items()}
-        return pd.DataFrame(columns), [found.unmatched_primary, found.unmatched_secondary]
+        return images, columns
 
-    def tally(self, pairs: pd.DataFrame) -> tuple[int, int, Counter[str]]:
-        """Of pairs found: their number, that of ambiguous ones, and names above the threshold."""
-        above: Counter[str] = Counter()
-        if self.names.columns:
-            off = pairs[~pairs[WITHIN]]
-            primary = {f"{name}_primary": name for name in self.names.columns}
-            above.update(texts(off.rename(columns=primary), self.names.columns))
-        return len(pairs), int(pairs["ambiguous"].sum()), above
-
-    def report(
-        self, tallies: Sequence[tuple[int, int, Counter[str]]], given: TablesByCamera
-    ) -> Report:
-        """What was found in all frames."""
-        numbers, ambiguous, above = zip(*tallies, strict=True)
-        pairs, chosen = sum(numbers), self.threshold
+    def report(self, found: pd.DataFrame, given: TablesByCamera) -> Report:
+        pairs, chosen = len(found), self.threshold
         one, other = given.contents.values()
         frames = len(np.intersect1d(one.frames, other.frames))
         by = f", of points of one name ({self.names.in_words})," if self.names.columns else ""
         sentence = (
             f"{count(pairs, 'pair')} in {count(frames, 'frame')}{by} at a threshold of "
-            f"{rounded(chosen.threshold_px, 3)} px; {sum(ambiguous)} of them ambiguous "
+            f"{rounded(chosen.threshold_px, 3)} px; {found['ambiguous'].sum()} of them ambiguous "
             "(another partner is within the threshold as well); without partner: "
             f"{count(one.rows - pairs, 'point')} of the primary, "
             f"{other.rows - pairs} of the secondary."
@@ -208,7 +138,7 @@ class PairMatching:
             self.contradiction,
             self._on_few(pairs, min(one.rows, other.rows)),
             self._on_scatter(),
-            self._on_names(pairs, sum(above, Counter())),
+            self._on_names(found),
         ]
         return Report(
             pairs,
@@ -243,9 +173,12 @@ class PairMatching:
             return ""
         return on_far(noise.sigma_px, targets.sigma_px if targets else None)
 
-    def _on_names(self, pairs: int, above: Counter[str]) -> str:
+    def _on_names(self, found: pd.DataFrame) -> str:
         """A note on names whose points do not fit together, where that is more than noise."""
-        shares = self.threshold.shares
+        if not self.names.columns:
+            return ""
+        pairs, shares = len(found), self.threshold.shares
+        above = Counter(texts(found[~found[WITHIN]], _named(self.names)))
         expected = USUAL_LOST if shares is None else shares.lost
         number = above.total()
         if number <= 3 + 3 * expected * pairs:
@@ -276,6 +209,31 @@ class PairMatching:
                     f"All points of {label} lie in the upper left quarter of the {which} "
                     f"camera's {width}x{height} px: were the images scaled down?"
                 )
+
+
+def names_and_threshold(
+    rig: RigParameters, sample: Sample, distinct: Sequence[pd.DataFrame], stated: Stated
+) -> tuple[Names, str, ThresholdChoice]:
+    """The names that decide, a note on names that the images contradict, and the threshold.
+
+    Args:
+        sample: some of the frames that both cameras have.
+        distinct: the different rows of the columns that may name points, in each table.
+    """
+    columns, is_forced = tuple(map(str, distinct[0])), stated.names != AUTO
+    names, note = choose_names([TwoCameras(rig, sample)], distinct, columns, is_forced)
+    if stated.sigma_px is None and stated.usual_px is not None:
+        with suppress(StereocalError):  # they are too few
+            found = _threshold(rig, sample, names, stated)
+            if found.noise and found.noise.source == "estimated":
+                return names, note, found
+        stated = replace(stated, sigma_px=stated.usual_px)
+    return names, note, _threshold(rig, sample, names, stated)
+
+
+def _named(names: Names) -> list[str]:
+    """The columns of pairs with the names of the primary's points."""
+    return [f"{name}_primary" for name in names.columns]
 
 
 def _threshold(rig: RigParameters, sample: Sample, names: Names, stated: Stated) -> ThresholdChoice:

@@ -77,21 +77,16 @@ class PointTable:
 
     Args:
         source: `.parquet` and `.pq` are Parquet, all others CSV (comma, semicolon or tab).
-        numbers: names of the columns that must hold finite numbers.
+        numbers: names of the columns that must hold finite numbers; of more than two cameras, some
+            may be missing in a row.
         label: name of the table in messages; None: its path.
-        may_be_empty: whether numbers may be missing in rows that have others.
     """
 
     def __init__(
-        self,
-        source: Path | pd.DataFrame,
-        numbers: Sequence[str] = POINT,
-        label: str | None = None,
-        may_be_empty: bool = False,
+        self, source: Path | pd.DataFrame, numbers: Sequence[str] = POINT, label: str | None = None
     ) -> None:
         self.source = source
         self.numbers = tuple(numbers)
-        self.may_be_empty = may_be_empty
         self.label = label or ("the table" if isinstance(source, pd.DataFrame) else str(source))
         self.dialect = Dialect()
         try:
@@ -260,10 +255,9 @@ class PointTable:
             RefusedRowsError: invalid rows, named by their lines.
         """
         raw.columns = pd.Index(self.names)
-        columns = [
-            Column("frame", is_whole=True),
-            *(Column(name, self.may_be_empty) for name in self.numbers),
-        ]
+        not_all = len(self.numbers) > 2 * len(POINT)
+        columns = [Column("frame", is_whole=True)]
+        columns += [Column(name, may_be_empty=not_all) for name in self.numbers]
         columns += [Column(name, may_be_empty=True, is_positive=True) for name in self.sigmas]
         unseen = np.logical_and.reduce([is_missing(raw[name]) for name in self.numbers])
         # Blank lines do not count.

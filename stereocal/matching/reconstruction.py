@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from stereocal.errors import StereocalError
+from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.refined.parameter_file import covariance_of_entry
 from stereocal.refined.small_steps import OF_PAIR, rig_at
 from stereocal.refined.uncertainty import point_errors
@@ -15,6 +15,9 @@ from stereocal.rig.geometry import Pose, reprojection_errors_of_rays, stack_rays
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from stereocal.system.array_types import BoolArray, FloatArray
+
+Noise = float | FloatArray | None
+"""Of an image coordinate, of all points or (n, 2) of each in two cameras; None: 1 px."""
 
 
 class PointErrors(NamedTuple):
@@ -46,52 +49,43 @@ class Points3D:
     outside_volume: BoolArray | None = None
     """(n,): not in the volume of the bars; true for NaN, None if the volume is unknown."""
 
-    @classmethod
-    def in_frame(
-        cls,
-        world: Pose | None,
-        volume: Volume | None,
-        xyz: FloatArray,
-        error_px: FloatArray,
-        covariances: FloatArray | None,
-    ) -> "Points3D":
-        """Points in a world frame.
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Points of n groups of views."""
+
+    xyz: FloatArray
+    """(n, 3): metres, in the reference's frame; NaN where there is no point."""
+    error_px: FloatArray
+    """(n,): mean distance of the images from those of the point."""
+    errors: PointErrors
+    """Without a noise of the images for one of 1 px, and without derivatives."""
+    chi_square: FloatArray
+    """(n,): of the pixels, for noise of 1 px; 0 for points of two views by their midpoint."""
+
+    def in_frame(self, world: Pose | None, volume: Volume | None, with_errors: bool) -> Points3D:
+        """The points in a frame.
 
         Args:
-            world: `world_from_reference`; None: points in the reference's frame, as the others are.
-            covariances: (n, 3, 3).
+            world: `world_from_reference`; None: that of the reference.
+            with_errors: those of its parameters are common to all points: distances between points
+                are more precise than their positions.
         """
-        outside, sigma = None if volume is None else ~volume.contains(xyz), None
-        if covariances is not None:
-            turned = covariances if world is None else world.R @ covariances @ world.R.T
-            sigma = np.sqrt(np.einsum("nii->ni", turned))
-        return cls(xyz if world is None else world.apply(xyz), error_px, sigma, outside)
+        xyz = self.xyz if world is None else world.apply(self.xyz)
+        outside, sigma = None if volume is None else ~volume.contains(self.xyz), None
+        if with_errors:
+            R = np.eye(3) if world is None else world.R
+            sigma = np.sqrt(np.einsum("nii->ni", R @ self.errors.covariances @ R.T))
+        return Points3D(xyz, self.error_px, sigma, outside)
 
 
-def reconstruct_points(
-    rig: RigParameters,
-    primary_px: npt.ArrayLike,
-    secondary_px: npt.ArrayLike,
-    world: Pose | None = None,
-    sigma_px: float | FloatArray | None = None,
-) -> Points3D:
-    """Reconstruct matched pairs by midpoint triangulation.
-
-    The standard errors contain those of the parameters that the file states. These are common to
-    all points: distances between points are more precise than their positions.
-
-    Args:
-        primary_px: (n, 2) raw pixels; `secondary_px`: (n, 2), their partners row by row.
-        world: `world_from_primary`; None: points in the primary's frame.
-        sigma_px: standard deviation of one pixel coordinate, of all points or (n, 2) of each point
-            in both cameras, for the standard errors; None: that of the file's targets.
-    """
-    rays = stack_rays(rig.primary.rays_of(primary_px), rig.secondary.rays_of(secondary_px))
+def midpoints(rig: RigParameters, pixels: FloatArray, sigma_px: Noise) -> Measured:
+    """The midpoints of the rays of pairs, raw pixels (n, 2, 2)."""
+    rays = stack_rays(rig.primary.rays_of(pixels[:, 0]), rig.secondary.rays_of(pixels[:, 1]))
     xyz = triangulate_rays(rig.pose.R, rig.pose.T, rays)
     error = reprojection_errors_of_rays(rig.pose.R, rig.pose.T, rays, rig.pixel_scale).mean(axis=1)
-    sigma_px = noise_of_file(rig)[0] if sigma_px is None else sigma_px
-    covariances = None if sigma_px is None else errors_of_pairs(rig, xyz, sigma_px).covariances
-    return Points3D.in_frame(world, rig.volume, xyz, error, covariances)
+    errors = errors_of_pairs(rig, xyz, 1.0 if sigma_px is None else sigma_px)
+    return Measured(xyz, error, errors, np.zeros(len(xyz)))
 
 
 def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
@@ -119,15 +113,20 @@ def errors_of_pairs(
     if not (np.isfinite(sigma_px).all() and np.min(sigma_px, initial=0.0) >= 0):
         raise StereocalError(f"The image noise is {sigma_px} px: it must be 0 or more.")
     errors = point_errors(rig_at(rig), sigma_px, points_m)
-    of_parameters = noise_of_file(rig)[1]
-    if of_parameters is None:
-        return PointErrors(*errors, np.zeros((OF_PAIR, OF_PAIR)))
+    return PointErrors(*errors, covariance_of(rig))
+
+
+def covariance_of(rig: Parameters) -> FloatArray:
+    """(Q, Q): of the unknowns of `views`; 0 where a parameter file does not state it."""
+    if isinstance(rig, RigFile):
+        return rig.covariance
+    if (found := noise_of_file(rig)[1]) is None:
+        return np.zeros((OF_PAIR, OF_PAIR))
     # In units of the standard errors: an entry near 0 is not known to 1e-6 of itself.
-    scale = np.sqrt(np.abs(np.diag(of_parameters)))
-    uneven = np.abs(of_parameters - of_parameters.T)
-    if (uneven > 1e-6 * np.outer(scale, scale)).any():
+    scale = np.sqrt(np.abs(np.diag(found)))
+    if (np.abs(found - found.T) > 1e-6 * np.outer(scale, scale)).any():
         raise StereocalError("The covariance in the parameter file is not symmetric.")
-    return PointErrors(*errors, (of_parameters + of_parameters.T) / 2)
+    return np.asarray((found + found.T) / 2)
 
 
 def name_of_world(world: Pose) -> str:

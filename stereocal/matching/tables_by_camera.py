@@ -38,6 +38,8 @@ class Report:
     """Rows that do not meet in front of the cameras; their coordinates are empty."""
     threshold_px: float = 0.0
     """With which two cameras were matched; 0 of more, where the noise of the points decides."""
+    sigma_px: float | None = None
+    """The stated noise of the points, to measure them with; None: not stated, or in the table."""
     names: Names = NO_NAMES
     """Those by which points were matched."""
 

@@ -4,18 +4,19 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from stereocal.matching.names import AUTO, Names, TwoCameras, choose_names
-from stereocal.matching.pairs import ERROR_DECIMALS, Stated, further_of
 from stereocal.matching.point_noise import PointNoise, check_sigma, on_far
-from stereocal.matching.point_table import POINT, pixels_of, together
+from stereocal.matching.point_table import POINT, pixels_of
+from stereocal.matching.settled import ERROR_DECIMALS, Matching, Stated
 from stereocal.matching.tables_by_camera import Report, TablesByCamera, pixel_columns
 from stereocal.matching.threshold import choose_threshold
-from stereocal.matching.view_groups import ViewFitter, expected_wrong, images_of_groups, match_views
-from stereocal.network.rig_file import RigFile
+from stereocal.matching.view_groups import ViewFitter, expected_wrong, match_views
+from stereocal.network.rig_file import Parameters
 from stereocal.rig.recording import CameraPair
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import count, rounded
@@ -34,86 +35,53 @@ Rows = Mapping[str, pd.DataFrame]
 
 
 @dataclass(frozen=True, eq=False)
-class TrackMatching:
-    """How the points of several cameras are matched: what is settled before the first frame."""
+class InGroups(Matching):
+    """Points of N cameras in groups, whose images fit one point by the noise of the points."""
 
     fitter: ViewFitter
-    cameras: tuple[str, ...]
-    """Those whose points are given."""
-    columns: list[str]
-    """Of the table of tracks."""
-    names: Names
     stated_px: float | None
     """The noise of the points as stated."""
     sigma_px: float
     """As stated, else by two of the cameras, before all are matched."""
     wrong: Mapping[int, float]
     """Share of wrong tracks, at most about, by the number of cameras; empty if unknown."""
-    contradiction: str = ""
-    """A note on names that the images contradict."""
 
     @classmethod
-    def of_tables(cls, rig: RigFile, given: TablesByCamera, stated: Stated) -> "TrackMatching":
+    def of_tables(cls, fitter: ViewFitter, given: TablesByCamera, stated: Stated) -> "InGroups":
         """The names that decide, and the noise, by a sample of the frames."""
         check_sigma(stated.sigma_px)
+        rig = fitter.rig
         some = given.frames[:: max(len(given.frames) // SAMPLE_FRAMES, 1)].tolist()
         by_two, frames = _samples(rig, given, some)
-        fitter = ViewFitter(rig)
         names, note = choose_names(by_two, given.distinct, given.columns, stated.names != AUTO)
         sigma_px = max(stated.sigma_px or _noise_of_two(rig, by_two[0], names), 1e-3)
         wrong: Mapping[int, float] = {}
         if len(given.frames) >= FEWEST_DECOYS:
             points, numbers = zip(*(_images(rig, names, rows) for rows in frames), strict=True)
             wrong = expected_wrong(fitter, points, sigma_px, numbers)
-        further = [
-            f"{column}_{name}" for name, each in given.tables.items() for column in each.further
-        ]
-        columns = ["frame", *pixel_columns(rig), *OF_TRACKS, *further]
-        called = tuple(given.tables)
-        return cls(fitter, called, columns, names, stated.sigma_px, sigma_px, wrong, note)
+        tables = given.tables
+        further = [{key: f"{key}_{name}" for key in own.further} for name, own in tables.items()]
+        written = [name for own in further for name in own.values()]
+        columns = ["frame", *pixel_columns(rig), *OF_TRACKS, *written]
+        about = (*tables,), further, columns, ["views", "ambiguous", CHI_SQUARE], names, note
+        return cls(*about, fitter, stated.sigma_px, sigma_px, wrong)
 
-    @property
-    def rig(self) -> RigFile:
-        return self.fitter.rig
-
-    def match_frame(
-        self, frame: int, rows: Sequence[pd.DataFrame]
-    ) -> tuple[pd.DataFrame, list[IntArray]]:
-        """Tracks of one frame, and the rows (n,) of each camera without a partner.
-
-        Args:
-            rows: of the cameras whose points are given.
-        """
+    def groups(self, rows: Sequence[pd.DataFrame]) -> tuple[IntArray, dict[str, Any]]:
         by_camera = dict(zip(self.cameras, rows, strict=True))
-        points, numbers = _images(self.rig, self.names, by_camera)
+        points, numbers = _images(self.fitter.rig, self.names, by_camera)
         found = match_views(self.fitter, points, self.sigma_px, numbers)
-        pixels = pixel_columns(self.rig)
-        images = images_of_groups(found.images, points).reshape(-1, len(pixels))
-        tracks = pd.DataFrame(images, columns=pixels)
-        tracks["frame"] = frame
-        tracks["views"], tracks["ambiguous"] = found.views, found.ambiguous
-        tracks["error_px"] = found.error_px.round(ERROR_DECIMALS)
-        tracks[CHI_SQUARE] = found.chi_square
-        left = []
-        for name, table in by_camera.items():
-            image = found.images[:, self.rig.names.index(name)]
-            left.append(np.setdiff1d(np.arange(len(table)), image))
-            for column in further_of(table):
-                values = table[column].tolist()
-                own = [None if k < 0 else values[k] for k in image.tolist()]
-                tracks[f"{column}_{name}"] = pd.Series(own, dtype=object)  # 1 does not become 1.0
-        return tracks, left
+        of_cameras = [self.fitter.names.index(name) for name in self.cameras]
+        return found.images[:, of_cameras], {
+            "views": found.views,
+            "error_px": found.error_px.round(ERROR_DECIMALS),
+            "ambiguous": found.ambiguous,
+            CHI_SQUARE: found.chi_square,
+        }
 
-    def tally(self, tracks: pd.DataFrame) -> pd.DataFrame:
-        """What the report needs of tracks."""
-        return tracks[["views", "ambiguous", CHI_SQUARE]]
-
-    def report(self, tallies: Sequence[pd.DataFrame], given: TablesByCamera) -> Report:
-        """What was found in all frames."""
-        tracks = together(tallies)
-        views = tracks["views"].to_numpy(dtype=np.int64)
-        chi_square = tracks[CHI_SQUARE].to_numpy(dtype=np.float64)
-        noise = noise_of_tracks(self.rig, views, chi_square, self.stated_px)
+    def report(self, found: pd.DataFrame, given: TablesByCamera) -> Report:
+        rig, views = self.fitter.rig, found["views"].to_numpy(dtype=np.int64)
+        chi_square = found[CHI_SQUARE].to_numpy(dtype=np.float64)
+        noise = noise_of_tracks(rig, views, chi_square, self.stated_px)
         numbers = np.bincount(views)
         seen = ", ".join(f"{numbers[n]} by {n}" for n in np.flatnonzero(numbers)[::-1].tolist())
         wrong = ", ".join(
@@ -128,20 +96,20 @@ class TrackMatching:
         by = f", of one name ({self.names.in_words})" if self.names.columns else ""
         sentences = [
             scatter.get(noise.source, f"Your points scatter by {shown}, as stated."),
-            f"{count(len(tracks), 'point')} in {count(len(given.frames), 'frame')}{by}: "
+            f"{count(len(found), 'point')} in {count(len(given.frames), 'frame')}{by}: "
             f"{seen} cameras; "
-            f"{tracks['ambiguous'].sum()} ambiguous (another partner fits as well).",
+            f"{found['ambiguous'].sum()} ambiguous (another partner fits as well).",
             f"At most about {wrong} are wrong."
             if wrong
             else "What share of them is wrong cannot be told from so few frames.",
         ]
-        far = on_far(noise.sigma_px, self.rig.noise_px) if noise.source == "estimated" else ""
+        far = on_far(noise.sigma_px, rig.noise_px) if noise.source == "estimated" else ""
         notes = [*filter(None, [self.contradiction, far]), *given.left_out.values()]
-        return Report(len(tracks), sentences, notes, names=self.names)
+        return Report(len(found), sentences, notes, sigma_px=self.stated_px, names=self.names)
 
 
 def noise_of_tracks(
-    rig: RigFile, views: IntArray, chi_square: FloatArray, sigma_px: float | None = None
+    rig: Parameters, views: IntArray, chi_square: FloatArray, sigma_px: float | None = None
 ) -> PointNoise:
     """As stated, else by the errors of points in all cameras; that of the targets of few points.
 
@@ -152,26 +120,26 @@ def noise_of_tracks(
         return PointNoise(sigma_px, "stated")
     known = np.isfinite(chi_square)
     if known.sum() < FEWEST_POINTS:
-        return PointNoise(rig.noise_px, "calibration")
+        return PointNoise(rig.noise_px or 0.0, "calibration")
     # robust: the median of each chi-square over that of its distribution, (1 - 2 / 9 k)^3 k
     freedom = 2.0 * views[known] - 3.0
     median = freedom * (1 - 2 / (9 * freedom)) ** 3
     return PointNoise(float(np.sqrt(np.median(chi_square[known] / median))), "estimated")
 
 
-def _images(rig: RigFile, names: Names, rows: Rows) -> tuple[list[FloatArray], list[IntArray]]:
+def _images(rig: Parameters, names: Names, rows: Rows) -> tuple[list[FloatArray], list[IntArray]]:
     """Pixels (n, 2) of each camera of the rig in one frame, and the numbers (n,) of their names."""
     empty = pd.DataFrame(columns=[*POINT, *names.columns])
-    seen = [rows.get(name, empty) for name in rig.names]
+    seen = [rows.get(name, empty) for name in rig.placed]
     return [pixels_of(table) for table in seen], [names.numbers(table) for table in seen]
 
 
 def _samples(
-    rig: RigFile, given: TablesByCamera, some: Sequence[int]
+    rig: Parameters, given: TablesByCamera, some: Sequence[int]
 ) -> tuple[list[TwoCameras], list[Rows]]:
     """Every two cameras, first those that see most points together; and the rows of some frames."""
     wanted = dict[CameraPair, list[int]]()
-    for pair in combinations([name for name in rig.names if name in given.tables], 2):
+    for pair in combinations([name for name in rig.placed if name in given.tables], 2):
         one, other = (given.contents[name].frames for name in pair)
         common = np.intersect1d(one, other)
         wanted[pair] = common[:: max(len(common) // SAMPLE_FRAMES, 1)].tolist()
@@ -195,7 +163,25 @@ def _samples(
     return by_two, [rows[frame] for frame in some]
 
 
-def _noise_of_two(rig: RigFile, two: TwoCameras, names: Names) -> float:
+def _noise_of_two(rig: Parameters, two: TwoCameras, names: Names) -> float:
     """The noise of the points by two cameras, before all are matched."""
     found = choose_threshold(two.rig, [px for both in two.sample for px in names.samples(*both)])
-    return found.noise.sigma_px if found.noise else rig.noise_px
+    return found.noise.sigma_px if found.noise else rig.noise_px or 0.0
+
+
+def common_columns(further: pd.DataFrame, cameras: Sequence[str]) -> pd.DataFrame:
+    """One column in place of those that end in the cameras' names: what all that have a value say;
+    empty where they differ, and not there where none agree."""
+    groups: dict[str, list[str]] = {}
+    by_length = sorted(cameras, key=len, reverse=True)
+    for name in map(str, further):
+        camera = next((each for each in by_length if name.endswith(f"_{each}")), None)
+        groups.setdefault(name if camera is None else name[: -len(camera) - 1], []).append(name)
+    found = {}
+    for stem, names in groups.items():
+        values = further[names].where(further[names] != "")
+        first = values.bfill(axis=1).iloc[:, 0]
+        agree = (values.eq(first, axis=0) | values.isna()).all(axis=1) & first.notna()
+        if agree.any():
+            found[stem] = first.where(agree, "")
+    return pd.DataFrame(found, index=further.index)

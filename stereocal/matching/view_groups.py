@@ -9,6 +9,7 @@ with more views is taken, then the one that fits better.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -16,10 +17,10 @@ from scipy.special import chdtri
 
 from stereocal.errors import StereocalError
 from stereocal.matching.pair_candidates import pairs_within
-from stereocal.matching.reconstruction import PointErrors
-from stereocal.network.rig_file import RigFile
-from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.views import Cameras, fit_points
+from stereocal.matching.reconstruction import Measured, PointErrors, covariance_of
+from stereocal.network.rig_file import Parameters
+from stereocal.refined.small_steps import cameras_at
+from stereocal.refined.views import fit_points
 from stereocal.rig.camera import pixel_scales
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
@@ -57,27 +58,14 @@ class ViewGroups:
         return np.asarray((self.images >= 0).sum(axis=1))
 
 
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """Points of n groups of views."""
-
-    xyz: FloatArray
-    """(n, 3): metres, in the reference's frame; NaN where there is no point."""
-    error_px: FloatArray
-    """(n,): mean distance of the images from those of the point."""
-    errors: PointErrors
-    """Without a noise of the images for one of 1 px, and without derivatives."""
-    chi_square: FloatArray
-    """(n,): of the pixels, for noise of 1 px."""
-
-
 class ViewFitter:
-    """Points of the least sum of squared distances to their images, in a rig."""
+    """Points of the least sum of squared distances to their images."""
 
-    def __init__(self, rig: RigFile) -> None:
-        self.rig, self.cameras = rig, list(rig.cameras.values())
-        self.q, self.R = rig.q, rig.R
-        self.lenses = lenses_of_cameras(*self.cameras)
+    def __init__(self, rig: Parameters) -> None:
+        self.rig, self.names = rig, list(rig.placed)
+        self.cameras = [placed.camera for placed in rig.placed.values()]
+        self.poses = [placed.pose for placed in rig.placed.values()]
+        self.at, self.covariance = cameras_at(self.cameras, self.poses), covariance_of(rig)
 
     def rays(self, pixels: FloatArray) -> FloatArray:
         """(n, c, 2): undistorted, of pixels (n, c, 2); NaN where not seen."""
@@ -87,15 +75,16 @@ class ViewFitter:
 
     def fit(self, pixels: FloatArray, rays: FloatArray, sigma_px: float | None = None) -> Measured:
         """The points of images (n, c, 2); with the noise `sigma_px` all of their errors."""
-        cameras, noise_px = Cameras(self.q, self.R, self.lenses), sigma_px or 1.0
-        points, residuals, own, by_shared = fit_points(cameras, pixels, rays, sigma_px is not None)
+        noise_px = 1.0 if sigma_px is None else max(sigma_px, 1e-6)
+        fitted = fit_points(self.at, pixels, rays, derivatives=sigma_px is not None)
+        points, residuals, own, by_shared = fitted
         distances = np.linalg.norm(residuals, axis=2)
         views = np.isfinite(distances).sum(axis=1)
         error = np.nansum(distances, axis=1) / np.maximum(views, 1)
         lost = ~np.isfinite(points[:, 0])
         chi_square = np.nansum(np.square(distances), axis=1)
         error[lost], chi_square[lost] = np.nan, np.inf
-        errors = PointErrors(noise_px**2 * own, by_shared, self.rig.covariance)
+        errors = PointErrors(noise_px**2 * own, by_shared, self.covariance)
         return Measured(points, error, errors, chi_square)
 
 
@@ -115,9 +104,18 @@ def match_views(
     if names is None:
         names = [np.zeros(len(pixels), dtype=np.int64) for pixels in points]
     rays = [camera.rays_of(pixels) for camera, pixels in zip(fitter.cameras, points, strict=True)]
-    groups = _pairs(fitter, points, rays, names, sigma_px)
-    groups = _joined(fitter, points, rays, names, groups, sigma_px)
-    return _chosen(*_sound(fitter, points, rays, groups, sigma_px))
+    frame = _Frame(fitter, points, rays, names, sigma_px)
+    return _chosen(*_sound(frame, _joined(frame, _pairs(frame))))
+
+
+class _Frame(NamedTuple):
+    """The points of one frame, as of `match_views`."""
+
+    fitter: ViewFitter
+    points: Sequence[FloatArray]
+    rays: Sequence[FloatArray]
+    names: Sequence[IntArray]
+    sigma: float
 
 
 def expected_wrong(
@@ -170,19 +168,14 @@ def images_of_groups(groups: IntArray, points: Sequence[FloatArray]) -> FloatArr
     return found
 
 
-def _pairs(
-    fitter: ViewFitter,
-    points: Sequence[FloatArray],
-    rays: Sequence[FloatArray],
-    names: Sequence[IntArray],
-    sigma: float,
-) -> IntArray:
+def _pairs(frame: _Frame) -> IntArray:
     """Groups (k, c) of the two views of each pair of one name whose rays meet."""
-    poses, found = list(fitter.rig.poses.values()), []
+    fitter, points, rays, names, sigma = frame
+    found = list[IntArray]()
     for a, b in combinations(range(len(points)), 2):
         if not (len(points[a]) and len(points[b])):
             continue
-        pose = poses[b] @ poses[a].inverse()
+        pose = fitter.poses[b] @ fitter.poses[a].inverse()
         scale = pixel_scales((fitter.cameras[a], fitter.cameras[b]))
         limit = PAIR_SIGMAS * sigma
         one, other, *_ = pairs_within(
@@ -203,18 +196,12 @@ def _pairs(
     return together
 
 
-def _joined(
-    fitter: ViewFitter,
-    points: Sequence[FloatArray],
-    rays: Sequence[FloatArray],
-    names: Sequence[IntArray],
-    pairs: IntArray,
-    sigma: float,
-) -> IntArray:
+def _joined(frame: _Frame, pairs: IntArray) -> IntArray:
     """Pairs with the nearest image of their name in every other camera near its prediction."""
+    fitter, points, rays, names, sigma = frame
     images = images_of_groups(pairs, points)
     measured = fitter.fit(images, images_of_groups(pairs, rays))
-    groups, poses = pairs.copy(), list(fitter.rig.poses.values())
+    groups, poses = pairs.copy(), fitter.poses
     called = _names_of(pairs, names)
     for c, pixels in enumerate(points):
         free = np.flatnonzero((pairs[:, c] < 0) & np.isfinite(measured.xyz[:, 0]))
@@ -249,14 +236,9 @@ def _names_of(groups: IntArray, names: Sequence[IntArray]) -> IntArray:
     return found
 
 
-def _sound(
-    fitter: ViewFitter,
-    points: Sequence[FloatArray],
-    rays: Sequence[FloatArray],
-    groups: IntArray,
-    sigma: float,
-) -> tuple[IntArray, FloatArray, FloatArray]:
+def _sound(frame: _Frame, groups: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """The groups whose pixels agree, their errors and chi-squares."""
+    fitter, points, rays, _, sigma = frame
     images = images_of_groups(groups, points)
     measured = fitter.fit(images, images_of_groups(groups, rays))
     limits = np.append([0.0, 0.0], chdtri(2.0 * np.arange(2, len(points) + 1) - 3.0, LOST))

@@ -16,8 +16,9 @@ from stereocal.matching.application import Points, points_by_camera
 from stereocal.matching.in_step import points_in_step
 from stereocal.matching.matching import ANY_DEPTH, check_depths, nearest_errors
 from stereocal.matching.names import AUTO, NO_NAMES, OFF, Sample, name_columns, stated_columns
-from stereocal.matching.pairs import PairMatching, Stated, further_of, sample_frames
+from stereocal.matching.pairs import names_and_threshold, sample_frames
 from stereocal.matching.point_noise import FEWEST_PAIRS, PointNoise
+from stereocal.matching.settled import Stated, further_of
 from stereocal.matching.threshold import ThresholdChoice
 from stereocal.matching.trajectories import TRACK
 from stereocal.projects.application import CLICKED_IN, Asked, ProjectApplication, slot_of
@@ -267,7 +268,7 @@ def _chosen(form: ThresholdForm, stated: Stated) -> tuple[ThresholdChoice | None
         columns = list(stated_columns(stated.names, *map(further_of, tables)))
         distinct = [table[columns] for table in tables]
         given = form.rig, _sampled(form), distinct, stated
-        return jobs.compute(PairMatching.settled, *given).threshold, ""
+        return jobs.compute(names_and_threshold, *given)[-1], ""
     except StereocalError as error:
         return None, str(error)
 

@@ -20,9 +20,7 @@ from stereocal.figures.space import VIEWS, view_names
 from stereocal.figures.style import Photograph
 from stereocal.matching import lengths, trajectories
 from stereocal.matching.application import (
-    PAIRS,
     POINTS,
-    TRACKS,
     Application,
     Outcome,
     agreement,
@@ -32,6 +30,7 @@ from stereocal.matching.application import (
 from stereocal.matching.names import AUTO
 from stereocal.matching.point_table import pixels_of
 from stereocal.matching.trajectories import COORDINATES
+from stereocal.matching.views import PAIRS, TRACKS
 from stereocal.network.rig_file import RIG
 from stereocal.projects.application import CLICKED_IN, USES, ProjectApplication, slot_of
 from stereocal.projects.files import StoredFile
@@ -214,12 +213,12 @@ def _commands(outcome: Outcome, names: Sequence[str]) -> str:
     sigma = "" if outcome.sigma_px is None else f" --sigma-px {outcome.sigma_px!r}"
     world = "" if outcome.world is None else f" --world {WORLD_FILE}"
     by_name = "" if outcome.names == AUTO else f" --names {outcome.names}"
+    given = " ".join(
+        shlex.quote(name if camera in CAMERAS else f"{camera}={name}")
+        for camera, name in zip(outcome.cameras, names, strict=True)
+    )
     if outcome.matched == TRACKS:
-        given = " ".join(
-            shlex.quote(f"{camera}={name}")
-            for camera, name in zip(outcome.cameras, names, strict=True)
-        )
-        match, measure = f"{given} --rig {RIG}{sigma}{by_name}", f"--rig {RIG}{world}{sigma}"
+        match, measure = f"--rig {RIG}{sigma}{by_name}", f"--rig {RIG}{world}{sigma}"
     else:
         near, far = outcome.depths_m
         depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
@@ -228,10 +227,10 @@ def _commands(outcome: Outcome, names: Sequence[str]) -> str:
             for use in USES
         )
         threshold = f"--threshold {outcome.threshold_px!r}"
-        match = f"{' '.join(names)} {match_with} {threshold}{sigma}{depths}{by_name}"
+        match = f"{match_with} {threshold}{sigma}{depths}{by_name}"
         measure = f"{measure_with}{world}"
     return (
-        f"python -m stereocal match {match} --out {outcome.matched}\n"
+        f"python -m stereocal match {given} {match} --out {outcome.matched}\n"
         f"python -m stereocal reconstruct {outcome.matched} {measure} --out {POINTS}"
     )
 

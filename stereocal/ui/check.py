@@ -26,9 +26,9 @@ from stereocal.formats.dataset_files import pack_recording
 from stereocal.formats.dropped import Dropped
 from stereocal.formats.inputs import images_in
 from stereocal.frames.all_cameras import Found
-from stereocal.matching.application import PAIRS
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
 from stereocal.matching.point_table import PARQUET
+from stereocal.matching.views import PAIRS
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import Parameters, RigFile, is_rig, read_parameters
 from stereocal.projects.application import (

@@ -23,10 +23,10 @@ from stereocal.matching.clicks import (
     Key,
     MeasuredClicks,
     Place,
-    Settled,
     Source,
 )
 from stereocal.matching.following import corner_at, follow, nearest_clicks, velocity
+from stereocal.matching.settled import Settled
 from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.projects.project import Project
 from stereocal.rig.rig import camera_in_words

@@ -12,6 +12,7 @@ WORK = """
 import gc, sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
+import numpy as np
 from stereocal.commands.warming import compile_all
 
 data = Path(sys.argv[1])
@@ -28,7 +29,7 @@ from stereocal.matching.pairs import sample_frames
 from stereocal.matching.names import NO_NAMES
 from stereocal.matching.matching import nearest_errors
 from stereocal.matching.threshold import choose_threshold
-from stereocal.matching.reconstruction import reconstruct_points
+from stereocal.matching.reconstruction import midpoints
 from stereocal.refined.refine import refine
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.verdict.forecast import forecast_files
@@ -57,8 +58,7 @@ refined = refine(dataset, RefineSettings())
 compare_inputs(refined).inputs, accuracy_map(refined, size=5)
 forecasts = forecast_files(found).of_files({})
 rig, rows = found.parameters("2d", None, forecasts["2d"]), dataset.correspondences
-reconstruct_points(rig, rows.primary, rows.secondary)
-reconstruct_points(rig, rows.primary, rows.secondary, None, 0.2)
+midpoints(rig, np.stack([rows.primary, rows.secondary], axis=1), 0.2)
 sample = sample_frames(*points_by_camera(dataset).values())
 frames = [NO_NAMES.samples(*own)[0] for own in sample]
 nearest_errors(rig, frames, (0.0, float("inf"))), choose_threshold(rig, frames)

@@ -8,9 +8,10 @@ import pandas as pd
 import pytest
 
 from stereocal.matching import match_tables
-from stereocal.matching.application import PAIRS, POINTS, Application, Points, apply_sets
-from stereocal.matching.pairs import Stated
+from stereocal.matching.application import POINTS, Application, Points, apply_sets
 from stereocal.matching.point_table import PointTable
+from stereocal.matching.settled import Stated
+from stereocal.matching.views import PAIRS
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume

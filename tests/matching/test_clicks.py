@@ -10,17 +10,9 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.library.tables import match, reconstruct
-from stereocal.matching.clicks import (
-    CLICK_PX,
-    Click,
-    ClickMeasure,
-    Clicks,
-    MeasuredClicks,
-    Place,
-    Settled,
-)
+from stereocal.matching.clicks import CLICK_PX, Click, ClickMeasure, Clicks, MeasuredClicks, Place
 from stereocal.matching.following import Image, corner_at, follow, nearest_clicks
-from stereocal.matching.pairs import Stated
+from stereocal.matching.settled import Settled, Stated
 from stereocal.network.rig_file import RigFile
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine

@@ -20,8 +20,8 @@ from stereocal.matching.application import points_by_camera
 from stereocal.matching.in_step import SHIFT, pairs_in_step, points_in_step
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
-from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
+from stereocal.matching.settled import Stated
 from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.parameter_file import refined_parameters

@@ -192,4 +192,4 @@ def test_tables_as_other_programs_write_them_are_told_what_to_do(
 def test_cells_of_excel_without_a_value_are_missing(tmp_path: Path) -> None:
     table = tmp_path / "points.csv"
     table.write_text("frame,u,v\n0,#N/A,#N/A\n1,4,5\n", encoding="utf-8")
-    assert len(next(iter(PointTable(table, may_be_empty=True)._blocks()))) == 1
+    assert len(next(iter(PointTable(table)._blocks()))) == 1

@@ -11,8 +11,8 @@ from stereocal.library.tables import match
 from stereocal.matching.application import read_result
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
-from stereocal.matching.pairs import Stated
 from stereocal.matching.point_table import PointTable
+from stereocal.matching.settled import Stated
 from stereocal.matching.tables_by_camera import Report
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import PIXELS

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from stereocal.library.tables import match, reconstruct
-from stereocal.matching.measure_tables import noise_of_pairs
-from stereocal.matching.reconstruction import reconstruct_points
+from stereocal.matching.reconstruction import midpoints
 from stereocal.matching.threshold import FramePixels, choose_threshold
+from stereocal.matching.views import TwoViews
 from stereocal.rig.parameters import RigParameters
 from tests.further import further
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
@@ -72,8 +72,8 @@ def test_partners_are_found_whatever_the_noise(
     assert len(match(FILE, *tables, threshold_px=OF_FILE_PX)) < 0.7 * possible
     # What is measured has the standard errors of these points, not of the targets.
     assert pairs["sigma_primary_px"].eq(chosen.noise.sigma_px).all()
-    first, second = pairs[PIXELS[:2]].to_numpy(), pairs[PIXELS[2:]].to_numpy()
-    stated = reconstruct_points(PLAIN, first, second, sigma_px=chosen.noise.sigma_px).sigma_m
+    pixels = pairs[PIXELS].to_numpy().reshape(-1, 2, 2)
+    stated = midpoints(PLAIN, pixels, chosen.noise.sigma_px).in_frame(None, None, True).sigma_m
     measured = reconstruct(FILE, pairs)[["sigma_x", "sigma_y", "sigma_z"]]
     assert stated is not None
     np.testing.assert_allclose(measured, stated, rtol=1e-6)
@@ -97,7 +97,7 @@ def test_a_threshold_says_what_it_is_for() -> None:
 def test_the_cut_of_the_threshold_does_not_bias_the_noise() -> None:
     """Pairs of 0.5 px below 2.8 standard deviations of their error; columns left out."""
     pairs = match(FILE, *seen(0.5), threshold_px=1.0)
-    noise = noise_of_pairs(FILE, pairs[["frame", *PIXELS]])
+    noise = TwoViews(FILE).noise_of(pairs[["frame", *PIXELS]])
     assert noise is not None and noise.source == "estimated"
     # Measured: 0.51.
     assert noise.sigma_px == pytest.approx(0.5, rel=0.12)

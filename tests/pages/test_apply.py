@@ -10,8 +10,9 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.figures.space import VIEWS
-from stereocal.matching.application import PAIRS, POINTS
+from stereocal.matching.application import POINTS
 from stereocal.matching.reconstruction import name_of_world
+from stereocal.matching.views import PAIRS
 from stereocal.projects.application import ProjectApplication
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters

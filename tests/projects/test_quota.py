@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.matching.application import PAIRS, POINTS
+from stereocal.matching.application import POINTS
+from stereocal.matching.views import PAIRS
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import unpack_project
 from stereocal.projects.contents import APPLIED

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stereocal.library.calibrations import calibrate
-from stereocal.matching.reconstruction import reconstruct_points
+from stereocal.matching.reconstruction import midpoints
 from stereocal.refined.misfit import misfit_of
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
@@ -52,7 +52,8 @@ def test_its_file_names_k1_to_k4() -> None:
     read = RigParameters.loads(text, "p.json")
     assert read.primary.model == "fisheye"
     rows = dataset.correspondences
-    points = reconstruct_points(read, rows.primary, rows.secondary)
+    pixels = np.stack([rows.primary, rows.secondary], axis=1)
+    points = midpoints(read, pixels, found.sigma_px.value).in_frame(None, None, with_errors=True)
     assert points.sigma_m is not None
     assert np.isfinite(points.sigma_m).all()
 

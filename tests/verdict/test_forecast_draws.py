@@ -14,7 +14,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
 from stereocal.library.calibrations import calibrate
-from stereocal.matching.reconstruction import reconstruct_points
+from stereocal.matching.reconstruction import midpoints, noise_of_file
 from stereocal.refined.refine import refine
 from stereocal.refined.small_steps import baseline_direction
 from stereocal.refined.unknowns import RefineSettings
@@ -238,7 +238,8 @@ def test_sigmas_of_points_are_honest(k1: float, rigs: int = repeats(30, 60)) -> 
         test = place_bars(scene.rig, rng, 50, BAR_M, DEPTHS_M)
         seen = observe(test, rng, 0.2, "test").correspondences
         for method, file in files.items():
-            found = reconstruct_points(file, seen.primary, seen.secondary)
+            pixels = np.stack([seen.primary, seen.secondary], axis=1)
+            found = midpoints(file, pixels, noise_of_file(file)[0]).in_frame(None, None, True)
             assert found.sigma_m is not None
             z = (found.xyz - test.points_m[0]) / found.sigma_m
             squares[method].append(float(np.nanmean(np.square(z))))
