@@ -41,8 +41,6 @@ class Matches:
     """(k,) least error of any other pair with one of the two points; NaN if there is none."""
     ambiguous: npt.NDArray[np.bool_]
     """(k,) whether the runner-up is within the threshold as well."""
-    unmatched_primary: IntArray
-    unmatched_secondary: IntArray
 
     def __len__(self) -> int:
         return len(self.primary)
@@ -85,8 +83,6 @@ def match_points(
         error_px=error,
         runner_up_px=np.where(np.isfinite(others), others, np.nan),
         ambiguous=others <= threshold,
-        unmatched_primary=np.setdiff1d(np.arange(len(of_primary)), i),
-        unmatched_secondary=np.setdiff1d(np.arange(len(of_secondary)), j),
     )
 
 

@@ -233,12 +233,4 @@ def match_groups(
             parts.append((*rows, matches.error_px, matches.runner_up_px, matches.ambiguous))
     one, two, error, second, ambiguous = (np.concatenate(each) for each in zip(*parts, strict=True))
     order = np.argsort(one, kind="stable")
-    return Matches(
-        one[order],
-        two[order],
-        error[order],
-        second[order],
-        ambiguous[order],
-        np.setdiff1d(np.arange(len(primary_px)), one),
-        np.setdiff1d(np.arange(len(secondary_px)), two),
-    )
+    return Matches(one[order], two[order], error[order], second[order], ambiguous[order])
