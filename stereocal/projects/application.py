@@ -20,7 +20,7 @@ from stereocal.formats.point_text import point_text
 from stereocal.formats.world_file import check_world
 from stereocal.matching.application import POINTS, Application, Outcome, Points, apply_sets
 from stereocal.matching.point_table import POINT, PointTable, is_parquet
-from stereocal.network.rig_file import RIG, Parameters, RigFile, read_parameters
+from stereocal.network.rig_file import RIG, Parameters, RigFile, is_rig, read_parameters
 from stereocal.projects.contents import APPLIED, ASKING, CHECK, POINT_FILES, SETS, TABLES, WORLD
 from stereocal.projects.database import DamagedError
 from stereocal.projects.files import StoredFile, loaded
@@ -194,11 +194,6 @@ class ProjectApplication(ProjectPart):
 
     # Parameter files and the world frame
 
-    def keep_rig(self, label: str, content: bytes) -> None:
-        """Store rig.json, to be used in place of parameter files."""
-        RigFile.loads(content, label)
-        self.database.give(SETS, RIG, label, content)
-
     def forget_rig(self) -> None:
         self.database.forget_files(SETS, [RIG])
 
@@ -209,14 +204,13 @@ class ProjectApplication(ProjectPart):
         return None if found is None else (found.label, RigFile.loads(found.read_bytes()))
 
     def keep_set(self, use: Use, label: str, content: bytes) -> None:
-        """Store a parameter file, or a rig.json as such; another one is refused, and nothing
-        changes."""
-        if isinstance(read_parameters(content, label), RigFile):
-            self.keep_rig(label, content)
-            return
+        """Store a parameter file, or rig.json to be used in place of them; another file is refused,
+        and nothing changes."""
+        read_parameters(content, label)
+        slot = RIG if is_rig(content) else use
         with self.database.transaction():
-            self.database.give(SETS, use, label, content)
-            self.database.forget_files(ASKING, [use])
+            self.database.give(SETS, slot, label, content)
+            self.database.forget_files(ASKING, [slot])
 
     def offer_set(self, use: Use, files: Mapping[str, bytes]) -> None:
         """Store a parameter file, or keep another program's files until questions are answered."""
