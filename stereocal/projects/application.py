@@ -35,8 +35,8 @@ from stereocal.system.zip_files import pack_zip, unzip
 Use = Literal["matching", "measuring"]
 USES: tuple[Use, Use] = ("matching", "measuring")
 Asked = str
-"""What a file with open questions is for: a camera's points (`primary`, `secondary`, or `slot_of` a
-rig's camera), `bars`, `archive`, `matching` or `measuring`."""
+"""What a file with open questions is for: a camera's points (`slot_of`), `bars`, `archive`,
+`matching` or `measuring`."""
 SUFFIXES = (".csv", ".parquet")
 PARAMETERS, IMAGES = "parameters", "images"
 """The files of the Check page."""
@@ -47,8 +47,8 @@ EARLIER = "image_sizes"
 
 
 def slot_of(camera: str) -> Asked:
-    """Where the points of a rig's camera are: its name alone could be that of another file."""
-    return f"camera {camera}"
+    """Where the points of a camera are: a name of its own alone could be that of another file."""
+    return camera if camera in CAMERAS else f"camera {camera}"
 
 
 @dataclass(frozen=True)

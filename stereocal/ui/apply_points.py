@@ -64,7 +64,7 @@ class PointsForm:
     @property
     def slots(self) -> dict[str, Asked]:
         """By camera, what its file is for."""
-        return {name: slot_of(name) if self.is_rig else name for name in self.heights}
+        return {name: slot_of(name) for name in self.heights}
 
     @property
     def _titles(self) -> tuple[str, str]:

@@ -30,7 +30,7 @@ from stereocal.matching.application import (
 from stereocal.matching.names import AUTO
 from stereocal.matching.point_table import pixels_of
 from stereocal.matching.trajectories import COORDINATES
-from stereocal.matching.views import PAIRS, TRACKS
+from stereocal.matching.views import TRACKS
 from stereocal.network.rig_file import RIG
 from stereocal.projects.application import CLICKED_IN, USES, ProjectApplication, slot_of
 from stereocal.projects.files import StoredFile
@@ -284,8 +284,7 @@ def _are_own(store: ProjectApplication, outcome: Outcome) -> bool:
     """Whether a result is of the bar's own points."""
     if any(str(label).startswith(CLICKED_IN) for label in outcome.used.get("points", ())):
         return False
-    first = outcome.cameras[0]
-    given = store.points(first if outcome.matched == PAIRS else slot_of(first))
+    given = store.points(slot_of(outcome.cameras[0]))
     return given is None or given.name != outcome.tables[0]
 
 
