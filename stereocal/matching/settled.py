@@ -10,9 +10,8 @@ import pandas as pd
 
 from stereocal.matching.matching import ANY_DEPTH
 from stereocal.matching.names import AUTO, Names
-from stereocal.matching.point_table import POINT, SIGMAS, pixels_of
+from stereocal.matching.point_table import POINT, SIGMAS
 from stereocal.matching.tables_by_camera import Report, TablesByCamera
-from stereocal.matching.view_groups import images_of_groups
 from stereocal.system.array_types import IntArray
 
 ERROR_DECIMALS = 6
@@ -76,10 +75,11 @@ class Matching(ABC):
             rows: of each of `cameras`.
         """
         images, found = self.groups(rows)
-        seen = images_of_groups(images, [pixels_of(table) for table in rows])
         columns: dict[str, Any] = {"frame": np.full(len(images), frame)}
-        for c, camera in enumerate(self.cameras):
-            columns |= {f"{axis}_{camera}": seen[:, c, k] for k, axis in enumerate(POINT)}
+        for camera, table, image in zip(self.cameras, rows, images.T, strict=True):
+            for axis in POINT:
+                pixels = np.append(table[axis].to_numpy(np.float64), np.nan)
+                columns[f"{axis}_{camera}"] = pixels[image]  # -1 is the last one
         columns |= found
         for names, table, image in zip(self.further, rows, images.T, strict=True):
             columns |= {new: self._passed(table[name], image) for name, new in names.items()}
