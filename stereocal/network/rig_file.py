@@ -87,6 +87,12 @@ class RigFile(ResultFile):
         return q
 
     @property
+    def metric_p95(self) -> float | None:
+        """95 % of lengths in metres are within this fraction; None if unknown."""
+        figures = self.about.figures
+        return None if figures is None else figures.metric_error_p95
+
+    @property
     def object(self) -> RigidObject | None:
         """The object that the rig was calibrated with; None if the file does not say."""
         points = dict(self.about.object)

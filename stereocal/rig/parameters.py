@@ -148,6 +148,11 @@ class RigParameters(Answer, Rig, ResultFile):
         return self
 
     @property
+    def metric_p95(self) -> float | None:
+        """95 % of lengths in metres are within this fraction; None if unknown."""
+        return ((self.predicted or {}).get("p95_metric_error_3d") or {}).get("value")
+
+    @property
     def set_name(self) -> str:
         """In sentences, such as `2D set`."""
         short = {"2d": "2D", "3d": "3D"}

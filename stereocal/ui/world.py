@@ -19,10 +19,11 @@ from stereocal.formats.world_file import (
     read_observed,
     write_world,
 )
-from stereocal.network.rig_file import Parameters, RigFile
+from stereocal.network.rig_file import Parameters
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair
 from stereocal.rig.rig import camera_in_words
@@ -48,8 +49,8 @@ def choose_world(project: Project, store: ProjectApplication, rig: Parameters) -
     """The fold; returns `world_from_primary`, of a rig `world_from_reference`; None for points in
     the camera's frame."""
     camera, told = camera_in_words(next(iter(rig.placed))), HELP
-    if isinstance(rig, RigFile):
-        told = f"{HELP} {OF_RIG.format(*rig.names)}"
+    if (names := [*rig.placed]) != [*CAMERAS]:
+        told = f"{HELP} {OF_RIG.format(*names)}"
     file, world, refused = store.world_file, None, list[str]()
     rate = setting(project, "world_frame_rate", None, Number(0.1, 1e6, or_none=True))
     kind = None  # None also for a file that states the frame itself: JSON, or a 4x4 matrix

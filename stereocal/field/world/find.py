@@ -9,7 +9,7 @@ from stereocal.field.world.frame import Observed, Survey, Throw, WorldFrame, Wor
 from stereocal.field.world.lines import world_of_lines
 from stereocal.field.world.survey import world_of_survey
 from stereocal.field.world.throw import world_of_throw
-from stereocal.network.rig_file import Parameters, RigFile
+from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.recording import CameraPair
 from stereocal.verdict.in_words import percent
@@ -21,32 +21,27 @@ def find_world(
     settings: WorldSettings | None = None,
     cameras: CameraPair = CAMERAS,
 ) -> WorldFrame:
-    """The world frame; of a rig its pose is `world_from_reference`.
+    """The world frame; its pose is `world_from_reference`.
 
     Args:
-        observed: points already reconstructed are in the frame of the primary, or the reference.
-        cameras: those of a rig that observed.
+        observed: points already reconstructed are in the frame of the reference, the first camera.
+        cameras: those that observed.
     """
-    if isinstance(rig, RigFile):
-        to_first = rig.poses[cameras[0]]
-        if isinstance(observed, Survey):
-            observed = replace(observed, measured_m=to_first.apply(observed.measured_m))
-        found = find_world(rig.pair(*cameras), observed, settings)
-        sentence, *notes = (_naming(cameras, text) for text in (found.sentence, *found.notes))
-        figures = rig.about.figures
-        notes += _on_lengths(None if figures is None else figures.metric_error_p95)
-        return replace(found, pose=found.pose @ to_first, sentence=sentence, notes=tuple(notes))
-    stated = settings or WorldSettings()
+    stated, of_first = settings or WorldSettings(), rig.placed[cameras[0]].pose
+    pair = rig.pair(*cameras)
     try:
         with np.errstate(all="ignore"):
             if isinstance(observed, Survey):
-                found = world_of_survey(rig, observed, stated)
+                seen = replace(observed, measured_m=of_first.apply(observed.measured_m))
+                found = world_of_survey(pair, seen, stated)
             elif isinstance(observed, Throw):
-                found = world_of_throw(rig, observed, stated)
+                found = world_of_throw(pair, observed, stated)
             else:
-                found = world_of_lines(rig, observed, stated)
-        predicted = (rig.predicted or {}).get("p95_metric_error_3d") or {}
-        return replace(found, notes=(*found.notes, *_on_lengths(predicted.get("value"))))
+                found = world_of_lines(pair, observed, stated)
+        told = (found.sentence, *found.notes)
+        sentence, *notes = (_naming(cameras, text) for text in told)
+        notes += _on_lengths(rig.metric_p95)
+        return replace(found, pose=found.pose @ of_first, sentence=sentence, notes=tuple(notes))
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
         if isinstance(error, StereocalError):
             raise
@@ -67,6 +62,8 @@ def _on_lengths(within: float | None) -> list[str]:
 
 def _naming(pair: CameraPair, text: str) -> str:
     """A sentence with the names of the cameras in place of primary and secondary."""
+    if pair == CAMERAS:
+        return text
     for side, name in zip(CAMERAS, pair, strict=True):
         text = text.replace(f"The {side}", f"Camera {name}").replace(
             f"the {side}", f"camera {name}"
