@@ -278,10 +278,19 @@ def _transposed(recording: Recording, group: Group) -> Iterator[Way]:
     yield Way(partial(with_pixels, recording, group.names, lambda points, _: points[:, ::-1]))
 
 
-def _rows_reversed(recording: Recording, group: Group) -> Iterator[Way]:
-    if (board := recording.object.board) is not None:
-        grid = np.arange(len(board.points)).reshape(board.rows, board.columns)
-        yield Way(partial(with_targets, recording, group.names[0], grid[:, ::-1].ravel()))
+def _counted(by_columns: bool, *steps: int) -> Ways:
+    """The corners of a board in another order: row by row or column by column, forwards or
+    backwards along both (`steps`, 1 or -1)."""
+
+    def ways(recording: Recording, group: Group) -> Iterator[Way]:
+        if (board := recording.object.board) is not None:
+            grid = np.arange(len(board.points)).reshape(board.rows, board.columns)
+            if by_columns:
+                grid = np.arange(len(board.points)).reshape(board.columns, board.rows).T
+            numbers = grid[:: steps[0], :: steps[1]].ravel()
+            yield Way(partial(with_targets, recording, group.names[0], numbers))
+
+    return ways
 
 
 def _half_turn(of_board: bool) -> Ways:
@@ -395,12 +404,20 @@ OF_POINTS = (
         "each",
         _transposed,
     ),
-    Row(
-        "The corners of {which} seem to be counted from the other end of each row",
-        COUNT_ALIKE,
-        "one",
-        _rows_reversed,
-        "boards",
+    *(
+        Row(
+            f"The corners of {{which}} seem to be counted {how}",
+            COUNT_ALIKE,
+            "one",
+            _counted(*order),
+            "boards",
+        )
+        for how, order in (
+            ("from the other end of each row", (False, 1, -1)),
+            ("from the last row", (False, -1, 1)),
+            ("column by column", (True, 1, 1)),
+            ("column by column, from the opposite corner", (True, -1, -1)),
+        )
     ),
     Row(
         "The columns of the table seem to stand camera by camera: A and B of one camera, then "

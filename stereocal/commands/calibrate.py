@@ -28,7 +28,7 @@ from stereocal.formats.inputs import read_input
 from stereocal.network.fit import RigSettings
 from stereocal.network.to_calibrate import in_step
 from stereocal.paper_kit.kit import paper_kit
-from stereocal.refined.parameter_file import standard_errors
+from stereocal.refined.parameter_file import errors_of_set
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.rig.camera import CAMERAS
@@ -134,7 +134,7 @@ def _lines_of(found: Run) -> list[str]:
         lines.append(volume.sentence())
     if (result := calibration.refined) is not None:
         noise, scatter = result.sigma_px, result.scatter_m
-        baseline = standard_errors(result.covariance, result.rig)["baseline_m"]
+        baseline = errors_of_set(result)["baseline_m"]
         lines.append(
             f"refined: noise {noise.value:.3f} px ({noise.source}), scatter of the bar "
             f"{1000 * scatter.value:.2f} mm ({scatter.source}), baseline "

@@ -122,7 +122,7 @@ def changed(
         off = option.startswith("--no-")
         name = about.get("dest", option.removeprefix("--no-").removeprefix("--").replace("-", "_"))
         value, usual = getattr(parsed, name), about.get("default", defaults.get(name, off))
-        if option.startswith("--") and value not in (usual, None, off):
+        if option.startswith("--") and value is not off and value not in (usual, None):
             yield option
 
 
@@ -212,7 +212,8 @@ def dataset_from(parsed: argparse.Namespace, path: Path) -> Dataset:
 def pair_from(parsed: argparse.Namespace, path: Path, recording: Recording) -> Dataset:
     """The data set of two cameras of a recording, as the options say."""
     with naming(str(path)):
-        return with_sigmas(pair_to_calibrate(recording, parsed.pair), parsed)
+        dataset = pair_to_calibrate(recording, parsed.pair)
+    return with_sigmas(dataset, parsed)
 
 
 def recording_from(parsed: argparse.Namespace, path: Path) -> Recording:

@@ -12,7 +12,7 @@ from stereocal.evaluation.summary import Estimate, MethodSummary
 from stereocal.field.planning.forecast import PlanForecast
 from stereocal.figures.style import in_order
 from stereocal.figures.validation import COLUMNS, standings
-from stereocal.refined.parameter_file import standard_errors
+from stereocal.refined.parameter_file import errors_of_set
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.small_steps import FACTOR, largest_turn_sigma
@@ -84,7 +84,7 @@ def angles_table(calibration: Calibration) -> pd.DataFrame:
 def refined_table(result: RefinedResult) -> pd.DataFrame:
     """The refined set with its standard errors: angles in degrees, lengths in m, lenses in px."""
     lines = {}
-    errors = standard_errors(result.covariance, result.rig)
+    errors = errors_of_set(result)
     for name, value in errors.items():
         title, scale, decimals = "Baseline (m)", 1.0, 4
         if name in ANGLE_TITLES:

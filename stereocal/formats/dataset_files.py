@@ -31,8 +31,7 @@ from stereocal.formats.dataset_description import (
 )
 from stereocal.formats.points_csv import read_points_csv, write_points
 from stereocal.network.frame_rates import RATES, at_stated_rates
-from stereocal.rig.camera import CAMERAS, LensModel
-from stereocal.rig.correspondences import TARGETS
+from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.dataset import Dataset
 from stereocal.rig.recording import COLUMNS, Recording
 from stereocal.system.limits import Limits
@@ -144,7 +143,7 @@ def parse_recording(
             "frames are in step already. Give the points of each camera by its own count: a data "
             'set of format 2 with "frames": "own".'
         )
-    own = as_counted or found.counts_own_frames
+    own = as_counted or (found.is_recording and found.counts_own_frames)
     recording = found.recording(lens_model)
     if not with_points:
         return recording
@@ -205,26 +204,28 @@ def _with_points(
 
 
 def pack_dataset(dataset: Dataset) -> dict[str, bytes]:
-    """The files of a data set by name."""
-    return pack_recording(Recording.of_pair(dataset))
+    """The files of a data set by name, read back exactly by `parse_recording`: of format 1, and of
+    an object that is no bar of format 2."""
+    if dataset.correspondences.rigid_object is not None:
+        return pack_recording(Recording.of_pair(dataset))
+    cameras = dict(zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True))
+    return _packed(cameras, *_pairs(dataset))
 
 
 def pack_recording(recording: Recording) -> dict[str, bytes]:
-    """The files of a recording by name, read back exactly by `parse_recording`.
+    """The files of a recording by name, read back exactly by `parse_recording`: of format 2."""
+    return _packed(recording.cameras, *_points(recording))
 
-    They are of format 1 if the cameras are called primary and secondary, both see every point of a
-    bar, and a baseline is stated; else of format 2.
-    """
-    of_bars = recording.object.names == TARGETS and recording.baseline_m(*CAMERAS) is not None
-    if tuple(recording.cameras) == CAMERAS and of_bars and recording.is_paired:
-        description, table = _pairs(recording.pair(*CAMERAS))
-    else:
-        description, table = _points(recording)
+
+def _packed(
+    cameras: Mapping[Any, Camera], description: Mapping[str, Any], table: Mapping[str, bytes]
+) -> dict[str, bytes]:
+    """The files of cameras, entries of `dataset.json` and a table."""
     names = description["cameras"]
     kept = {key: value for key, value in description.items() if value is not None}
     return {
         DESCRIPTION: (json.dumps(kept, indent=2) + "\n").encode(),
-        **{names[which]: write_camera(camera) for which, camera in recording.cameras.items()},
+        **{names[which]: write_camera(camera) for which, camera in cameras.items()},
         **table,
     }
 

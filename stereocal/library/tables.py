@@ -22,6 +22,7 @@ from stereocal.matching.trajectories import POINT_COLUMNS
 from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
+from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras
 from stereocal.system.answers import TableAnswer
 
@@ -123,7 +124,7 @@ def match(
         which: PointTable(table, label=f"the {which} table") for which, table in tables.items()
     }
     first, last = (tables[name]["frame"] for name in (min(tables), max(tables)))
-    two = len(tables) == len(rig.placed) == 2
+    two = len(tables) == 2 and isinstance(rig, RigParameters)
     apart = two and rig.pair(*rig.placed).start_frame and len(first) and len(last)
     if two and not apart and not len(np.intersect1d(first, last)):
         further = further_names(*map(tuple, tables.values()))

@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import DAMAGED, RefusedRowsError, RowProblem, StereocalError
+from stereocal.rig.correspondences import PIXELS
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.csv_text import csv_text, unquoted, without_apostrophes
@@ -255,7 +256,7 @@ class PointTable:
             RefusedRowsError: invalid rows, named by their lines.
         """
         raw.columns = pd.Index(self.names)
-        not_all = len(self.numbers) > 2 * len(POINT)
+        not_all = len(self.numbers) > len(POINT) and tuple(self.numbers) != PIXELS
         columns = [Column("frame", is_whole=True)]
         columns += [Column(name, may_be_empty=not_all) for name in self.numbers]
         columns += [Column(name, may_be_empty=True, is_positive=True) for name in self.sigmas]

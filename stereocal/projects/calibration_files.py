@@ -13,8 +13,10 @@ from stereocal.errors import StereocalError, damaged
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
+from stereocal.refined.small_steps import OF_PAIR
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.dataset import Dataset
+from stereocal.rig.geometry import Pose
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.array_types import IntArray
 from stereocal.system.records import of_plain, pack
@@ -84,7 +86,8 @@ def unpack_calibration(
     with damaged("The last result of this project cannot be read; calibrate again."):
         data = json.loads(content)
         dataset = dataset_of(data["inputs"])
-        if dataset.sha256 != data["dataset_sha256"]:
+        # A baseline that is free is found anew, in another version in its last digits too.
+        if dataset.sha256 != data["dataset_sha256"] and not dataset.baseline_is_free:
             raise StereocalError("The result and its data do not belong together.")
         stated = data.get("screening", _NO_SCREENING)
         if (offset := stated.get("time_offset")) is not None:
@@ -101,24 +104,31 @@ def unpack_calibration(
         )
         if found.frames.ndim != 1:
             raise ValueError(found.frames)
-        if "refined" not in data:
-            return _with_refined(found)
+        if "refined" not in data:  # version 1.0 did not store the refined set
+            own, late = found.dataset, found.settings
+            return _refined_again(
+                found,
+                RefineSettings(
+                    baseline_sigma_m=own.baseline_sigma_m,
+                    distance_sigma_m=own.target_distance_sigma_m,
+                    time_offset=late.time_offset,
+                    time_drift=late.time_drift,
+                ),
+            )
         if data["refined"] is None:
             return found
         stored = of_plain(data["refined"], _REFINED)
+        if len(stored.information) != OF_PAIR:  # earlier versions had other unknowns
+            return _refined_again(found, stored.settings, stored.pose)
         return replace(found, refined=RefinedResult(dataset=found.fitted, **vars(stored)))
 
 
-def _with_refined(found: Calibration) -> Calibration:
-    """A result of version 1.0, which did not store the refined set, with it where there is one."""
-    settings = RefineSettings(
-        baseline_sigma_m=found.dataset.baseline_sigma_m,
-        distance_sigma_m=found.dataset.target_distance_sigma_m,
-        time_offset=found.settings.time_offset,
-        time_drift=found.settings.time_drift,
-    )
+def _refined_again(
+    found: Calibration, settings: RefineSettings, start: Pose | None = None
+) -> Calibration:
+    """A result of an earlier version with its refined set, where there is one."""
     with suppress(StereocalError):
-        return replace(found, refined=refine(found.fitted, settings))
+        return replace(found, refined=refine(found.fitted, settings, start))
     return found
 
 

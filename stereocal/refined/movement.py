@@ -140,8 +140,8 @@ def _steps(fit: RobustFit, parts: Sequence[RobustFit]) -> list[_Step]:
         return []
     H, g = map(np.array, zip(*(_equations(fit, *each) for each in blocks), strict=True))
     M = fit.unknowns.M
-    C = inverse_of(M.T @ H.sum(axis=0) @ M + fit.at_end.precision, SMALLEST)
-    step = C @ (M.T @ g.sum(axis=0) + fit.prior_gradient)
+    C = inverse_of(M.T @ H.sum(axis=0) @ M + fit.unknowns.precision, SMALLEST)
+    step = C @ (M.T @ g.sum(axis=0) + fit.unknowns.precision @ fit.p)
     freedom = sum(int(part.degrees_of_freedom[block].sum()) for part, block in blocks)
     cost = sum(float(part.chi_squares[block].sum()) for part, block in blocks)
     found = list[_Step]()

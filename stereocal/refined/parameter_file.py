@@ -9,9 +9,10 @@ import numpy as np
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.small_steps import FACTOR, OF_PAIR, lens_places, pose_places
 from stereocal.refined.stated_inputs import Input
+from stereocal.refined.unknowns import FIXED, baseline_sigma_m
 from stereocal.refined.views import DRIFT, EACH, TIME
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
-from stereocal.rig.dataset import SMALLEST_UNCERTAINTY, Dataset
+from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import ForecastEntries, RigParameters, about_data
 from stereocal.rig.rig import Rig
@@ -153,15 +154,21 @@ def standard_errors(covariance: FloatArray, rig: Rig) -> dict[str, Value]:
     lenses = np.concatenate([camera.lens_values[:4] for camera in (rig.primary, rig.secondary)])
     values = [*rig.pose.angles, rig.pose.baseline, np.nan, *lenses.tolist()]
     errors = np.sqrt(np.diag(of_file(covariance, rig.pose))).tolist()
-    if errors[POSE - 1] < 2.0 * SMALLEST_UNCERTAINTY * rig.pose.baseline:
-        errors[POSE - 1] = 0.0  # `unknowns.measured_baseline` of one that is held
     known = zip(COVARIANCE_OF, values, errors, strict=False)
     return {name: Value(value, sigma) for name, value, sigma in known if name != "bar_factor"}
 
 
+def errors_of_set(result: RefinedResult) -> dict[str, Value]:
+    """The same of a refined set; 0 for a baseline that was held."""
+    found = standard_errors(result.covariance, result.rig)
+    if baseline_sigma_m(result.dataset, result.settings) <= FIXED:
+        found["baseline_m"] = Value(found["baseline_m"].value, 0.0)
+    return found
+
+
 def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dict[str, Any]:
     """Noise, standard errors, covariance, frames left out and inputs that disagree, as JSON."""
-    bar, errors = result.dataset.target_distance_m, standard_errors(result.covariance, result.rig)
+    bar, errors = result.dataset.target_distance_m, errors_of_set(result)
     return {
         "sigma_px": {"value": float(result.sigma_px.value), "source": result.sigma_px.source},
         "bar_scatter_m": {

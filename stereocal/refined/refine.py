@@ -102,7 +102,8 @@ class RefinedResult:
     """(u, 2, 3): adjusted 3D points of A and B in the primary's frame, of an object those of each
     part; NaN if not seen."""
     cost: float
-    """Sum of the chi-squares of the frames used and of the priors."""
+    """Sum of the chi-squares of the frames used and of the priors; of a pair of a rig, which has no
+    priors of its own, of the frames."""
     steps: int
     stop_reason: str
     seconds: float

@@ -234,6 +234,8 @@ class Recording(TableAnswer):
         measured = {found.pair_named(pair): value for pair, value in (baselines_m or {}).items()}
         for pair, value in measured.items():
             check_length(f"baseline {'-'.join(pair)}", value)
+        if baseline_sigma_m == np.inf:  # said not to be measured: found anew
+            measured = {}
         found.refuse_points_outside()
         return replace(found, baselines_m=measured).within_view()
 
@@ -397,11 +399,6 @@ class Recording(TableAnswer):
     def common_frames(self, first: str, second: str) -> IntArray:
         """The frames in which both cameras see the same target, ascending."""
         return np.unique(self.frame[self._common(first, second)[0]])
-
-    @property
-    def is_paired(self) -> bool:
-        """Whether there are two cameras, and both see every point."""
-        return len(self.cameras) == 2 and len(self.frame) == 2 * len(self._common(*self.cameras)[0])
 
     def baseline_m(self, first: str, second: str) -> float | None:
         """The stated distance of two cameras; None if there is none."""

@@ -46,8 +46,8 @@ MAXIMUM_TO_ADD = 10
 Kind = Literal["one", "two", "level"]
 FEW_DRAWS, FEW_BARS = 32, 100
 """Draws and bars of each half, for improvements."""
-KNOWN = 1e6
 LENS_PARTS = ("focal", *LENS_UNKNOWNS)
+KNOWN = 1e6
 """Factor of the information about a parameter that is known exactly."""
 MORE_FRAMES = 4
 WORTH_IT = 0.93

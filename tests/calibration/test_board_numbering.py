@@ -31,6 +31,7 @@ PAIR, EVEN_ROWS, OTHER_SIZE = (
         ("rows and columns exchanged in one camera", PAIR),
         ("half a turn of one camera", EVEN_ROWS),
         ("corners of one camera mirrored", PAIR),
+        ("corners of one camera from the last row", PAIR),
         ("one file for both cameras", OTHER_SIZE),
         ("frames shifted by one", PAIR),
         ("all points at 75 %", PAIR),

@@ -1,17 +1,22 @@
 """Projects stored by earlier versions are brought up to date, in one transaction."""
 
+import json
 import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.library.calibrations import calibrate
 from stereocal.projects import database as database_module
+from stereocal.projects.calibration_files import pack_calibration, unpack_calibration
 from stereocal.projects.database import VERSION, Database
 from stereocal.projects.jobs import is_interrupted
 from stereocal.projects.project import Project
+from tests import known_rig
 
 STORED = Path(__file__).parent / "version_1.sqlite"
 """Of version 1.0: a data set, a setting, a calibration, a validation of 3 runs, and a job."""
@@ -59,3 +64,16 @@ def test_another_version_is_named(old: Path) -> None:
             db.execute(f"PRAGMA user_version = {version}")
         with pytest.raises(StereocalError, match=message), Database(old).reading():
             pass
+
+
+def test_a_refined_set_of_other_unknowns_is_computed_again() -> None:
+    """Of 25, with the five angles; their covariance is of no use with those of now."""
+    data = known_rig.dataset(12, 0.2)
+    found = calibrate(data)
+    stored = json.loads(pack_calibration(found, {}))
+    stored["refined"]["information"] = np.zeros((25, 25)).tolist()
+    stored["refined"]["settings"]["rest"] = None
+    again = unpack_calibration(json.dumps(stored).encode(), lambda _: data).refined
+    assert found.refined is not None and again is not None
+    assert pytest.approx(found.refined.pose.T, rel=1e-6) == again.pose.T
+    assert again.covariance == pytest.approx(found.refined.covariance, rel=1e-3, abs=1e-12)

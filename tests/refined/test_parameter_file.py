@@ -5,7 +5,7 @@ import pytest
 
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.disagreement import compare_inputs
-from stereocal.refined.parameter_file import COVARIANCE_OF, refined_parameters, standard_errors
+from stereocal.refined.parameter_file import COVARIANCE_OF, errors_of_set, refined_parameters
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
@@ -40,7 +40,7 @@ def test_what_the_uncertainties_say(result: RefinedResult) -> None:
     stated_ones = refined_parameters(result, compare_inputs(result).inputs).uncertainties
     assert stated_ones is not None
     errors = stated_ones["standard_errors"]
-    own = standard_errors(result.covariance, result.rig)
+    own = errors_of_set(result)
     assert errors == {name: value.sigma for name, value in own.items()}
     covariance = np.array(stated_ones["covariance"]["matrix"])
     names = stated_ones["covariance"]["of"]

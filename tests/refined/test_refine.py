@@ -10,7 +10,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.noise import ASSUMED, ESTIMATED, GIVEN, scatter_of
-from stereocal.refined.parameter_file import standard_errors
+from stereocal.refined.parameter_file import errors_of_set
 from stereocal.refined.refine import refine
 from stereocal.refined.small_steps import FACTOR, pose_places, step_between
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
@@ -18,7 +18,9 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Scene, lens_off_by, observe
 from tests import known_rig as rig
+from tests.further import further
 from tests.rigs.accuracy import against_the_paper, turned, with_gross_errors
+from tests.rigs.mistakes import rig as random_rig
 from tests.rigs.refined_rigs import fixed_lenses, random_scene
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
@@ -120,15 +122,26 @@ def test_single_targets_and_no_bar_at_all() -> None:
     assert alone.pose.baseline == pytest.approx(rig.BASELINE_M, rel=1e-3)
 
 
+@pytest.mark.parametrize("number", [0, *further(3, 7)])
+def test_a_held_baseline_is_a_very_certain_one(number: int) -> None:
+    """Held to 1e-7 of it, 15 of 25 such rigs had not converged after all steps."""
+    data = random_rig(number)[1]
+    sigma_m = 1e-4 * data.baseline_m
+    held, certain = (refine(data, RefineSettings(baseline_sigma_m=m)) for m in (0.0, sigma_m))
+    assert held.stop_reason == "converged"
+    away = step_between(held.at, certain.at)[pose_places(1)]
+    assert (np.abs(away) < 0.05 * np.sqrt(np.diag(certain.covariance)[pose_places(1)])).all()
+
+
 def test_fixed_stays_fixed_and_apart_comes_apart() -> None:
     data = rig.dataset(25, 0.2)
     found = refine(data, RefineSettings(FIXED_LENS, LensPrior(apart=True), 0.0, 0.0))
     np.testing.assert_array_equal(found.primary.K, data.primary.K)
-    assert found.pose.baseline == pytest.approx(rig.BASELINE_M, rel=1e-9)
+    assert found.pose.baseline == pytest.approx(rig.BASELINE_M, rel=1e-6)
     assert found.bar_factor == 1.0
     ratio = np.diag(found.secondary.K)[:2] / np.diag(data.secondary.K)[:2]
     assert ratio[0] != ratio[1]
-    assert standard_errors(found.covariance, found.rig)["baseline_m"].sigma == 0.0
+    assert errors_of_set(found)["baseline_m"].sigma == 0.0
     assert found.covariance[FACTOR, FACTOR] == 0.0
     together = refine(data).secondary.K
     assert together[0, 0] / together[1, 1] == pytest.approx(

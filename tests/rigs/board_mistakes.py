@@ -119,6 +119,9 @@ MISTAKES: Mapping[str, BoardMistake] = {
         _of_board(lambda p, r: numbered(p, _grid(p)[:, ::-1], r)),
         ("from the other end of each row",),
     ),
+    "corners of one camera from the last row": BoardMistake(
+        _of_board(lambda p, r: numbered(p, _grid(p)[::-1], r)), ("from the last row",)
+    ),
     "rows and columns exchanged in one camera": BoardMistake(
         _of_board(lambda p, r: numbered(p, _grid(p).T, r)), ("columns",)
     ),
