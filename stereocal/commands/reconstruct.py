@@ -16,8 +16,6 @@ from stereocal.commands.options import (
 )
 from stereocal.matching.matching import refuse_different_rigs
 from stereocal.matching.measure_tables import measure_tables
-from stereocal.matching.point_table import PointTable
-from stereocal.matching.tables_by_camera import pixel_columns
 from stereocal.matching.views import views_of
 from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.parameters import RigParameters
@@ -39,7 +37,7 @@ OPTIONS: Options = {
 
 def run(parsed: argparse.Namespace) -> None:
     rig = _rig(parsed)
-    table = PointTable(parsed.pairs, pixel_columns(rig))
+    table = views_of(rig).table(parsed.pairs)
     about = rig, table, parsed.out, world_from(parsed), parsed.sigma_px
     a_point = np.zeros((1, len(rig.placed), 2))
     with workers_from(parsed, partial(views_of(rig).fit, a_point, 1.0)) as executor:

@@ -17,8 +17,9 @@ from stereocal.matching.names import AUTO
 from stereocal.matching.pairs import PAIR_COLUMNS, further_names
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.settled import Stated
-from stereocal.matching.tables_by_camera import Report, pixel_columns
+from stereocal.matching.tables_by_camera import Report
 from stereocal.matching.trajectories import POINT_COLUMNS
+from stereocal.matching.views import views_of
 from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
@@ -162,7 +163,7 @@ def reconstruct(
         found, report = pd.DataFrame(columns=[*POINT_COLUMNS]), Report(0, ["No points."])
     else:
         rows: list[pd.DataFrame] = []
-        table = PointTable(pd.DataFrame(pairs), pixel_columns(rig), "the table of pairs")
+        table = views_of(rig).table(pd.DataFrame(pairs), "the table of pairs")
         report = measure_tables(rig, table, None, world, sigma_px, passed_on=rows)
         found = pd.concat(rows, ignore_index=True)
     points = Points.of(found, report)

@@ -24,7 +24,6 @@ from stereocal.matching.pairs import PAIR_COLUMNS
 from stereocal.matching.point_table import POINT, SIGMAS, PointTable
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.settled import Stated
-from stereocal.matching.tables_by_camera import pixel_columns
 from stereocal.matching.tracks import OF_TRACKS
 from stereocal.matching.trajectories import OUTSIDE_VOLUME, POINT_COLUMNS, SIGMA_COLUMNS
 from stereocal.matching.views import PAIRS, Views, views_of
@@ -210,7 +209,7 @@ def apply_sets(
     begin(STAGES[1])
     whole = pd.concat(rows, ignore_index=True)
     rows.clear()  # in memory once
-    together = PointTable(whole, pixel_columns(measuring), table)
+    together = views_of(measuring).table(whole, table)
     about = work.world, matched.sigma_px, progress, executor
     measured = measure_tables(measuring, together, folder / POINTS, *about)
     return Outcome(

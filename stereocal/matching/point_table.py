@@ -23,7 +23,6 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import DAMAGED, RefusedRowsError, RowProblem, StereocalError
-from stereocal.rig.correspondences import PIXELS
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.csv_text import csv_text, unquoted, without_apostrophes
@@ -78,15 +77,19 @@ class PointTable:
 
     Args:
         source: `.parquet` and `.pq` are Parquet, all others CSV (comma, semicolon or tab).
-        numbers: names of the columns that must hold finite numbers; of more than two cameras, some
-            may be missing in a row.
+        numbers: names of the columns that must hold finite numbers.
         label: name of the table in messages; None: its path.
+        may_lack: whether some of these numbers may be missing in a row.
     """
 
     def __init__(
-        self, source: Path | pd.DataFrame, numbers: Sequence[str] = POINT, label: str | None = None
+        self,
+        source: Path | pd.DataFrame,
+        numbers: Sequence[str] = POINT,
+        label: str | None = None,
+        may_lack: bool = False,
     ) -> None:
-        self.source = source
+        self.source, self.may_lack = source, may_lack
         self.numbers = tuple(numbers)
         self.label = label or ("the table" if isinstance(source, pd.DataFrame) else str(source))
         self.dialect = Dialect()
@@ -256,9 +259,8 @@ class PointTable:
             RefusedRowsError: invalid rows, named by their lines.
         """
         raw.columns = pd.Index(self.names)
-        not_all = len(self.numbers) > len(POINT) and tuple(self.numbers) != PIXELS
         columns = [Column("frame", is_whole=True)]
-        columns += [Column(name, may_be_empty=not_all) for name in self.numbers]
+        columns += [Column(name, may_be_empty=self.may_lack) for name in self.numbers]
         columns += [Column(name, may_be_empty=True, is_positive=True) for name in self.sigmas]
         unseen = np.logical_and.reduce([is_missing(raw[name]) for name in self.numbers])
         # Blank lines do not count.

@@ -6,6 +6,7 @@ With a parameter set of two, pairs below a threshold do, and a point is the midp
 
 from collections.abc import Iterable, Mapping
 from functools import cached_property
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -56,6 +57,8 @@ class Views:
     """Name of the table of what belongs together."""
     SOURCE: ClassVar[str] = "of_track"
     """Added in the table of points to a name that is taken there."""
+    MAY_LACK: ClassVar[bool] = True
+    """Whether a camera may see nothing of a row."""
     COUNTED: ClassVar[tuple[str, ...]] = ("views",)
     """Columns of the table of points for the number of cameras."""
     AT_ONCE: ClassVar[bool] = True
@@ -106,6 +109,10 @@ class Views:
         return np.sqrt(self.fit(pixels).chi_square / views), limits
 
     # Measuring
+
+    def table(self, source: Path | pd.DataFrame, label: str | None = None) -> PointTable:
+        """A table of what belongs together, with the images of all cameras in a row."""
+        return PointTable(source, pixel_columns(self.rig), label, self.MAY_LACK)
 
     def fit(self, pixels: FloatArray, sigma_px: Noise = None) -> Measured:
         """Points of images (n, c, 2), NaN where a camera does not see one."""
@@ -166,6 +173,7 @@ class Views:
 class TwoViews(Views):
     """The points of two cameras, with a set to match and one to measure with."""
 
+    MAY_LACK = False
     TABLE, SOURCE, COUNTED, AT_ONCE = PAIRS, "of_pair", (), False
     SECONDS = 3.5e-3, 2.2e-5, 1.5e-9
     """Within 10 % of the measured 1.4 s for 400 frames of 3 points and 11.6 s for 200 frames of
