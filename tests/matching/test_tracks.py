@@ -22,6 +22,9 @@ from stereocal.matching.view_groups import ViewFitter, expected_wrong, match_vie
 from stereocal.matching.views import cameras_of
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.refined.views import EACH
+from stereocal.rig.camera import CAMERAS
+from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.rigs import SimulatedRig, simulated_rig
 from stereocal.system.array_types import FloatArray, IntArray
@@ -242,6 +245,27 @@ def test_a_world_frame_by_two_of_the_cameras(
     seen.drop(columns=[f"u_{name}" for name in both]).to_csv(tmp_path / "one.csv", index=False)
     assert main(["world", str(tmp_path / "one.csv"), *files]) == 2
     assert "the pixels of two cameras of the rig are needed" in capsys.readouterr().err
+
+
+def test_a_rig_of_two_cameras_may_lack_one_whatever_they_are_called(
+    truth: SimulatedRig, rig: RigFile
+) -> None:
+    """A row of a pair has both; of a rig, one that lacks a camera has no point."""
+    names = dict(zip(("c1", "c2"), CAMERAS, strict=True))
+    two = replace(
+        rig,
+        cameras={to: rig.cameras[name] for name, to in names.items()},
+        poses={to: rig.poses[name] for name, to in names.items()},
+        time_offsets=dict.fromkeys(CAMERAS, 0.0),
+        covariance=rig.covariance[: 2 * EACH + 1, : 2 * EACH + 1],
+    )
+    point = truth.points_m.reshape(-1, 3).mean(axis=0)[None]
+    seen = [truth.cameras[n].project(truth.poses[n].apply(point))[0] for n in names]
+    row = dict(zip(PIXELS, np.concatenate(seen).tolist(), strict=True))
+    table = pd.DataFrame([{"frame": 0, **row}, {"frame": 1, **row, "u_secondary": np.nan}])
+    table.loc[1, "v_secondary"] = np.nan
+    found = reconstruct(two, table)
+    assert np.isfinite(found["x"]).tolist() == [True, False]
 
 
 def test_wrong_input_of_the_commands(rig: RigFile, tmp_path: Path) -> None:
