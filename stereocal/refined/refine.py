@@ -352,11 +352,12 @@ def _of_rig(
     values = to_free @ (np.array(known.q) - fit.unknowns.origin)
     fit.take(values, fit.sigma_px, fit.scatter)
     if rows is not None and not rows.all():
-        others = RobustFit.of_pair(dataset, known.pose, settings, ~rows)
+        seen = Observations.of_pair(dataset, False, ~rows)
+        others = RobustFit(seen, fit.unknowns, settings, fit.begin.R, fit.baselines)
         others.take(values, fit.sigma_px, fit.scatter)
         H, g, _ = others.equations([np.arange(len(others.frames))])
         A = A - M.T @ H[0] @ M / known.design_effect
-        fit.p = values + np.linalg.solve(A, M.T @ g[0] / known.design_effect)
+        fit.p = values + inverse_of(A) @ (M.T @ g[0]) / known.design_effect
     fit.evaluate(np.full(len(fit.frames), np.inf))
     fit.cost, fit.converged = float(fit.chi_squares.sum()), True
     precision = A - M.T @ fit.H @ M / known.design_effect
