@@ -69,7 +69,7 @@ def recordings() -> list[tuple[Recording, CameraPair]]:
     """The pairs of both recordings, with the numbers of frames as they were recorded."""
     folder = Path(os.environ["STEREOCAL_REAL_DATA"])
     three = read_recording(folder / "ewand123")
-    pair = Recording.of_pair(read_dataset("sample_data/recording"))
+    pair = read_dataset("sample_data/recording").recording
     return [(three, pair) for pair in three.pairs] + [(pair, pair.pairs[0])]
 
 
@@ -115,7 +115,7 @@ def smooth_case(rng: np.random.Generator, number: int) -> Case:
     between, late = int(rng.choice([15, 30, 60])), float(rng.uniform(-0.5, 0.5))
     bar = move_bar(field_rig(), rng, 2 * frames + 400, BAR_M, frames_between=between)
     seen = record(bar, rng, NOISE_PX, "smooth", TimeOffset(late))
-    whole = Recording.of_pair(seen)
+    whole = seen.recording
     frame = np.tile(seen.correspondences.time_frame, len(CAMERAS))
     start = int(rng.integers(0, frames)) if common else frames + 100
     begin = np.array([frames // 2 if common else 0, start])[whole.camera]

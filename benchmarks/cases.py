@@ -11,8 +11,8 @@ from stereocal.calibration import costs
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
 from stereocal.rig.compiled import compiled
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, fill_pose
+from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import Scene, simulate_field
 from stereocal.system.array_types import FloatArray
 
@@ -112,7 +112,7 @@ def search_cases() -> tuple[Case, ...]:
     return _cases(scene, dataset, 25, Pose.from_angles(angles, start.baseline))
 
 
-def _cases(scene: Scene, dataset: Dataset, frames: int, pose: Pose) -> tuple[Case, ...]:
+def _cases(scene: Scene, dataset: Pair, frames: int, pose: Pose) -> tuple[Case, ...]:
     rays = np.ascontiguousarray(dataset.rays[:, : 2 * frames])
     ends = np.ascontiguousarray(np.hstack([rays[:, 0::2], rays[:, 1::2]]))  # all A, then all B
     lengths = np.full((1, frames), dataset.target_distance_m)

@@ -17,14 +17,14 @@ from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate, evaluate_runs
 from stereocal.evaluation.summary import summarise
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.system.array_types import FloatArray
 
 SOLVERS: tuple[Solver, ...] = ("linear", "constrained")
 
 
-def protocol(datasets: list[Dataset], settings: EvaluationSettings, executor: Executor) -> None:
+def protocol(datasets: list[Pair], settings: EvaluationSettings, executor: Executor) -> None:
     """All runs, and all that is said of them."""
     runs = evaluate(datasets, settings, executor)
     summarise(runs or [])

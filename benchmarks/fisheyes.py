@@ -36,8 +36,8 @@ from stereocal.intrinsics.lens_fit import (
 )
 from stereocal.intrinsics.stereo_boards import found_of, lenses_of_boards
 from stereocal.network.baseline import with_baseline_found
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.simulate import observe
 from stereocal.system.array_types import FloatArray
@@ -186,7 +186,7 @@ def of_bars(seed: int) -> tuple[Estimate, float]:
 
 
 def judged(
-    data: Dataset, primary: FloatArray, secondary: FloatArray, length_m: float
+    data: Pair, primary: FloatArray, secondary: FloatArray, length_m: float
 ) -> tuple[Estimate, float]:
     """The forecast, and the truth on pixels (2 n, 2) of the ends of bars, one after the other."""
     calibration = Run(data).calibration

@@ -39,9 +39,9 @@ def run_of(number: int, frames: int = 25) -> tuple[Scene, Run, Misjudged]:
     known = BARS[number // len(NOISES_PX) % 2]
     off = Misjudged(noise_px=NOISES_PX[number % len(NOISES_PX)], bar_m=known * BAR_M)
     scene = random_scene(rng, frames)
-    data = replace(stated(scene, rng, off), baseline_sigma_m=off.baseline_m)
+    data = stated(scene, rng, off).changed(baseline_sigma_m=off.baseline_m)
     if known != BARS[0]:
-        data = replace(data, target_distance_sigma_m=off.bar_m)
+        data = data.changed(target_distance_sigma_m=off.bar_m)
     settings = replace(off.settings(), baseline_sigma_m=None, distance_sigma_m=None)
     return scene, Run(data, CalibrationSettings(), settings), off
 
@@ -99,7 +99,7 @@ def real(draws: int) -> None:
             rest = data.of_frames(np.setdiff1d(data.correspondences.frames, quarter))
             bar = data.target_distance_m * (1.0 + known * rng.normal())
             sigma = known * data.target_distance_m
-            run = Run(replace(rest, target_distance_m=bar, target_distance_sigma_m=sigma))
+            run = Run(rest.changed(target_distance_m=bar, target_distance_sigma_m=sigma))
             test = data.of_frames(quarter)
             found = run.recommendation.measure
             file = run.sets[found.method]

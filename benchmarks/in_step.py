@@ -21,7 +21,7 @@ import numpy as np
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.rig_file import rig_file
 from stereocal.refined.screening import screen
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.rigs import simulated_rig
@@ -46,7 +46,7 @@ REST, SWAY_M = 10, 1e-4
 """Frames for which a bar rests at a place, and by how much it sways between two."""
 
 
-def _moving(rng: np.random.Generator, late: float, misfit_px: float = 0.0) -> Dataset:
+def _moving(rng: np.random.Generator, late: float, misfit_px: float = 0.0) -> Pair:
     cameras, off = random_rig(rng), Misjudged(noise_px=float(rng.choice([0.15, 0.3, 0.6])))
     between, frames = int(rng.choice([8, 15, 30, 60])), int(rng.choice([60, 120, 250]))
     bar = move_bar(cameras, rng, frames, BAR_M, DEPTHS_M, between)
@@ -55,7 +55,7 @@ def _moving(rng: np.random.Generator, late: float, misfit_px: float = 0.0) -> Da
     return with_waves(data, smooth_fields(rng), misfit_px) if misfit_px else data
 
 
-def _placed(rng: np.random.Generator, misfit_px: float, rest: bool = False) -> Dataset:
+def _placed(rng: np.random.Generator, misfit_px: float, rest: bool = False) -> Pair:
     cameras, off = random_rig(rng), Misjudged(noise_px=float(rng.choice([0.15, 0.3, 0.6])))
     count = 12 if rest else int(rng.choice([15, 25, 60]))
     scene = place_bars(cameras, rng, count, BAR_M, DEPTHS_M, 20.0)
@@ -65,13 +65,13 @@ def _placed(rng: np.random.Generator, misfit_px: float, rest: bool = False) -> D
     return with_waves(stated(scene, rng, off), smooth_fields(rng), misfit_px)
 
 
-def _waved(rng: np.random.Generator) -> Dataset:
+def _waved(rng: np.random.Generator) -> Pair:
     cameras, off = random_rig(rng), Misjudged(noise_px=float(rng.choice([0.15, 0.3, 0.6])))
     scene = waved_scene(cameras, rng, 200, int(rng.choice([10, 20, 40])))
     return with_waves(stated(scene, rng, off), smooth_fields(rng), float(rng.choice([0.2, 0.5])))
 
 
-SOUND: Mapping[str, Callable[[np.random.Generator], Dataset]] = {
+SOUND: Mapping[str, Callable[[np.random.Generator], Pair]] = {
     "moving": lambda rng: _moving(rng, 0.0),
     "moving, lenses off by 0.2 to 1 px": lambda rng: _moving(
         rng, 0.0, float(rng.choice([0.2, 0.5, 1.0]))

@@ -20,7 +20,7 @@ from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import lens_off_by
 from stereocal.verdict.in_words import why_not_trusted
 from tests.rigs.accuracy import turned
@@ -87,33 +87,31 @@ def far_off(camera: Camera) -> Camera:
     return lens_off_by(camera, 0.02, (0.0, 0.0))
 
 
-WRONG: dict[str, tuple[Callable[[Dataset], Dataset], str]] = {
-    "baseline 3 %": (lambda d: replace(d, baseline_m=1.03 * d.baseline_m), "baseline"),
-    "bar 2 %": (lambda d: replace(d, target_distance_m=1.02 * d.target_distance_m), "distance"),
-    "focal length 2 %": (lambda d: replace(d, primary=far_off(d.primary)), "primary focal"),
+WRONG: dict[str, tuple[Callable[[Pair], Pair], str]] = {
+    "baseline 3 %": (lambda d: d.changed(baseline_m=1.03 * d.baseline_m), "baseline"),
+    "bar 2 %": (lambda d: d.changed(target_distance_m=1.02 * d.target_distance_m), "distance"),
+    "focal length 2 %": (lambda d: d.changed(primary=far_off(d.primary)), "primary focal"),
     "distortion sign, primary": (
-        lambda d: replace(d, primary=flipped(d.primary)),
+        lambda d: d.changed(primary=flipped(d.primary)),
         "primary camera's distortion",
     ),
     "distortion sign, secondary": (
-        lambda d: replace(d, secondary=flipped(d.secondary)),
+        lambda d: d.changed(secondary=flipped(d.secondary)),
         "secondary camera's distortion",
     ),
     "K of half the image": (
-        lambda d: replace(d, primary=scaled(d.primary, 0.5)),
+        lambda d: d.changed(primary=scaled(d.primary, 0.5)),
         "primary camera's lens",
     ),
     "K of twice the image": (
-        lambda d: replace(d, secondary=scaled(d.secondary, 2.0)),
+        lambda d: d.changed(secondary=scaled(d.secondary, 2.0)),
         "secondary camera's matrix K",
     ),
 }
 """A wrong input, and the words that name it in a message, or as an accused input or its rival."""
 
 
-def said_of(
-    number: int, change: Callable[[Dataset], Dataset], words: str
-) -> tuple[bool, bool, bool]:
+def said_of(number: int, change: Callable[[Pair], Pair], words: str) -> tuple[bool, bool, bool]:
     """Whether the words are said of a rig with a change, it is refused, and any input accused."""
     _, data, _ = rig(number)
     stated = replace(Misjudged().settings(), baseline_sigma_m=None, distance_sigma_m=None)
@@ -137,7 +135,7 @@ def inputs(rigs: int) -> None:
     asked = 0
     for number in range(rigs):
         _, data, _ = rig(number)
-        unstated = replace(data, baseline_sigma_m=None, target_distance_sigma_m=None)
+        unstated = data.changed(baseline_sigma_m=None, target_distance_sigma_m=None)
         asked += bool(undetectable_errors(compare_inputs(refine(unstated)).inputs))
     print(f"  nothing stated: asked for in {asked} of {rigs}")
 

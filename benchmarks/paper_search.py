@@ -21,15 +21,15 @@ from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.screening import screen
 from stereocal.rig.compiled import compiled
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, fill_pose, residuals
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
 
 SEEDS = 20
 SUM = "sum of residuals"
 VARIANTS = ("both restart", "tried restarts", "tried restarts, from the first move")
 NINETEEN = Path("sample_data/nineteen")
-Study = list[list[tuple[Dataset, Dataset]]]
+Study = list[list[tuple[Pair, Pair]]]
 """Of each data set, or draw of frames: what is fitted and what is held out."""
 
 
@@ -147,7 +147,7 @@ def held_out(study: Study, solver: str, variant: str) -> tuple[FloatArray, Float
     return errors, evaluations
 
 
-def first_pose(data: Dataset, solver: str) -> Pose:
+def first_pose(data: Pair, solver: str) -> Pose:
     """The result of the essential step."""
     linear: Solver = "linear" if solver == "linear" else "constrained"
     start = calibrate_essential(data.rays, data.baseline_m, linear).pose

@@ -31,8 +31,8 @@ from stereocal.library.calibrations import calibrate
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import DEFAULT_CENTRE_PX, DEFAULT_FOCAL, RefineSettings
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import field_rig
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.fresh_frames import draw_noise
@@ -118,7 +118,7 @@ def all_plans(rigs: int, first: int, which: list[int]) -> None:
         compare(found, each)
 
 
-def plan_of(fitted: Dataset, uncertainty: Uncertainty) -> Plan:
+def plan_of(fitted: Pair, uncertainty: Uncertainty) -> Plan:
     """The plan that this recording carried out: all but its points.
 
     The noise is that of the model of the noise, without the tails that `sigma_px` contains: the
@@ -163,7 +163,7 @@ def real_recording(path: Path, uncertainty: Uncertainty) -> None:
         ).files
         for method in FILE_METHODS:
             rig = files[method]
-            seen = replace(sound, primary=rig.primary, secondary=rig.secondary)
+            seen = sound.changed(primary=rig.primary, secondary=rig.secondary)
             errors = np.abs(count_set(seen, rig.pose).lengths[0] - 1.0)
             said, true = found.estimate(method, "mean_length_error"), float(np.nanmean(errors))
             print(

@@ -34,7 +34,7 @@ from stereocal.library.calibrations import calibrate
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import Scene, observe
 from stereocal.verdict.forecast import forecast_files
 from stereocal.workflow import Run
@@ -152,10 +152,10 @@ def moved(row: str, numbers: range) -> None:
     print(f"  {row}: moved of {len(numbers)}: still {counts['still']}, turned {counts['turned']}")
 
 
-def _seen(scene: Scene, kind: str, rng: np.random.Generator, given: Dataset) -> Dataset:
+def _seen(scene: Scene, kind: str, rng: np.random.Generator, given: Pair) -> Pair:
     """Further bars as photographed in the same light, with what was given of the pair."""
     seen = observe(scene, rng, KINDS[kind].noise_px, given.name)
-    return replace(given, correspondences=lit(seen, KINDS[kind].light_px, rng).correspondences)
+    return given.changed(correspondences=lit(seen, KINDS[kind].light_px, rng).correspondences)
 
 
 def stated(row: str, numbers: range) -> None:

@@ -30,7 +30,7 @@ from stereocal.refined.screening import screen
 from stereocal.refined.small_steps import step_between
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.correspondences import TARGETS, Correspondences
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.verdict.forecast import forecast_files
@@ -44,7 +44,7 @@ FREE_LENS = LensPrior(np.inf, np.inf)
 FREE = RefineSettings(primary=FREE_LENS, secondary=FREE_LENS, baseline_sigma_m=np.inf)
 
 
-def recording(name: str) -> Dataset:
+def recording(name: str) -> Pair:
     """A data set without the frames that its screening leaves out."""
     path, _, pair = name.partition(":")
     data = pair_to_calibrate(read_recording(path), pair or None)
@@ -52,7 +52,7 @@ def recording(name: str) -> Dataset:
     return screen(data if own is None else outer_targets(data, own)).dataset
 
 
-def outer_targets(data: Dataset, own: RigidObject) -> Dataset:
+def outer_targets(data: Pair, own: RigidObject) -> Pair:
     """A and B alone, as in the data set of two cameras: a third marker has errors of its own."""
     rows = data.correspondences
     names = np.array(own.names)[rows.target]
@@ -62,17 +62,17 @@ def outer_targets(data: Dataset, own: RigidObject) -> Dataset:
     )
     a, b = (np.array(own.points[own.names.index(name)]) for name in TARGETS)
     length = float(np.linalg.norm(a - b))
-    return replace(data, correspondences=bars, target_distance_m=length)
+    return data.changed(correspondences=bars, target_distance_m=length)
 
 
-def quarters(data: Dataset) -> Iterator[tuple[IntArray, IntArray]]:
+def quarters(data: Pair) -> Iterator[tuple[IntArray, IntArray]]:
     """The frames of each quarter in time, and those of the other three."""
     frames = data.correspondences.frames
     for own in np.array_split(frames, QUARTERS):
         yield own, np.setdiff1d(frames, own)
 
 
-def forecast(data: Dataset) -> None:
+def forecast(data: Pair) -> None:
     """Print which intervals hold on the quarter that was not fitted."""
     held: dict[str, list[bool]] = {name: [] for name in FIGURES}
     widths: dict[str, list[float]] = {name: [] for name in FIGURES}
@@ -105,13 +105,13 @@ def _report(name: str, held: list[bool], widths: list[float]) -> None:
     print(f"{name}: {sum(held)} of {len(held)} hold, median width {np.median(widths):.2f}")
 
 
-def differences(data: Dataset) -> None:
+def differences(data: Pair) -> None:
     """Print the rms of the differences of quarters over their stated errors."""
     ratio, effects = rms_of_differences(data)
     print(f"rms {ratio:.2f}; design effects {', '.join(f'{each:.1f}' for each in effects)}")
 
 
-def rms_of_differences(data: Dataset) -> tuple[float, list[float]]:
+def rms_of_differences(data: Pair) -> tuple[float, list[float]]:
     """The rms of the differences of quarters over their stated errors, and the design effects."""
     fits = [refine(data.of_frames(own), FREE) for own, _ in quarters(data)]
     free = np.flatnonzero(fits[0].unknowns.M[:-1].any(axis=1))
@@ -122,7 +122,7 @@ def rms_of_differences(data: Dataset) -> tuple[float, list[float]]:
     return float(np.sqrt(np.mean(np.square(ratios)))), [fit.design_effect for fit in fits]
 
 
-def check(data: Dataset) -> None:
+def check(data: Pair) -> None:
     """Print what is said of each quarter by the parameters of the others."""
     rng = np.random.default_rng(0)
     for own, rest in quarters(data):
@@ -142,7 +142,7 @@ def check(data: Dataset) -> None:
     print(f"  against itself: {recheck(prior, images_of_bars(data, prior.rig)).verdict}")
 
 
-def turned_secondary(data: Dataset, vector: FloatArray, frames: IntArray) -> Dataset:
+def turned_secondary(data: Pair, vector: FloatArray, frames: IntArray) -> Pair:
     """The data set with the secondary turned in place in these frames; points outside are lost."""
     rows, camera = data.correspondences, data.secondary
     moved = np.isin(rows.frame, frames)
@@ -150,7 +150,7 @@ def turned_secondary(data: Dataset, vector: FloatArray, frames: IntArray) -> Dat
     seen = camera.project(rays @ Rotation.from_rotvec(vector).as_matrix().T)
     pixels = np.where(moved[:, None], seen, rows.secondary)
     inside = ((pixels > 0) & (pixels < np.array(camera.image_size) - 1)).all(axis=1)
-    return replace(data, correspondences=replace(rows, secondary=pixels).where(np.asarray(inside)))
+    return data.changed(correspondences=replace(rows, secondary=pixels).where(np.asarray(inside)))
 
 
 STUDIES = {"forecast": forecast, "differences": differences, "check": check}

@@ -27,8 +27,8 @@ from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
 from stereocal.network.rig_file import RigFile
 from stereocal.refined.small_steps import pose_places
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.workflow import Run
 from tests.rigs.mistakes import Change
@@ -50,7 +50,7 @@ def far_from(truth: Pose, sigma_rad: float, run: Run) -> float:
     return float(max(turn, abs(pose.baseline / truth.baseline - 1.0) / MOST_BASELINE * MOST))
 
 
-def of_pair(data: Dataset, asked: argparse.Namespace) -> None:
+def of_pair(data: Pair, asked: argparse.Namespace) -> None:
     """Each kind of mistake in each part of a recording of two cameras."""
     for part in np.array_split(data.correspondences.frames, asked.parts):
         own = data.of_frames(part)
@@ -65,13 +65,13 @@ def of_pair(data: Dataset, asked: argparse.Namespace) -> None:
                 _of_pair(name, mistake, own, error, asked.said)
 
 
-def run_data(data: Dataset) -> Dataset:
+def run_data(data: Pair) -> Pair:
     """As it was recorded."""
     return data
 
 
 def _of_pair(
-    name: str, mistake: Mistake, data: Dataset, error: Callable[[Run], float], say: bool
+    name: str, mistake: Mistake, data: Pair, error: Callable[[Run], float], say: bool
 ) -> None:
     assert mistake.change is not None
     begun, change = time.process_time(), mistake.change

@@ -30,8 +30,8 @@ from stereocal.refined.small_steps import FACTOR, moved, pose_at, step_between
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import EACH, LENS, OWN, Cameras
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
@@ -76,7 +76,7 @@ class Unknown:
 class Afternoon(Unknown):
     """The residuals without places, in NumPy."""
 
-    def __init__(self, dataset: Dataset, begin: RobustFit) -> None:
+    def __init__(self, dataset: Pair, begin: RobustFit) -> None:
         super().__init__(begin)
         self.dataset = dataset
         rows = dataset.correspondences
@@ -125,7 +125,7 @@ class Afternoon(Unknown):
 class Kept(Unknown):
     """Our residuals with all places as unknowns."""
 
-    def __init__(self, dataset: Dataset, begin: RobustFit, start: Pose) -> None:
+    def __init__(self, dataset: Pair, begin: RobustFit, start: Pose) -> None:
         super().__init__(begin)
         self.cameras = dataset.primary, dataset.secondary
         rows = dataset.correspondences
@@ -187,7 +187,7 @@ def seconds(function: Callable[[], object]) -> float:
 
 
 def check_same(
-    name: str, data: Dataset, start: Pose, other: Afternoon | Kept, tolerance: float
+    name: str, data: Pair, start: Pose, other: Afternoon | Kept, tolerance: float
 ) -> None:
     """The other side must find the same to so many standard errors, or its time means nothing.
 

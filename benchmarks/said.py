@@ -8,7 +8,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.network.baseline import with_baseline_found
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
 from stereocal.workflow import Run
@@ -41,7 +41,7 @@ class Said:
     is_cautioned: bool = False
 
 
-def said_of(make: Callable[[], Dataset], error: Callable[[Run], float] | None) -> Said:
+def said_of(make: Callable[[], Pair], error: Callable[[Run], float] | None) -> Said:
     """All that `calibrate` says of a recording.
 
     Args:

@@ -50,7 +50,7 @@ def one_rig(case: Case, frames: int, seed: int) -> tuple[Verdict, bool]:
     dataset = stated(scene, rng, replace(case.off, noise_px=noise))
     own = dataset.primary
     bent = own.distortion + case.k1 * np.eye(1, own.distortion.size).ravel()
-    dataset = replace(dataset, primary=Camera(own.K, bent, own.image_size))
+    dataset = dataset.changed(primary=Camera(own.K, bent, own.image_size))
     settings = RefineSettings()
     if case.off.focal:
         settings = case.off.settings()

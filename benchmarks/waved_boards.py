@@ -11,7 +11,6 @@ value.
 
 import os
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,7 @@ from stereocal.intrinsics.stereo_boards import found_of
 from stereocal.library.calibrations import calibrate
 from stereocal.network.baseline import with_baseline_found
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.verdict.forecast import forecast_files
 from tests.rigs.board_pairs import drawn_rig, seen_by, waved_placings
@@ -36,11 +35,11 @@ TRIES = 20
 Held = list[tuple[bool, float]]
 
 
-def held(fitted: Dataset, tested: Dataset) -> Held:
+def held(fitted: Pair, tested: Pair) -> Held:
     """Of each file and figure whether its interval holds, and its width over the value."""
     data, found = with_baseline_found(fitted), []
     forecast = forecast_files(calibrate(data, refined=RefineSettings()))
-    tested = replace(tested, baseline_m=data.baseline_m)
+    tested = tested.changed(baseline_m=data.baseline_m)
     for method in METHODS:
         true = figures_on(tested, forecast.files[method])
         for name in FIGURES:
@@ -49,7 +48,7 @@ def held(fitted: Dataset, tested: Dataset) -> Held:
     return found
 
 
-def recorded(frames: int, length: int, seed: int) -> tuple[Dataset, Dataset]:
+def recorded(frames: int, length: int, seed: int) -> tuple[Pair, Pair]:
     """A simulated recording, and a further one of the same rig."""
     for attempt in range(TRIES):
         rng = np.random.default_rng([seed, length, attempt, 77])
@@ -92,7 +91,7 @@ def waved(rigs: int) -> None:
     _print("80 frames", [each for n in range(rigs) for each in held(*recorded(80, 10, n))])
 
 
-def _parts(data: Dataset, parts: int) -> Iterator[tuple[Dataset, Dataset]]:
+def _parts(data: Pair, parts: int) -> Iterator[tuple[Pair, Pair]]:
     frames = data.correspondences.frames
     for own in np.array_split(frames, parts):
         yield data.of_frames(np.setdiff1d(frames, own)), data.of_frames(own)

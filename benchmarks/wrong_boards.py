@@ -27,7 +27,7 @@ from benchmarks.studies import parser_of
 from stereocal.intrinsics.stereo_boards import found_of
 from stereocal.network.baseline import with_baseline_found
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.workflow import Run
 from tests.rigs.board_mistakes import MISTAKES
 from tests.rigs.board_pairs import (
@@ -45,7 +45,7 @@ SUBSET, FURTHER = 20, 40
 Draw = Callable[[np.random.Generator], Camera]
 
 
-def said_of(pair: BoardPair, make: Callable[[], Dataset] | None = None) -> Said:
+def said_of(pair: BoardPair, make: Callable[[], Pair] | None = None) -> Said:
     """All that `calibrate` says of a pair, as it is or as it is made."""
     error = None if pair.truth is None else partial(_error, pair)
     return said_of_dataset(make or (lambda: pair.dataset), error)

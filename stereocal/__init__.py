@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from stereocal.network.rig_file import RigFile as RigFile
     from stereocal.rig.camera import Camera as Camera
     from stereocal.rig.correspondences import Correspondences as Correspondences
-    from stereocal.rig.dataset import Dataset as Dataset
     from stereocal.rig.geometry import Pose as Pose
+    from stereocal.rig.pair import Pair as Pair
     from stereocal.rig.parameters import RigParameters as RigParameters
     from stereocal.rig.recording import Recording as Recording
     from stereocal.rig.rigid_object import BoardPattern as BoardPattern
@@ -44,7 +44,7 @@ _MODULES = {
     "CalibrationSettings": "calibration.methods",
     "Camera": "rig.camera",
     "Correspondences": "rig.correspondences",
-    "Dataset": "rig.dataset",
+    "Pair": "rig.pair",
     "Pose": "rig.geometry",
     "Recording": "rig.recording",
     "RigFile": "network.rig_file",

@@ -39,7 +39,7 @@ from stereocal.network.likely_cause import (
     offer_time_offset,
     warnings_about_fit,
 )
-from stereocal.network.wrong_inputs import as_in_step, check_inputs
+from stereocal.network.wrong_inputs import check_inputs
 from stereocal.refined.free_baseline import note_on_free_baseline
 from stereocal.refined.misfit import Misfit, misfit_of
 from stereocal.refined.misplaced_target import misplaced_target
@@ -50,9 +50,8 @@ from stereocal.refined.stated_inputs import Input, moved_lengths
 from stereocal.refined.stretched_board import stretched_board
 from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import RefineSettings, check_stated
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import ForecastEntries, RigParameters
-from stereocal.rig.recording import Recording
 from stereocal.system.array_types import IntArray
 from stereocal.system.latest import is_made, step
 from stereocal.system.tasks import Progress
@@ -80,7 +79,7 @@ class Run:
     """All that is computed from a recording of two cameras. Each step is made when it is first
     asked for, and kept; any thread may ask."""
 
-    dataset: Dataset
+    dataset: Pair
     settings: CalibrationSettings = field(default_factory=CalibrationSettings)
     refined: RefineSettings | None = DEFAULT_REFINED
     """Settings of the refined method, except whether a time offset is solved for, which `settings`
@@ -141,9 +140,7 @@ class Run:
             raise StereocalError(f"{error} {left_out_line(screening)}".rstrip()) from error
         reconstruction = reconstruction_problem(chosen, settings.known_points)
         warnings = [
-            *filter(
-                None, [note_on_free_baseline(chosen), note_on_ways_round(Recording.of_pair(chosen))]
-            ),
+            *filter(None, [note_on_free_baseline(chosen), note_on_ways_round(chosen.recording)]),
             *checks.warnings_about(chosen),
             *checks.warnings_about_copies(dataset),
         ]
@@ -152,7 +149,7 @@ class Run:
         offset = claimed_offset(screening)
         offer = offer_time_offset(offset)
         warnings += check_inputs(
-            as_in_step(frames_to_judge(chosen, screening)), out_of_step=bool(offer)
+            frames_to_judge(chosen, screening).recording, out_of_step=bool(offer)
         )
         of_searches = settings.search, settings.known_points, self.trace, self.progress
         found = two_searches(chosen, start.pose, *of_searches)
@@ -270,7 +267,7 @@ class Run:
 
 
 def _essential(
-    dataset: Dataset, settings: CalibrationSettings, reconstruction: Problem, screening: Screening
+    dataset: Pair, settings: CalibrationSettings, reconstruction: Problem, screening: Screening
 ) -> MethodResult:
     """The essential method, with a check of the scale against the stated lengths.
 

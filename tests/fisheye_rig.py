@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.rig.camera import Camera, LensUncertainty
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
 from stereocal.system.array_types import FloatArray
@@ -36,7 +36,7 @@ def fisheye_rig(field_of_view_deg: float) -> Rig:
 
 def recording(
     field_of_view_deg: float, seed: int, frames: int = 40, exact: bool = False
-) -> tuple[Dataset, Scene]:
+) -> tuple[Pair, Scene]:
     """A recording of a bar of 0.4 m from 0.7 to 4 m, with lenses off by their standard errors.
 
     Args:
@@ -50,7 +50,7 @@ def recording(
     baseline, bar = 1.0 + 0.002 * rng.standard_normal(), 0.4 * (1 + 5e-4 * rng.standard_normal())
     nominal = None if exact else Nominal(cameras[0], cameras[1], baseline, bar)
     found = observe(scene, rng, NOISE_PX, f"fisheye {field_of_view_deg:g}", nominal)
-    found = replace(found, baseline_sigma_m=0.002, target_distance_sigma_m=0.0002)
+    found = found.changed(baseline_sigma_m=0.002, target_distance_sigma_m=0.0002)
     return found, scene
 
 

@@ -19,7 +19,8 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import read_review, thumbnail
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
+from stereocal.rig.recording import Recording
 from stereocal.system.zip_files import pack_zip, unzip
 from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
 from tests.pages.stored_projects import FULL, placed
@@ -53,9 +54,10 @@ FILES = {
 }
 
 
-def dataset() -> Dataset:
+def dataset() -> Pair:
     """A small one."""
-    return Dataset("small", PRIMARY, SECONDARY, correspondences(FRAMES, 0.1), BASELINE_M, BAR_M)
+    rows = correspondences(FRAMES, 0.1)
+    return Recording.of_two("small", PRIMARY, SECONDARY, rows, BASELINE_M, BAR_M).pair(*CAMERAS)
 
 
 def dataset_zip() -> bytes:

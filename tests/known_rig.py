@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from stereocal.rig.camera import Camera
 from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, stack_rays
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, Scene, observe
 from stereocal.system.array_types import FloatArray
@@ -63,7 +63,7 @@ def correspondences(
 
 def dataset(
     frames: int = 20, noise_px: float = 0.0, seed: int = 7, known_points: bool = False
-) -> Dataset:
+) -> Pair:
     """The rig's data set; exact for `noise_px=0`."""
     points, rng = bar_ends(frames, seed), np.random.default_rng([seed, 1])
     scene = Scene(Rig(PRIMARY, SECONDARY, RIG), points.reshape(-1, 2, 3))
@@ -71,7 +71,7 @@ def dataset(
     data = observe(scene, rng, noise_px, "asymmetric rig", nominal)
     if not known_points:
         return data
-    return replace(data, correspondences=replace(data.correspondences, known_points_m=points))
+    return data.changed(correspondences=replace(data.correspondences, known_points_m=points))
 
 
 ANY_ANGLES = st.builds(

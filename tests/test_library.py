@@ -229,7 +229,7 @@ def test_targets_found_are_calibrated(tmp_path: Path) -> None:
     write(bars.files() | bars.described, tmp_path)
     found = stereocal.detect(tmp_path)
     assert len(found.frames) == 6
-    assert isinstance(found.recording, stereocal.Dataset)
+    assert isinstance(found.recording, stereocal.Pair)
     assert len(found.to_dataframe()) == 2 * sum(frame.use for frame in found.frames)
     assert len(found.plot().data) > 0
 

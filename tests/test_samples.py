@@ -12,11 +12,10 @@ from stereocal.cli import main
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Dataset
-from stereocal.rig.recording import Recording
+from stereocal.rig.pair import Pair
 from stereocal.system.resources import ROOT
 from stereocal.workflow import Run
-from tests.rig.test_dataset import check_same
+from tests.rig.test_pair import check_same
 
 SAMPLES = ROOT / "sample_data"
 DESCRIBED = sorted(path.parent.relative_to(SAMPLES) for path in SAMPLES.rglob("dataset.json"))
@@ -28,7 +27,7 @@ def in_the_soak(*names: str) -> list[object]:
     return [pytest.param(name, marks=pytest.mark.soak) for name in names]
 
 
-def check(dataset: Dataset) -> None:
+def check(dataset: Pair) -> None:
     """One frame is left out, and others where they contradict the rest."""
     left_out = int(dataset.correspondences.frames[1])
     found = Run(dataset, CalibrationSettings(frames_left_out=(left_out,))).calibration
@@ -48,7 +47,7 @@ def test_every_sample_with_data_is_tested() -> None:
 )
 def test_a_table_of_points(name: str) -> None:
     dataset = read_dataset(SAMPLES / name)
-    check_same(Recording.of_pair(dataset).pair(*CAMERAS), dataset)
+    check_same(dataset.recording.pair(*CAMERAS), dataset)
     check(dataset)
 
 

@@ -13,8 +13,8 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.correspondences import TARGETS
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
 from stereocal.system.atomic_files import write_atomically
 
@@ -29,7 +29,7 @@ def tell_story() -> Story:
     fitted, tested = (recording.of_frames(frames[frames % 2 == odd]) for odd in (0, 1))
     found = calibrate(fitted, refined=RefineSettings())
     assert found.refined is not None
-    seen: dict[Method, tuple[Dataset, Pose]] = {
+    seen: dict[Method, tuple[Pair, Pose]] = {
         method: (tested, result.pose) for method, result in found.methods.items()
     }
     seen["refined"] = (found.refined.apply(tested), found.refined.pose)
@@ -51,7 +51,7 @@ def tell_story() -> Story:
 
 
 def _held_out(
-    tested: Dataset, pose: Pose, row: int, foot: FloatArray, along: FloatArray
+    tested: Pair, pose: Pose, row: int, foot: FloatArray, along: FloatArray
 ) -> HeldOutSet:
     lengths = tested.reconstructed_lengths_m(pose) / tested.bar_distances_m - 1.0
     x1, y1, x2, y2 = tested.rays[:, row]
@@ -65,7 +65,7 @@ def _held_out(
     )
 
 
-def _feet(tested: Dataset, pose: Pose) -> tuple[FloatArray, FloatArray]:
+def _feet(tested: Pair, pose: Pose) -> tuple[FloatArray, FloatArray]:
     """Epipolar lines in the secondary image, undistorted pixels: (n, 2) the nearest points,
     relative to the measured ones, and (n, 2) the directions."""
     rows = tested.correspondences

@@ -13,17 +13,17 @@ from aniposelib.cameras import CameraGroup
 from benchmarks.peers import opencv
 from benchmarks.peers.solution import Peer, Solution
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system.array_types import FloatArray, IntArray
 
 
-def solve(dataset: Dataset) -> Solution:
+def solve(dataset: Pair) -> Solution:
     """Of two cameras, from OpenCV's robust pose."""
     start = opencv.solve(dataset)
     poses = [Pose(np.eye(3), np.zeros(3)), Pose(start.R, start.T)]
-    first, second = solve_rig(Recording.of_pair(dataset), poses).values()
+    first, second = solve_rig(dataset.recording, poses).values()
     pose = second @ first.inverse()
     return Solution(pose.R, pose.T, (dataset.primary, dataset.secondary))
 

@@ -16,17 +16,17 @@ from caliscope.core.point_data import ImagePoints
 
 from benchmarks.peers.solution import Peer, Solution
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 
 SIGMA_M = 0.002
 """Caliscope's own default for a measured distance."""
 
 
-def solve(dataset: Dataset) -> Solution:
+def solve(dataset: Pair) -> Solution:
     """Of two cameras."""
-    found = solve_rig(Recording.of_pair(dataset))
+    found = solve_rig(dataset.recording)
     (first, start), (second, end) = found.values()
     pose = end @ start.inverse()
     return Solution(pose.R, pose.T, (first, second))

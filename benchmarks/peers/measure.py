@@ -5,7 +5,7 @@ import signal
 import time
 import warnings
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -56,7 +56,7 @@ def measure(peer: Peer, task: Task) -> Measured | str:
 
 def errors_of(found: Solution, task: Task, cpu_s: float = 0.0, wall_s: float = 0.0) -> Measured:
     """Errors of a solution on the test data, seen through the solution's own lenses."""
-    test = replace(task.test, primary=found.cameras[0], secondary=found.cameras[1])
+    test = task.test.changed(primary=found.cameras[0], secondary=found.cameras[1])
     rows = test.correspondences
     rig = Rig(test.primary, test.secondary, found.pose)
     distances = rig.epipolar_distances(rows.primary, rows.secondary)

@@ -5,15 +5,15 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.peers.solution import THRESHOLD_PX, NoSolutionError, Peer, Solution
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 
 
-def solve(dataset: Dataset) -> Solution:
+def solve(dataset: Pair) -> Solution:
     """Normalised points in, unit translation out, times the measured baseline."""
     return estimate(dataset)[0]
 
 
-def estimate(dataset: Dataset) -> tuple[Solution, npt.NDArray[np.bool_]]:
+def estimate(dataset: Pair) -> tuple[Solution, npt.NDArray[np.bool_]]:
     """The pose, and which rows (n,) MAGSAC++ trusts."""
     primary = np.ascontiguousarray(dataset.rays[:2].T)
     secondary = np.ascontiguousarray(dataset.rays[2:].T)

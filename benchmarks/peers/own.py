@@ -6,39 +6,39 @@ from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 
 HELD = RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS)
 
 
-def essential(dataset: Dataset) -> Solution:
+def essential(dataset: Pair) -> Solution:
     """Method 1."""
     found = calibrate_essential(dataset.rays, dataset.baseline_m)
     return Solution.as_given(found.pose, dataset)
 
 
-def matching(dataset: Dataset) -> Solution:
+def matching(dataset: Pair) -> Solution:
     """Method 2, the essential method before it included."""
     return _searched(dataset, montecarlo.reprojection_problem(dataset))
 
 
-def measuring(dataset: Dataset) -> Solution:
+def measuring(dataset: Pair) -> Solution:
     """Method 3, likewise."""
     return _searched(dataset, montecarlo.reconstruction_problem(dataset))
 
 
-def refined(dataset: Dataset, settings: RefineSettings | None = None) -> Solution:
+def refined(dataset: Pair, settings: RefineSettings | None = None) -> Solution:
     """Method 4; the priors are the defaults: focal 1 %, centre 10 px, baseline 1 %, bar 0.1 %."""
     found = refine(dataset, settings)
     return Solution(found.pose.R, found.pose.T, (found.primary, found.secondary))
 
 
-def refined_held(dataset: Dataset) -> Solution:
+def refined_held(dataset: Pair) -> Solution:
     """Method 4 with both lenses held as stated."""
     return refined(dataset, HELD)
 
 
-def _searched(dataset: Dataset, problem: Problem) -> Solution:
+def _searched(dataset: Pair, problem: Problem) -> Solution:
     start = calibrate_essential(dataset.rays, dataset.baseline_m).pose
     return Solution.as_given(minimise(problem, start, SearchSettings()).pose, dataset)
 

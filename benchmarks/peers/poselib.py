@@ -7,11 +7,11 @@ import poselib
 
 from benchmarks.peers.solution import THRESHOLD_PX, NoSolutionError, Peer, Solution
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
 
 
-def solve(dataset: Dataset) -> Solution:
+def solve(dataset: Pair) -> Solution:
     """Undistorted pixels in, unit translation out, times the measured baseline."""
     cameras = (dataset.primary, dataset.secondary)
     points = [

@@ -5,10 +5,10 @@ import pycolmap
 
 from benchmarks.peers.solution import THRESHOLD_PX, NoSolutionError, Peer, Solution
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 
 
-def solve(dataset: Dataset) -> Solution:
+def solve(dataset: Pair) -> Solution:
     """Raw pixels in, unit translation out, times the measured baseline.
 
     COLMAP puts the centre of the first pixel at (0.5, 0.5): points and centres are both moved.

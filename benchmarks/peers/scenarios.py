@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.peers.solution import Solution
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import Nominal, place_bars
 from stereocal.system.array_types import FloatArray
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, spoiled, stated
@@ -28,8 +28,8 @@ BASELINE = 0.01
 class Task:
     """One data set to solve, others to test on, and the truth where it is known."""
 
-    fit: Dataset
-    test: Dataset
+    fit: Pair
+    test: Pair
     truth: Solution | None = None
     kept: float = 1.0
     """Best part of the test's points and bars that counts."""
@@ -73,7 +73,7 @@ class Scenario:
         if self.outliers:
             fit, _ = spoiled(fit, rng, OUTLIERS)
         nominal = Nominal.exact(scene)
-        test = replace(test, target_distance_m=nominal.target_distance_m)
+        test = test.changed(target_distance_m=nominal.target_distance_m)
         return Task(fit, test, Solution(pose.R, pose.T, (rig.primary, rig.secondary)))
 
 

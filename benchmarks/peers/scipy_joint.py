@@ -17,7 +17,7 @@ from scipy.sparse import lil_matrix
 from benchmarks.peers import opencv
 from benchmarks.peers.solution import Peer, Solution
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
 
 SIGMA_PX = 0.3
@@ -36,7 +36,7 @@ EVALUATIONS = 300
 class Joint:
     """The residuals of a data set as a function of one long vector."""
 
-    dataset: Dataset
+    dataset: Pair
     begin: Solution
 
     def residuals(self, x: FloatArray) -> FloatArray:
@@ -91,10 +91,10 @@ class Joint:
         return np.concatenate([rotation, found.T, np.zeros(2 * LENS), points.ravel()])
 
 
-def solve(dataset: Dataset) -> Solution:
+def solve(dataset: Pair) -> Solution:
     """One `least_squares`, method `trf`, finite differences, robust loss."""
     begin, inliers = opencv.estimate(dataset)
-    trusted = replace(dataset, correspondences=dataset.correspondences.where(inliers))
+    trusted = dataset.changed(correspondences=dataset.correspondences.where(inliers))
     joint = Joint(trusted, begin)
     found = least_squares(
         joint.residuals,

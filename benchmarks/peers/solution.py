@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
 
 THRESHOLD_PX = 2.0
@@ -34,7 +34,7 @@ class Solution:
         return Pose(self.R, self.T)
 
     @classmethod
-    def as_given(cls, pose: Pose, dataset: Dataset) -> "Solution":
+    def as_given(cls, pose: Pose, dataset: Pair) -> "Solution":
         """A pose with the lenses that the data set states."""
         return cls(pose.R, pose.T, (dataset.primary, dataset.secondary))
 
@@ -44,7 +44,7 @@ class Peer:
     """A program, how it is called, and what it knows."""
 
     name: str
-    solve: Callable[[Dataset], Solution]
+    solve: Callable[[Pair], Solution]
     """Raises `NoSolutionError`, or what the program itself raises."""
     scale: str
     lenses: str

@@ -11,8 +11,8 @@ from benchmarks.peers import opencv, own, registry, scipy_joint
 from benchmarks.peers.measure import errors_of, measure
 from benchmarks.peers.scenarios import SCENARIOS, Task
 from benchmarks.peers.solution import NoSolutionError, Peer, Solution
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
 from tests import known_rig as rig
 
@@ -45,7 +45,7 @@ def exact() -> Task:
     rows = replace(
         data.correspondences, secondary=secondary.project(rig.RIG.apply(rig.bar_ends(20)))
     )
-    data = replace(data, secondary=secondary, correspondences=rows)
+    data = data.changed(secondary=secondary, correspondences=rows)
     truth = Solution(rig.RIG.R, rig.RIG.T, (rig.PRIMARY, secondary))
     return Task(data, data, truth)
 
@@ -88,14 +88,14 @@ def test_a_missing_program_is_skipped_with_a_line(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_failure_is_a_sentence() -> None:
-    def fail(_: Dataset) -> Solution:
+    def fail(_: Pair) -> Solution:
         raise NoSolutionError("nothing fits\nmore")
 
     assert measure(Peer("none", fail, "", "", ""), exact()) == "NoSolutionError: nothing fits"
 
 
 def test_a_solve_without_end_is_broken_off(monkeypatch: pytest.MonkeyPatch) -> None:
-    def forever(_: Dataset) -> Solution:
+    def forever(_: Pair) -> Solution:
         while True:
             pass
 

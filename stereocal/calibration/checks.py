@@ -4,9 +4,9 @@ import numpy as np
 
 from stereocal.calibration.essential import MINIMUM_PAIRS
 from stereocal.errors import StereocalError
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system.array_types import BoolArray
 from stereocal.system.numbers import count
@@ -26,7 +26,7 @@ FEW_BARS = 5
 """Five angles need at least five lengths."""
 
 
-def check_enough_points(dataset: Dataset, rows: BoolArray | None = None) -> None:
+def check_enough_points(dataset: Pair, rows: BoolArray | None = None) -> None:
     """Check that there are enough points and that they are spread over both images.
 
     Args:
@@ -52,7 +52,7 @@ def check_enough_points(dataset: Dataset, rows: BoolArray | None = None) -> None
             )
 
 
-def check_in_front(dataset: Dataset, pose: Pose) -> None:
+def check_in_front(dataset: Pair, pose: Pose) -> None:
     """Check that all pairs are triangulated in front of both cameras."""
     points = triangulate_rays(pose.R, pose.T, dataset.rays)
     behind = np.flatnonzero(np.isnan(points[:, 0]))
@@ -64,7 +64,7 @@ def check_in_front(dataset: Dataset, pose: Pose) -> None:
         )
 
 
-def scale_is_plausible(dataset: Dataset, pose: Pose) -> bool:
+def scale_is_plausible(dataset: Pair, pose: Pose) -> bool:
     """Whether the bar reconstructed with the stated baseline has about its stated length.
 
     False, for instance, if one of them is in metres and the other in millimetres.
@@ -76,9 +76,9 @@ def scale_is_plausible(dataset: Dataset, pose: Pose) -> bool:
     return 1 / LARGEST_SCALE_ERROR < ratio < LARGEST_SCALE_ERROR
 
 
-def warnings_about(dataset: Dataset) -> list[str]:
+def warnings_about(dataset: Pair) -> list[str]:
     """Warnings about a data set that can be calibrated but has unusual values."""
-    found = [note] if (note := beyond_in_words(dataset.beyond_view)) else []
+    found = [note] if (note := beyond_in_words(dataset.recording.beyond_view)) else []
     pairs = len(dataset.correspondences)
     if pairs < FEW_PAIRS:
         found.append(
@@ -102,7 +102,7 @@ def warnings_about(dataset: Dataset) -> list[str]:
     return found
 
 
-def warnings_about_copies(dataset: Dataset) -> list[str]:
+def warnings_about_copies(dataset: Pair) -> list[str]:
     """Warnings about frames in which one camera alone has exactly the points of another frame."""
     found: list[str] = []
     for which, same in dataset.correspondences.half_copies.items():

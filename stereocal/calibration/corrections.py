@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
@@ -86,14 +86,14 @@ def _is_of(recording: Recording, name: str) -> BoolArray:
     return np.asarray(recording.camera == [*recording.cameras].index(name))
 
 
-def fewer_corners(dataset: Dataset) -> Dataset:
+def fewer_corners(dataset: Pair) -> Pair:
     """The data set with some corners of its board, its outermost ones among them: they are enough
     to judge what was given, which takes a tenth of the time then. Of other objects all targets."""
     if (board := dataset.board) is None:
         return dataset
     rows = dataset.correspondences
     chosen = np.isin(rows.target, some_corners(board))
-    return replace(dataset, correspondences=rows.where(chosen))
+    return dataset.changed(correspondences=rows.where(chosen))
 
 
 def some_corners(board: BoardPattern) -> IntArray:

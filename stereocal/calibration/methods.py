@@ -10,8 +10,8 @@ import numpy as np
 from stereocal.calibration.essential import Solver
 from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.errors import StereocalError
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.settings import Settings, described, joined
 
@@ -133,7 +133,7 @@ class Errors:
         return float(np.percentile(known, 95)) if len(known) else float("nan")
 
 
-def errors_of(dataset: Dataset, pose: Pose, left_out: Collection[int] = ()) -> Errors:
+def errors_of(dataset: Pair, pose: Pose, left_out: Collection[int] = ()) -> Errors:
     """Reprojection and length errors of a pose on a data set.
 
     Args:

@@ -14,8 +14,8 @@ import numpy as np
 from stereocal.calibration import costs
 from stereocal.errors import StereocalError
 from stereocal.rig.compiled import clock, compiled, contiguous
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, fill_pose
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.numbers import SEEDS
 from stereocal.system.settings import Settings, described
@@ -136,14 +136,14 @@ class Problem(NamedTuple):
         return costs.cost(self.kind, R, T, self.rays, self.reference, self.pixel_scale)
 
 
-def reprojection_problem(dataset: Dataset, rows: BoolArray | None = None) -> Problem:
+def reprojection_problem(dataset: Pair, rows: BoolArray | None = None) -> Problem:
     """The 2D cost over the pairs of a data set: all of them, or those in the mask `rows` (n,)."""
     rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
     return Problem(costs.REPROJECTION, rays, np.empty((0, 0)), dataset.pixel_scale)
 
 
 def reconstruction_problem(
-    dataset: Dataset, known_points: bool = False, rows: BoolArray | None = None
+    dataset: Pair, known_points: bool = False, rows: BoolArray | None = None
 ) -> Problem:
     """The 3D cost over the bars of a data set, or over its known points.
 
@@ -259,7 +259,7 @@ def search(
 
 
 def two_searches(
-    dataset: Dataset,
+    dataset: Pair,
     start: Pose,
     settings: SearchSettings,
     known_points: bool = False,

@@ -8,9 +8,8 @@ are suspects; `network.judge` judges them, with all the images and lengths in on
 
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -19,9 +18,9 @@ from stereocal.calibration.corrections import fitting_px, scaled, with_changed
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.readings import Group, Reading, Row, Way
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import CAMERAS, one_file_in_words
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.camera import one_file_in_words
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
+from stereocal.rig.pair import Pair, Stated
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
@@ -82,7 +81,7 @@ class PoseFit:
 NO_FIT = PoseFit(np.inf, np.inf, np.nan)
 
 
-def essential_fit(dataset: Dataset) -> PoseFit:
+def essential_fit(dataset: Pair) -> PoseFit:
     """The fit of the constrained essential matrix; `NO_FIT` if there is no solution."""
     try:
         return pose_fit(dataset, calibrate_essential(dataset.rays, dataset.baseline_m).pose)
@@ -90,7 +89,7 @@ def essential_fit(dataset: Dataset) -> PoseFit:
         return NO_FIT
 
 
-def pose_fit(dataset: Dataset, pose: Pose) -> PoseFit:
+def pose_fit(dataset: Pair, pose: Pose) -> PoseFit:
     """The fit of a pose; `NO_FIT` if too many points are behind a camera."""
     px = reprojection_errors_of_rays(pose.R, pose.T, dataset.rays, dataset.pixel_scale).mean(axis=1)
     with np.errstate(divide="ignore"):  # both ends at one place
@@ -195,7 +194,7 @@ SCALED = (
 )
 
 
-def inconsistency_message(dataset: Dataset, nominal: PoseFit | None = None) -> str:
+def inconsistency_message(dataset: Pair, nominal: PoseFit | None = None) -> str:
     """The message for inputs that contradict each other where no single mistake explains it.
 
     It names the two measured lengths if only the scale is wrong, and otherwise all inputs.
@@ -214,7 +213,7 @@ def inconsistency_message(dataset: Dataset, nominal: PoseFit | None = None) -> s
     )
 
 
-def _lengths_message(dataset: Dataset, scale: float) -> str:
+def _lengths_message(dataset: Pair, scale: float) -> str:
     stated = float(np.median(dataset.bar_distances_m))
     larger = scale > 1.0
     factor = scale if larger else 1.0 / scale
@@ -245,15 +244,14 @@ def _best_factor(
     A wrong scale counts like a spread of the lengths.
     """
     shown = recording.pair(*group.pair)
-    roles = CAMERAS[-1:] if len(group.names) == 1 else CAMERAS
 
     def cost(log_factor: float) -> float:
         factor = float(np.exp(log_factor))
         try:
-            cameras: dict[str, Any] = {
-                role: scaled(getattr(shown, role), factor, with_centre) for role in roles
-            }
-            found = essential_fit(replace(shown, **cameras))
+            lenses: Stated = {"secondary": scaled(shown.secondary, factor, with_centre)}
+            if len(group.names) > 1:
+                lenses["primary"] = scaled(shown.primary, factor, with_centre)
+            found = essential_fit(shown.changed(**lenses))
         except StereocalError:
             return NO_FIT_COST
         if not np.isfinite(found.px):

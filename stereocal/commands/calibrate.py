@@ -159,7 +159,7 @@ def _notes_on(found: Run) -> list[str]:
         question += f" If not, correct {DESCRIPTION}: no residual shows a wrong unit."
     accused = [item.advice for item in inputs if item.accused]
     timing = calibration.screening.time_note
-    step = calibration.dataset.step_notes
+    step = calibration.dataset.recording.step_notes
     told = *step, question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)
     return [*told, found.advice]
 

@@ -25,7 +25,7 @@ from stereocal.formats.dataset_files import pack_dataset, pack_recording
 from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
 from stereocal.formats.point_layouts import LAYOUTS
 from stereocal.network.baseline import with_baseline_found
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import POSSIBLE_M, rounded
 from stereocal.system.zip_files import is_zip, unzip
@@ -100,7 +100,7 @@ def _show(lines: Sequence[Part]) -> None:
     report(*(f"{a:<{widths[0]}}  {b:<{widths[1]}}  {c}" for a, b, c in rows))
 
 
-def _notes_on(archive: Archive, dataset: Dataset) -> list[str]:
+def _notes_on(archive: Archive, dataset: Pair) -> list[str]:
     notes = list(archive.remarks)
     if archive.baseline_m is not None and dataset.baseline_m == archive.baseline_m:
         notes.append(

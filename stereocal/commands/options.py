@@ -4,7 +4,6 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +17,8 @@ from stereocal.formats.world_file import read_world
 from stereocal.network.to_calibrate import in_step, pair_to_calibrate
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CameraName
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.atomic_files import write_all
@@ -195,21 +194,21 @@ def workers_from(
         yield executor
 
 
-def with_sigmas(dataset: Dataset, parsed: argparse.Namespace) -> Dataset:
+def with_sigmas(dataset: Pair, parsed: argparse.Namespace) -> Pair:
     """The data set with the standard errors of its lengths from the options."""
     if parsed.baseline_sigma is not None:
-        dataset = replace(dataset, baseline_sigma_m=parsed.baseline_sigma)
+        dataset = dataset.changed(baseline_sigma_m=parsed.baseline_sigma)
     if parsed.distance_sigma is not None:
-        dataset = replace(dataset, target_distance_sigma_m=parsed.distance_sigma)
+        dataset = dataset.changed(target_distance_sigma_m=parsed.distance_sigma)
     return dataset
 
 
-def dataset_from(parsed: argparse.Namespace, path: Path) -> Dataset:
+def dataset_from(parsed: argparse.Namespace, path: Path) -> Pair:
     """A data set, read as the options say."""
     return pair_from(parsed, path, read_input(path, parsed.lens_model))
 
 
-def pair_from(parsed: argparse.Namespace, path: Path, recording: Recording) -> Dataset:
+def pair_from(parsed: argparse.Namespace, path: Path, recording: Recording) -> Pair:
     """The data set of two cameras of a recording, as the options say."""
     with naming(str(path)):
         dataset = pair_to_calibrate(recording, parsed.pair)

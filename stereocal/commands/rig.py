@@ -16,7 +16,7 @@ from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.pair_of_rig import Sets, files_of_sets, refined_set, sets_of_pairs
 from stereocal.network.rig_file import RIG, rig_file
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.workflow import Run
 
@@ -37,7 +37,7 @@ FIGURES = (
 """Of the forecast of a pair, in rig.json."""
 
 
-def paper_sets(searches: CalibrationSettings, dataset: Dataset, settings: RefineSettings) -> Sets:
+def paper_sets(searches: CalibrationSettings, dataset: Pair, settings: RefineSettings) -> Sets:
     """The refined set of a pair of a rig and the paper's two, with the forecast."""
     # The rig has left out the frames that contradict it.
     found = Run(dataset, replace(searches, all_frames=True), settings)

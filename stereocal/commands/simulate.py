@@ -6,7 +6,7 @@ from pathlib import Path
 
 from stereocal.commands.console import Number, Options, report
 from stereocal.formats.dataset_files import pack_dataset
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.simulation.nineteen import NOISE_PX, simulate_nineteen
 from stereocal.simulation.simulate import FIELD_NOISE_PX, TRUTH, simulate_field, truth_of
 from stereocal.system.atomic_files import write_all
@@ -38,6 +38,6 @@ def write_field(folder: Path, seed: int) -> None:
     _write(folder, dataset, json.dumps(truth_of(scene, FIELD_NOISE_PX, seed), indent=2))
 
 
-def _write(folder: Path, dataset: Dataset, truth: str) -> None:
+def _write(folder: Path, dataset: Pair, truth: str) -> None:
     files = {**pack_dataset(dataset), TRUTH: f"{truth}\n".encode()}
     write_all({folder / name: content for name, content in files.items()})

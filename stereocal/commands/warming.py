@@ -34,7 +34,7 @@ from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import compilations, uncompiled
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.simulation.rigs import simulated_rig
 from stereocal.simulation.simulate import Scene, observe, simulate_field
 from stereocal.system import child_process
@@ -115,7 +115,7 @@ def _say(part: str, count: int) -> None:
         os._exit(1)
 
 
-def _recordings() -> tuple[Scene, list[Dataset]]:
+def _recordings() -> tuple[Scene, list[Pair]]:
     """One with usual lenses, of this scene, and one with fisheyes."""
     scene, dataset = simulate_field(seed=0)
     rig = scene.rig

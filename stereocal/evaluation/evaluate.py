@@ -33,8 +33,8 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.small_steps import undistort_rays
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import pixel_scales
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, triangulate_rays
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
@@ -108,7 +108,7 @@ class RunCounts:
 
 
 def evaluate_run(
-    dataset: Dataset,
+    dataset: Pair,
     settings: EvaluationSettings,
     number: int,
     run: int,
@@ -142,7 +142,7 @@ class WholeFit:
     has learnt nothing of the held-out frames.
     """
 
-    dataset: Dataset
+    dataset: Pair
     settings: RefineSettings | None
 
     @cached_property
@@ -156,7 +156,7 @@ class WholeFit:
 _CLUSTERS: Latest[IntArray | None] = Latest(100)
 
 
-def clusters_to_split(dataset: Dataset) -> IntArray | None:
+def clusters_to_split(dataset: Pair) -> IntArray | None:
     """(f,): the cluster of each frame; None for frames taken one by one.
 
     By a fit with the default settings, so that those of an evaluation do not change its splits.
@@ -166,7 +166,7 @@ def clusters_to_split(dataset: Dataset) -> IntArray | None:
     return _CLUSTERS.once(key, lambda: _clusters_of_fit(dataset))
 
 
-def _clusters_of_fit(dataset: Dataset) -> IntArray | None:
+def _clusters_of_fit(dataset: Pair) -> IntArray | None:
     try:
         found = refine(dataset)
     except StereocalError:
@@ -179,7 +179,7 @@ def _clusters_of_fit(dataset: Dataset) -> IntArray | None:
 
 
 def paper_angles(
-    dataset: Dataset,
+    dataset: Pair,
     rows: BoolArray,
     settings: CalibrationSettings,
     of_2d: np.random.SeedSequence,
@@ -197,7 +197,7 @@ def paper_angles(
 
 
 def split(
-    dataset: Dataset,
+    dataset: Pair,
     calibration_frames: int,
     seed: np.random.SeedSequence,
     clusters: IntArray | None = None,
@@ -224,7 +224,7 @@ def split(
     return chosen[np.searchsorted(rows.frames, rows.frame)]
 
 
-def check_split(dataset: Dataset, calibration_frames: int) -> None:
+def check_split(dataset: Pair, calibration_frames: int) -> None:
     """Check that a split leaves enough frames for the test."""
     frames = len(dataset.correspondences.frames)
     if frames - calibration_frames < MINIMUM_VALIDATION_FRAMES:
@@ -236,7 +236,7 @@ def check_split(dataset: Dataset, calibration_frames: int) -> None:
 
 
 def _refined(
-    dataset: Dataset,
+    dataset: Pair,
     fit: BoolArray,
     start: FloatArray,
     settings: RefineSettings,
@@ -261,7 +261,7 @@ def _refined(
     return _test(dataset, ~fit, angles, partners, found.pose.baseline, rays, scale)
 
 
-def count_set(dataset: Dataset, pose: Pose, rows: BoolArray | None = None) -> RunCounts:
+def count_set(dataset: Pair, pose: Pose, rows: BoolArray | None = None) -> RunCounts:
     """Count all pairs and bars of a data set with one parameter set, without held-out frames.
 
     Args:
@@ -281,7 +281,7 @@ def stacked(first: RunCounts, second: RunCounts) -> RunCounts:
 
 
 def _test(
-    dataset: Dataset,
+    dataset: Pair,
     rows: BoolArray,
     angles: FloatArray,
     partners: IntArray,
@@ -323,7 +323,7 @@ def _partners(points: int, rng: np.random.Generator) -> IntArray:
 
 
 def evaluate(
-    datasets: Sequence[Dataset],
+    datasets: Sequence[Pair],
     settings: EvaluationSettings,
     executor: Executor,
     progress: Progress | None = None,
@@ -349,7 +349,7 @@ def evaluate(
 
 
 def tasks_of_runs(
-    datasets: Sequence[Dataset], settings: EvaluationSettings, frames_at_once: int = FRAMES_AT_ONCE
+    datasets: Sequence[Pair], settings: EvaluationSettings, frames_at_once: int = FRAMES_AT_ONCE
 ) -> Iterator[Task[list[RunCounts]]]:
     """Their keys are digests of everything that the runs depend on, and the runs' numbers.
 
@@ -358,7 +358,7 @@ def tasks_of_runs(
     """
     protocol = {name: value for name, value in settings.to_json().items() if name != "runs"}
 
-    def tasks(number: int, dataset: Dataset) -> Iterator[Task[list[RunCounts]]]:
+    def tasks(number: int, dataset: Pair) -> Iterator[Task[list[RunCounts]]]:
         sigmas = [dataset.baseline_sigma_m, dataset.target_distance_sigma_m]
         content = json.dumps([dataset.sha256, sigmas, protocol, number], sort_keys=True)
         digest = hashlib.sha256(content.encode()).hexdigest()[:32]
@@ -375,7 +375,7 @@ def tasks_of_runs(
 
 
 def evaluate_runs(
-    dataset: Dataset,
+    dataset: Pair,
     settings: EvaluationSettings,
     number: int,
     runs: Sequence[int],

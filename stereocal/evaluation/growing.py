@@ -20,7 +20,7 @@ from stereocal.evaluation.evaluate import (
     stacked,
     tasks_of_runs,
 )
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.latest import Latest
 from stereocal.system.tasks import Progress, Task, run_tasks
 
@@ -72,7 +72,7 @@ class GrowingRuns:
 
     def compute(
         self,
-        datasets: Sequence[Dataset],
+        datasets: Sequence[Pair],
         executor: Executor,
         kept: KeptFits,
         progress: Progress | None = None,
@@ -94,7 +94,7 @@ class GrowingRuns:
                     self._paper[number] += runs
         return self.so_far(refined=True)
 
-    def _tasks(self, datasets: Sequence[Dataset]) -> Iterator[Task[list[RunCounts]]]:
+    def _tasks(self, datasets: Sequence[Pair]) -> Iterator[Task[list[RunCounts]]]:
         """The paper's methods, which are not kept and so without a key, in turn with the fits."""
         own = replace(self.settings, refined=None)
         paper = (replace(task, key="") for task in tasks_of_runs(datasets, own))

@@ -7,7 +7,7 @@ from stereocal.figures import style
 from stereocal.figures.style import n_drawn
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.residual_field import cells_of
 from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import count
@@ -16,7 +16,7 @@ GRID_CELLS = 4
 """The description counts the covered cells of a grid with this many rows and columns."""
 
 
-def plot_coverage(dataset: Dataset, narrow: bool = False) -> go.Figure:
+def plot_coverage(dataset: Pair, narrow: bool = False) -> go.Figure:
     """The points of A and B in both images, joined by the bar of each frame.
 
     Args:
@@ -43,7 +43,7 @@ def plot_coverage(dataset: Dataset, narrow: bool = False) -> go.Figure:
     return figure
 
 
-def describe_coverage(dataset: Dataset) -> str:
+def describe_coverage(dataset: Pair) -> str:
     """The figure in words."""
     rows = dataset.correspondences
     (first, of_first, *_), *others = style.marks_of(rows)
@@ -60,7 +60,7 @@ def describe_coverage(dataset: Dataset) -> str:
     )
 
 
-def _images(dataset: Dataset) -> dict[str, tuple[Camera, FloatArray]]:
+def _images(dataset: Pair) -> dict[str, tuple[Camera, FloatArray]]:
     """Cameras and their points (n, 2) by name."""
     rows = dataset.correspondences
     found = (dataset.primary, rows.primary), (dataset.secondary, rows.secondary)

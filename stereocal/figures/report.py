@@ -19,8 +19,8 @@ from stereocal.figures.validation import COLUMNS, describe_validation, plot_vali
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles
+from stereocal.rig.pair import Pair
 from stereocal.rig.result_file import software_versions
 from stereocal.system.numbers import rounded
 from stereocal.system.settings import descriptions
@@ -32,7 +32,7 @@ from stereocal.verdict.validation_in_words import validation_answer
 def report_html(
     summaries: Mapping[Method, MethodSummary],
     by_dataset: Mapping[str, Mapping[Method, MethodSummary]],
-    datasets: Sequence[Dataset],
+    datasets: Sequence[Pair],
     settings: EvaluationSettings,
     screenings: Sequence[Screening] = (),
     recommended: tuple[Calibration, Recommendation] | None = None,
@@ -92,7 +92,7 @@ def _procedure(settings: EvaluationSettings, units: str) -> tuple[str, ...]:
     )
 
 
-def _datasets(datasets: Sequence[Dataset], screenings: Sequence[Screening]) -> str:
+def _datasets(datasets: Sequence[Pair], screenings: Sequence[Screening]) -> str:
     rows = []
     for dataset in datasets:
         points = dataset.correspondences
@@ -140,7 +140,7 @@ def _why_two_sets(calibration: Calibration) -> str:
     return f'{said}<div class="sets">{"".join(columns)}</div>'
 
 
-def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Dataset]) -> str:
+def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Pair]) -> str:
     columns = {}
     for method in in_order(summaries):
         found = summaries[method]

@@ -14,8 +14,8 @@ from stereocal.errors import StereocalError
 from stereocal.figures import space, style
 from stereocal.figures.style import METHOD_NAMES, add_trace
 from stereocal.refined.results import Calibration
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import triangulate_rays
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.numbers import count
@@ -25,7 +25,7 @@ from stereocal.system.numbers import count
 class RigScene:
     """The data set reconstructed by one method, in the primary camera's frame, metres."""
 
-    dataset: Dataset
+    dataset: Pair
     rig: Rig
     errors: Errors
 

@@ -16,7 +16,7 @@ from stereocal.refined.parameter_file import errors_of_set
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.results import Calibration
 from stereocal.refined.small_steps import FACTOR, largest_turn_sigma
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import ForecastEntries
 from stereocal.system.numbers import digits, rounded
 from stereocal.verdict.file_figures import stated_in
@@ -108,7 +108,7 @@ def refined_table(result: RefinedResult) -> pd.DataFrame:
     return pd.DataFrame(lines).T.rename_axis("Refined set")
 
 
-def contents_table(dataset: Dataset) -> pd.DataFrame:
+def contents_table(dataset: Pair) -> pd.DataFrame:
     """The contents of a data set, one row per quantity."""
     rows, own = dataset.correspondences, dataset.bar_distances_m
     frames, of_object = rows.frames, rows.rigid_object is not None

@@ -19,8 +19,8 @@ from stereocal.figures.space import SCENE_AXIS
 from stereocal.refined.outliers import bar_frames, frame_reprojection_px
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.fisheye import LARGEST_ANGLE
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
@@ -40,7 +40,7 @@ class FrameView:
 
     method: Method
     rig: Rig
-    dataset: Dataset
+    dataset: Pair
     frame: int
 
     @cached_property

@@ -14,7 +14,7 @@ from stereocal.errors import StereocalError, naming
 from stereocal.formats.camera_file import read_camera
 from stereocal.network.frame_rates import RATES
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
-from stereocal.rig.dataset import check_length, check_lengths, check_uncertainty
+from stereocal.rig.measured_lengths import check_length, check_lengths, check_uncertainty
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.json_text import read_json

@@ -32,7 +32,7 @@ from stereocal.formats.dataset_description import (
 from stereocal.formats.points_csv import read_points_csv, write_points
 from stereocal.network.frame_rates import RATES, at_stated_rates
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import COLUMNS, Recording
 from stereocal.system.limits import Limits
 from stereocal.system.photograph_files import is_photograph
@@ -46,7 +46,7 @@ NAMED = frozenset((".ini", ".conf", ".mat"))
 
 def read_dataset(
     path: str | Path, lens_model: LensModel | None = None, pair: str | None = None
-) -> Dataset:
+) -> Pair:
     """Read a data set of two cameras, or two of more, from a folder or a zip.
 
     A baseline that was not measured is still to be found, as `stereocal.calibrate` does.
@@ -203,11 +203,11 @@ def _with_points(
     return replace(recording, **columns, beyond_view=beyond if any(beyond.values()) else {})
 
 
-def pack_dataset(dataset: Dataset) -> dict[str, bytes]:
+def pack_dataset(dataset: Pair) -> dict[str, bytes]:
     """The files of a data set by name, read back exactly by `parse_recording`: of format 1, and of
     an object that is no bar of format 2."""
     if dataset.correspondences.rigid_object is not None:
-        return pack_recording(Recording.of_pair(dataset))
+        return pack_recording(dataset.recording)
     cameras = dict(zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True))
     return _packed(cameras, *_pairs(dataset))
 
@@ -230,7 +230,7 @@ def _packed(
     }
 
 
-def _pairs(dataset: Dataset) -> tuple[dict[str, Any], dict[str, bytes]]:
+def _pairs(dataset: Pair) -> tuple[dict[str, Any], dict[str, bytes]]:
     """The entries of `dataset.json` of format 1, None for those left out, and the table."""
     described = {
         "format": DATASET_FORMAT,

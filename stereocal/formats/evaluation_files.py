@@ -17,7 +17,7 @@ from stereocal.evaluation.counting import BINS
 from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts
 from stereocal.evaluation.summary import MethodSummary, summarise
 from stereocal.refined.screening import Screening
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import ForecastEntries
 from stereocal.system.arrays import Array, read_arrays, shaped
 from stereocal.system.atomic_files import read_whole
@@ -32,7 +32,7 @@ METHOD_COUNTS = (3, 4)
 def summary_json(
     pooled: Mapping[Method, MethodSummary],
     by_dataset: Mapping[str, Mapping[Method, MethodSummary]],
-    datasets: Sequence[Dataset],
+    datasets: Sequence[Pair],
     settings: EvaluationSettings,
     screenings: Sequence[Screening] = (),
     forecasts: Sequence[Mapping[Method, ForecastEntries]] = (),
@@ -96,7 +96,7 @@ def validation_figures(
     return {method: {**protocol, **found.to_json()} for method, found in pooled.items()}
 
 
-def validation_in_summary(path: Path, dataset: Dataset) -> dict[str, dict[str, Any]]:
+def validation_in_summary(path: Path, dataset: Pair) -> dict[str, dict[str, Any]]:
     """The result of `validation_figures` for a data set, from a `summary.json`."""
     content = read_json(read_whole(path), str(path))
     with damaged("this is not a summary.json of evaluate.", source=str(path)):
@@ -107,7 +107,7 @@ def validation_in_summary(path: Path, dataset: Dataset) -> dict[str, dict[str, A
     return {method: {**protocol, **found} for method, found in known[dataset.sha256].items()}
 
 
-def unique_names(datasets: Sequence[Dataset]) -> list[str]:
+def unique_names(datasets: Sequence[Pair]) -> list[str]:
     """The names of data sets, with a number added to duplicates."""
     names: list[str] = []
     for dataset in datasets:
@@ -137,7 +137,7 @@ class Evaluation:
             found.update(np.ascontiguousarray(array).data)
         return found.hexdigest()
 
-    def is_of(self, datasets: Sequence[Dataset]) -> bool:
+    def is_of(self, datasets: Sequence[Pair]) -> bool:
         """Whether it is of these data sets, in this order."""
         return list(self.sha256) == [dataset.sha256 for dataset in datasets]
 

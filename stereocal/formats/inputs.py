@@ -13,9 +13,9 @@ from stereocal.formats.points_csv import read_points_csv
 from stereocal.matching.point_table import PointTable, is_parquet
 from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.network.to_calibrate import in_step, pair_to_calibrate
-from stereocal.rig.camera import LensModel
+from stereocal.rig.camera import CAMERAS, LensModel
 from stereocal.rig.correspondences import PIXELS
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.system.tables import names_of, text_of
@@ -52,7 +52,7 @@ def read_input(path: Path, lens_model: LensModel | None = None) -> Recording:
     return read_recording(path, lens_model)
 
 
-def pair_in_zip(content: bytes, label: str, lens_model: LensModel | None = None) -> Dataset:
+def pair_in_zip(content: bytes, label: str, lens_model: LensModel | None = None) -> Pair:
     """The data set of two cameras in a zip's content, in step and with its baseline found."""
     recording = parse_zip(content, label, lens_model)
     with naming(label):
@@ -104,5 +104,5 @@ def images_in_table(path: Path, label: str, rig: RigParameters) -> NewImages:
         )
     rows = read_table(path.read_bytes(), label).strict(label)
     empty, baseline = rows.of_frames([]), rig.pose.baseline
-    dataset = Dataset(label, rig.primary, rig.secondary, empty, baseline, length)
-    return images_of_bars(dataset.with_points(rows), rig)
+    known = Recording.of_two(label, rig.primary, rig.secondary, empty, baseline, length)
+    return images_of_bars(known.with_pairs(rows).pair(*CAMERAS), rig)

@@ -32,7 +32,7 @@ from stereocal.network.to_calibrate import in_step, pair_to_calibrate
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import LensModel
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.system.answers import TableAnswer, answering
@@ -51,7 +51,7 @@ Look = Literal["rig", "errors", "validation", "disagreement", "accuracy", "resid
 
 def read(
     path: str | Path, pair: str | None = None, lens_model: LensModel | None = None
-) -> Dataset | Recording:
+) -> Pair | Recording:
     """Read a data set from a folder or a zip: two cameras, or more.
 
     Args:
@@ -68,13 +68,13 @@ def read(
         return pair_to_calibrate(recording, pair)
 
 
-def pair_of(recording: Dataset | Recording) -> Dataset:
+def pair_of(recording: Pair | Recording) -> Pair:
     """The data set of two cameras; a baseline that was not measured is found.
 
     Raises:
         StereocalError: the recording has more than two cameras.
     """
-    if isinstance(recording, Dataset):
+    if isinstance(recording, Pair):
         return with_baseline_found(recording)
     if len(recording.cameras) > 2:
         raise StereocalError(
@@ -199,7 +199,7 @@ class CalibrationRun(TableAnswer, Calibration):
 
 
 def calibrate(
-    dataset: Dataset | Recording,
+    dataset: Pair | Recording,
     settings: CalibrationSettings | None = None,
     trace: bool = False,
     progress: Callable[[str], None] | None = None,
@@ -281,7 +281,7 @@ def _flat(figures: dict[str, Any]) -> dict[str, Any]:
 
 
 def evaluate(
-    recordings: Sequence[Dataset | Recording],
+    recordings: Sequence[Pair | Recording],
     runs: int = 100,
     calibration_frames: int = 20,
     splits: Splits = "frames",

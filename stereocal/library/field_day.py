@@ -35,7 +35,7 @@ from stereocal.network.rig_file import RigFile
 from stereocal.network.started_by_hand import BroughtIntoStep, bring_into_step
 from stereocal.rig.camera import LensModel
 from stereocal.rig.correspondences import PIXELS
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import BoardPattern
@@ -58,7 +58,7 @@ def sample(name: str) -> Path:
     return folder
 
 
-def simulate(datasets: int = 19, frames: int = 25, seed: int = 0) -> list[Dataset]:
+def simulate(datasets: int = 19, frames: int = 25, seed: int = 0) -> list[Pair]:
     """Simulated data sets as the paper's nineteen, each with another bar and baseline."""
     return [dataset for _, dataset in simulate_nineteen(seed, datasets, frames)]
 
@@ -203,7 +203,7 @@ class Check(Answer):
 
 def check(
     parameters: RigParameters | RigFile,
-    new: Dataset | Recording | pd.DataFrame,
+    new: Pair | Recording | pd.DataFrame,
     turn_deg: float | None = None,
     baseline_change: float | None = None,
     sigma_px: float | None = None,

@@ -25,7 +25,7 @@ from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.library.drawing import draw
 from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.answers import TableAnswer
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 class FoundTargets(TableAnswer):
     """The targets, or the boards, in the photographs of all cameras."""
 
-    recording: Dataset | Recording
+    recording: Pair | Recording
     """To calibrate from."""
     sentences: list[str]
     frames: list[Frame] = field(default_factory=list)

@@ -29,8 +29,8 @@ from stereocal.matching.trajectories import OUTSIDE_VOLUME, POINT_COLUMNS, SIGMA
 from stereocal.matching.views import PAIRS, Views, views_of
 from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import PlacedCamera, PlacedCameras, Rig, SeveralCameras
 from stereocal.system.csv_text import unquoted, without_apostrophes
@@ -300,14 +300,14 @@ def agreement(pairs: pd.DataFrame) -> str | None:
     return None
 
 
-def points_by_camera(data: Dataset | Recording) -> dict[str, pd.DataFrame]:
+def points_by_camera(data: Pair | Recording) -> dict[str, pd.DataFrame]:
     """The object's points as a table of each camera that sees any; `target` is passed through and
     not used for matching."""
-    recording = Recording.of_pair(data) if isinstance(data, Dataset) else data
+    recording = data.recording if isinstance(data, Pair) else data
     targets = np.array(recording.object.names)[recording.target]
     u, v = recording.points.T
     table = pd.DataFrame({"frame": recording.frame, "u": u, "v": v, "target": targets})
-    if isinstance(data, Dataset) and data.correspondences.has_times:
+    if isinstance(data, Pair) and data.correspondences.has_times:
         table["time_frame"] = np.tile(data.correspondences.time_frame, 2)
     table = table.iloc[np.lexsort([recording.target, recording.frame])]
     of = recording.camera[table.index]

@@ -7,7 +7,7 @@ import pandas as pd
 
 from stereocal.errors import StereocalError
 from stereocal.matching.trajectories import further_columns
-from stereocal.rig.dataset import check_length
+from stereocal.rig.measured_lengths import check_length
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import count, rounded
 

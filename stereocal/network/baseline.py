@@ -1,7 +1,5 @@
 """The value of a baseline that was not measured, or why there is none."""
 
-from dataclasses import replace
-
 from stereocal.calibration.board_numbering import check_numbering
 from stereocal.calibration.wrong_inputs import MINIMUM_BARS
 from stereocal.errors import StereocalError
@@ -10,11 +8,10 @@ from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.screening import unscreened
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
-from stereocal.rig.recording import Recording
+from stereocal.rig.pair import Pair
 
 
-def with_baseline_found(dataset: Dataset) -> Dataset:
+def with_baseline_found(dataset: Pair) -> Pair:
     """The data set with a free baseline set to the refined method's value; with one that was
     measured or is found already, unchanged.
 
@@ -23,12 +20,12 @@ def with_baseline_found(dataset: Dataset) -> Dataset:
     """
     if not dataset.baseline_is_to_be_found:
         return dataset
-    check_numbering(Recording.of_pair(dataset))
+    check_numbering(dataset.recording)
     rough = dataset
     try:
         rough = with_rough_baseline(dataset)
         fit, _ = with_offset_if_out_of_step(rough, RefineSettings(), also_failing=False)
-        return replace(dataset, baseline_m=fit.pose.baseline, baseline_found=True)
+        return dataset.changed(baseline_m=fit.pose.baseline)
     except StereocalError as error:
         if len(dataset.correspondences.bars) < MINIMUM_BARS:
             raise

@@ -83,7 +83,7 @@ def _question(rig: RigCalibration) -> str:
     pair = next(iter(rig.pairs.fits))
     of_rig, dataset = rig.pair(*pair), rig.recording.pair(*pair)
     if dataset.baseline_is_free:
-        dataset = replace(dataset, baseline_m=of_rig.pose.baseline)
+        dataset = dataset.changed(baseline_m=of_rig.pose.baseline)
     question = question_about_units(dataset, of_rig.pose)
     return question and f"{question} If not, correct them: no residual shows a wrong unit."
 

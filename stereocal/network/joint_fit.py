@@ -1,7 +1,7 @@
 """The joint fit of all cameras, in rounds where they are brought into step."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import compress
 
 import numpy as np
@@ -79,13 +79,8 @@ def _offsets(late: FloatArray, reference: float) -> tuple[TimeOffset, ...]:
 def _shifted(recording: Recording, offsets: Sequence[TimeOffset]) -> tuple[Recording, FloatArray]:
     """The points at the instants of the reference's frames, without those of late cameras that have
     no neighbours there; and their motion (n, 3), as of `Observations.of_recording`."""
-    at = np.array([own.at(recording.frame) for own in offsets])
-    offset = at[recording.camera, np.arange(len(recording.frame))]
-    tracks, known = recording.moved(offset)
-    moved = np.array([own.is_shift for own in offsets])[recording.camera]
-    points = np.where((moved & known)[:, None], tracks.positions, recording.points)
-    usable = ~moved | known
-    shifted = replace(recording, points=points).where(usable)
-    since = recording.frame - offsets[0].reference
-    motion = np.column_stack([np.nan_to_num(tracks.velocities), since])
-    return shifted, motion[usable]
+    shifted = recording.shifted(dict(zip(recording.cameras, offsets, strict=True)))
+    shifted = shifted.where(shifted.usable)
+    assert shifted.motion is not None
+    since = shifted.frame - offsets[0].reference
+    return shifted, np.column_stack([np.nan_to_num(shifted.motion[:, :2]), since])

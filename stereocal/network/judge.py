@@ -437,7 +437,7 @@ def _fit_of_pair(
     dataset, start = recording.pair(*pair), None
     near = quick[pair] if pair in quick else essential_fit(dataset)
     if near.pose is not None:  # so that a baseline that is wrong hinders no reading
-        dataset = replace(dataset, baseline_m=near.scale * dataset.baseline_m)
+        dataset = dataset.changed(baseline_m=near.scale * dataset.baseline_m)
         start = Pose(near.pose.R, near.scale * near.pose.T)
     primary, secondary = map(lenses.get, pair)
     held = _held(dataset.target_distance_m)

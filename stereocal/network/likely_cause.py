@@ -11,7 +11,7 @@ import numpy as np
 from stereocal.calibration.checks import warnings_about_copies
 from stereocal.calibration.wrong_inputs import essential_fit, inconsistency_message
 from stereocal.errors import StereocalError
-from stereocal.network.wrong_inputs import as_in_step, find_wrong_input, nothing_fits
+from stereocal.network.wrong_inputs import find_wrong_input, nothing_fits
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import (
@@ -23,8 +23,8 @@ from stereocal.refined.screening import (
 )
 from stereocal.refined.small_steps import largest_turn_sigma
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import AT_ORIGIN, Pose, on_their_heads
+from stereocal.rig.pair import Pair
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
@@ -47,7 +47,7 @@ PARALLEL = np.radians(8.0)
 """Bars within this angle of a common direction count as parallel."""
 
 
-def explain_failure(dataset: Dataset, screening: Screening, failure: str = "") -> str:
+def explain_failure(dataset: Pair, screening: Screening, failure: str = "") -> str:
     """The message for data that no pose of the cameras explains: the likely cause and the remedy.
 
     Args:
@@ -70,7 +70,7 @@ def explain_failure(dataset: Dataset, screening: Screening, failure: str = "") -
         return inconsistency_message(dataset, nominal)
     # The residuals of exchanged files may follow the motion by chance.
     if (
-        named := find_wrong_input(as_in_step(dataset), bool(offer))
+        named := find_wrong_input(dataset.recording, bool(offer))
         or offer
         or " ".join(warnings_about_copies(dataset))
     ):
@@ -82,7 +82,7 @@ def explain_failure(dataset: Dataset, screening: Screening, failure: str = "") -
     return geometry or f"{failure}{unknown}"
 
 
-def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool, offer: str) -> list[str]:
+def warnings_about_fit(dataset: Pair, screening: Screening, poor: bool, offer: str) -> list[str]:
     """Warnings about a calibration that succeeded but may be wrong.
 
     Args:
@@ -95,7 +95,7 @@ def warnings_about_fit(dataset: Dataset, screening: Screening, poor: bool, offer
     heads = heads_in_words((AT_ORIGIN, fit.pose), CAMERAS) if fit is not None else []
     if poor and not cause:
         nominal = essential_fit(dataset)
-        cause = find_wrong_input(as_in_step(dataset)) or nothing_fits(dataset)
+        cause = find_wrong_input(dataset.recording) or nothing_fits(dataset)
         if not cause and nominal.only_scale_is_wrong:
             cause = inconsistency_message(dataset, nominal)
     return [*filter(None, (failure, screening.together, cause)), *heads]
@@ -117,7 +117,7 @@ def heads_in_words(poses: Sequence[Pose], names: Sequence[str]) -> list[str]:
     ]
 
 
-def frames_to_judge(dataset: Dataset, screening: Screening) -> Dataset:
+def frames_to_judge(dataset: Pair, screening: Screening) -> Pair:
     """The frames by which inputs are judged: all, where so many were left out that the others may
     have been kept because of a wrong input."""
     return screening.full_dataset if screening.share > MAXIMUM_LEFT_OUT else dataset

@@ -22,8 +22,8 @@ from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.refine import robust_pose
 from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import fit_time_offset, spread_over_runs, usable_after
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, sampson, triangulate_rays
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset, exchanged_ends
@@ -290,7 +290,7 @@ class _Search:
         dataset = dataset.of_frames(near)
         # Out of step, 2.0 m were found of 4.9, which no fit leaves.
         shifted = usable_after(dataset, TimeOffset(best.offset - whole, reference=near[0]))
-        dataset = replace(dataset, baseline_m=with_rough_baseline(shifted).baseline_m)
+        dataset = dataset.changed(baseline_m=with_rough_baseline(shifted).baseline_m)
         settings = replace(wide_settings(dataset), time_drift=bool(np.ptp(near) > LONG))
         fit, note = fit_time_offset(dataset, settings, best.offset - whole)
         if fit is None:
@@ -375,7 +375,7 @@ def _two_best(searches: Sequence[_Search]) -> tuple[_Candidate, _Candidate]:
     return best, _best(others)
 
 
-def _named_alike(dataset: Dataset, pose: Pose, near: float) -> Dataset:
+def _named_alike(dataset: Pair, pose: Pose, near: float) -> Pair:
     """The data set with the ends of what is held named alike in both cameras, and as in the frame
     before.
 
@@ -389,7 +389,7 @@ def _named_alike(dataset: Dataset, pose: Pose, near: float) -> Dataset:
     rows = dataset.correspondences
     frames, at = np.unique(rows.frame, return_inverse=True)
 
-    def apart(named: Dataset) -> FloatArray:
+    def apart(named: Pair) -> FloatArray:
         squares = np.square(sampson(pose.essential, named.rays.T))
         return np.asarray(np.sqrt(np.bincount(at, squares) / np.bincount(at)))
 
@@ -402,7 +402,7 @@ def _named_alike(dataset: Dataset, pose: Pose, near: float) -> Dataset:
     places[at, rows.target] = np.hstack([rows.primary, rows.secondary])
     turns = exchanged_ends(places[:, held.longest])
     names = np.where(turns[at], held.half_turn[rows.target], rows.target)
-    return replace(dataset, correspondences=replace(rows, target=names))
+    return dataset.changed(correspondences=replace(rows, target=names))
 
 
 def _best(some: Iterable[_Candidate]) -> _Candidate:

@@ -23,7 +23,7 @@ from stereocal.refined.time_offset import usable_after
 from stereocal.refined.unknowns import RefineSettings, RigMarginal
 from stereocal.refined.views import EACH, TIME
 from stereocal.rig.camera import Camera, LensUncertainty
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters, Timing
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.tasks import Progress
@@ -34,7 +34,7 @@ Sets = Mapping[Method, RigParameters]
 """The parameter sets of a pair."""
 
 
-def refined_set(dataset: Dataset, settings: RefineSettings) -> Sets:
+def refined_set(dataset: Pair, settings: RefineSettings) -> Sets:
     """The refined set of a pair alone."""
     return {"refined": refined_parameters(refine(dataset, settings))}
 
@@ -43,7 +43,7 @@ def sets_of_pairs(
     recording: Recording,
     rig: RigFile,
     progress: Progress | None = None,
-    sets_of: Callable[[Dataset, RefineSettings], Sets] = refined_set,
+    sets_of: Callable[[Pair, RefineSettings], Sets] = refined_set,
 ) -> tuple[dict[str, Sets], list[str]]:
     """The parameter sets of each pair by its name, and notes on pairs without any.
 
@@ -89,7 +89,7 @@ def files_of_sets(sets: Mapping[str, Sets]) -> dict[str, bytes]:
     }
 
 
-def data_of_pair(recording: Recording, pair: CameraPair, rig: RigFile | None) -> Dataset:
+def data_of_pair(recording: Recording, pair: CameraPair, rig: RigFile | None) -> Pair:
     """The points that both cameras of a pair see; with a rig, those that it was fitted to, with its
     lenses and baseline, and in step.
 
@@ -106,18 +106,15 @@ def data_of_pair(recording: Recording, pair: CameraPair, rig: RigFile | None) ->
     offset = rig.shift(*pair)
     offset = replace(offset, frames=offset.frames + second - first)
     if offset.is_shift:
-        shifted = usable_after(dataset, offset).correspondences
-        unknown = np.full_like(shifted.motion, np.nan)
-        shifted = replace(shifted, recorded=shifted.recorded * np.nan, motion=unknown)
-        dataset = replace(dataset, correspondences=shifted)
+        dataset = Pair(usable_after(dataset, offset).recording.taken_as_recorded())
     primary, secondary = (_lens(rig, name) for name in pair)
-    own = replace(dataset, primary=primary, secondary=secondary)
+    own = dataset.changed(primary=primary, secondary=secondary)
     if not dataset.baseline_is_free:
         return own
-    return replace(own, baseline_m=rig.pair(*pair).pose.baseline, baseline_sigma_m=None)
+    return own.changed(baseline_m=rig.pair(*pair).pose.baseline, baseline_sigma_m=None)
 
 
-def settings_of_pair(dataset: Dataset, pair: CameraPair, rig: RigFile) -> RefineSettings:
+def settings_of_pair(dataset: Pair, pair: CameraPair, rig: RigFile) -> RefineSettings:
     """The settings with which the refined set of a pair is the rig's, with its covariance.
 
     Args:

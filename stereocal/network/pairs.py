@@ -17,7 +17,7 @@ from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import fit_time_offset
 from stereocal.refined.two_recordings import movement_of_pair
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import FEWEST_TO_PLACE
 from stereocal.system.array_types import BoolArray, IntArray
@@ -139,11 +139,11 @@ def calibrate_pairs(
 
 def pair_problem(
     recording: Recording, pair: CameraPair, settings: RigSettings
-) -> tuple[Dataset, RefineSettings]:
+) -> tuple[Pair, RefineSettings]:
     """The data of a pair, and what is stated of its lenses and lengths."""
     dataset = recording.pair(*pair)
     if settings.baseline_sigma_m is not None and not dataset.baseline_is_free:
-        dataset = replace(dataset, baseline_sigma_m=settings.baseline_sigma_m)
+        dataset = dataset.changed(baseline_sigma_m=settings.baseline_sigma_m)
     primary, secondary = (settings.lenses.get(name) for name in pair)
     priors = RefineSettings(primary=primary, secondary=secondary)
     if settings.object_sigma is not None:

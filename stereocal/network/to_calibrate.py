@@ -3,7 +3,7 @@ and a baseline that was not measured."""
 
 from stereocal.network.baseline import with_baseline_found
 from stereocal.network.started_by_hand import bring_into_step
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 
 
@@ -16,7 +16,7 @@ def in_step(recording: Recording) -> Recording:
     return bring_into_step(recording).recording if recording.own_frames else recording
 
 
-def pair_to_calibrate(recording: Recording, pair: str | None = None) -> Dataset:
+def pair_to_calibrate(recording: Recording, pair: str | None = None) -> Pair:
     """The data set of two cameras in step, with its baseline measured or found.
 
     Args:

@@ -5,7 +5,6 @@ Of more than `MOST_CAMERAS`, each camera is judged with those with which it shar
 
 from collections.abc import Collection, Iterator
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from stereocal.network.judge import (
 )
 from stereocal.network.pairs import pairs_worth_a_fit, reached
 from stereocal.rig.camera import one_file_in_words
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system.numbers import rounded
 
@@ -69,9 +68,9 @@ def find_wrong_input(recording: Recording, out_of_step: bool = False) -> str:
     return next(filter(None, messages), "")
 
 
-def nothing_fits(dataset: Dataset) -> str:
+def nothing_fits(dataset: Pair) -> str:
     """A message if no pose fits and `find_wrong_input` names nothing; else empty."""
-    part = fewer_points(as_in_step(dataset))
+    part = fewer_points(dataset.recording)
     nominal = noise_of(part)
     if (
         nominal.px < fitting_px(part.cameras.values())
@@ -129,9 +128,3 @@ def _judges(
             group += next({*pair} - {*group} for pair in worth if len({*pair} & {*group}) == 1)
         ordered = [each for each in names if each in group]
         yield Judge(recording, ordered, [name], known, fit, out_of_step)
-
-
-def as_in_step(dataset: Dataset) -> Recording:
-    """The recording of a data set, with the points as they were shifted in time."""
-    rows = dataset.correspondences
-    return replace(Recording.of_pair(dataset), points=np.vstack([rows.primary, rows.secondary]))

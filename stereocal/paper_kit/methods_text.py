@@ -16,7 +16,7 @@ from stereocal.refined.unknowns import (
     DEFAULT_FOCAL,
 )
 from stereocal.rig.correspondences import SOURCES
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.numbers import count, rounded
 from stereocal.verdict.file_figures import bar_known
 from stereocal.verdict.forecast import sure
@@ -156,7 +156,7 @@ def _sets(run: Run) -> Iterator[str]:
         yield _assumed(calibration.dataset)
 
 
-def _assumed(dataset: Dataset) -> str:
+def _assumed(dataset: Pair) -> str:
     """The uncertainties that nobody stated."""
     known = all(camera.uncertainty is not None for camera in (dataset.primary, dataset.secondary))
     unstated = [

@@ -15,8 +15,8 @@ from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening
 from stereocal.refined.small_steps import OF_PAIR
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.array_types import IntArray
 from stereocal.system.records import of_plain, pack
@@ -76,7 +76,7 @@ def _named(value: Any, kind: Any) -> dict[str, Any]:
 
 
 def unpack_calibration(
-    content: bytes, dataset_of: Callable[[Mapping[str, Any]], Dataset]
+    content: bytes, dataset_of: Callable[[Mapping[str, Any]], Pair]
 ) -> Calibration:
     """The inverse of `pack_calibration`.
 

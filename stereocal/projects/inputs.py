@@ -8,9 +8,10 @@ from typing import Literal
 import numpy as np
 
 from stereocal.network.baseline import with_baseline_found
-from stereocal.rig.camera import Camera, CameraName, LensUncertainty
+from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensUncertainty
 from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
+from stereocal.rig.recording import Recording
 from stereocal.system.names import can_be_shown
 
 Slot = Literal["primary", "secondary", "correspondences"]
@@ -57,9 +58,9 @@ class Inputs:
     left_out: list[int] = field(default_factory=list)
     """Frames of the table that the user leaves out."""
     start_frame: int = 0
-    """Of the table, as of `Dataset`."""
+    """Of the table, as of `Pair`."""
     step_notes: list[str] = field(default_factory=list)
-    """Of the table, as of `Dataset`."""
+    """Of the table, as of `Pair`."""
 
     def __post_init__(self) -> None:
         sigmas = [sigma for stated in self.lens_known.values() if stated for sigma in stated]
@@ -72,30 +73,29 @@ class Inputs:
         if not sound:
             raise ValueError(self)
 
-    def dataset(
-        self, name: str, primary: Camera, secondary: Camera, rows: Correspondences
-    ) -> Dataset:
+    def dataset(self, name: str, primary: Camera, secondary: Camera, rows: Correspondences) -> Pair:
         """The data set of complete inputs: the files as read, and what was stated.
 
         Args:
             name: used where the project has none.
         """
         rigid_object = rows.rigid_object
-        dataset = Dataset(
-            name=self.name or name,
-            primary=self._known("primary", primary),
-            secondary=self._known("secondary", secondary),
-            correspondences=rows.of_frames([]),
-            baseline_m=1.0 if self.baseline_free else self.baseline_m or 0.0,
-            target_distance_m=rigid_object.longest_m
-            if rigid_object
-            else self.target_distance_m or 0.0,
-            baseline_sigma_m=np.inf if self.baseline_free else self.baseline_sigma_m,
-            target_distance_sigma_m=self.target_distance_sigma_m,
-            start_frame=self.start_frame,
+        known = Recording.of_two(
+            self.name or name,
+            self._known("primary", primary),
+            self._known("secondary", secondary),
+            rows.of_frames([]),
+            None if self.baseline_free else self.baseline_m or 0.0,
+            rigid_object.longest_m if rigid_object else self.target_distance_m or 0.0,
+            self.baseline_sigma_m,
+            self.target_distance_sigma_m,
+        )
+        recording = replace(
+            known,
+            start_frames={CAMERAS[1]: self.start_frame} if self.start_frame else {},
             step_notes=tuple(self.step_notes),
-            baseline_found=not self.baseline_free,
-        ).with_points(rows)
+        )
+        dataset = recording.with_pairs(rows).pair(*CAMERAS)
         if self.exchanged:
             dataset = dataset.with_targets_exchanged(self.exchanged)
         return with_baseline_found(dataset)

@@ -28,7 +28,7 @@ from stereocal.projects.pair_rows import (
 )
 from stereocal.projects.project import ProjectPart, packed_files, packed_table
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.latest import Latest
 from stereocal.system.records import of_plain, plain
 from stereocal.system.taken import Taken
@@ -278,7 +278,7 @@ class ProjectPhotographs(ProjectPart):
 
     def keep_boards(
         self,
-        dataset: Dataset,
+        dataset: Pair,
         sentence: str,
         doubtful: Mapping[int, str],
         lenses: str | None,

@@ -29,7 +29,8 @@ from stereocal.projects.inputs import LENGTHS, Inputs, Slot
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera
 from stereocal.rig.correspondences import Correspondences, refuse_points_outside
-from stereocal.rig.dataset import Dataset, check_length
+from stereocal.rig.measured_lengths import check_length
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
 from stereocal.system.names import label_of
@@ -48,7 +49,7 @@ OF_TABLE = ("exchanged", "put_back", "left_out")
 KEPT: dict[type, Latest[Any]] = {
     kind: Latest(most)
     for kind, most in (
-        *((Camera, 64), (Table, 8), (Dataset, 32), (Recording, 8)),
+        *((Camera, 64), (Table, 8), (Pair, 32), (Recording, 8)),
         *((Run, 64), (Evaluation, 8)),
     )
 }
@@ -66,7 +67,7 @@ def packed_table(rows: Correspondences) -> bytes:
     return as_read(write_table(rows), Table(rows, []))
 
 
-def packed_files(dataset: Dataset) -> dict[Slot, bytes]:
+def packed_files(dataset: Pair) -> dict[Slot, bytes]:
     """The files of a data set, which are not read again."""
     return {
         "primary": as_read(write_camera(dataset.primary), dataset.primary),
@@ -75,7 +76,7 @@ def packed_files(dataset: Dataset) -> dict[Slot, bytes]:
     }
 
 
-def stated_in(dataset: Dataset) -> dict[str, Any]:
+def stated_in(dataset: Pair) -> dict[str, Any]:
     """What a data set states beside its files, as values of the inputs."""
     free = dataset.baseline_is_free
     return {
@@ -86,7 +87,7 @@ def stated_in(dataset: Dataset) -> dict[str, Any]:
         "target_distance_m": dataset.target_distance_m,
         "target_distance_sigma_m": dataset.target_distance_sigma_m,
         "start_frame": dataset.start_frame,
-        "step_notes": [*dataset.step_notes],
+        "step_notes": [*dataset.recording.step_notes],
     }
 
 
@@ -209,21 +210,21 @@ class Project:
         self.database.keep_values(INPUT, {"name": label_of(name)})
 
     @property
-    def dataset(self) -> Dataset | None:
+    def dataset(self) -> Pair | None:
         """The data set; None if an input is missing."""
         return self.dataset_of(self.inputs)
 
-    def dataset_of(self, inputs: Inputs) -> Dataset | None:
+    def dataset_of(self, inputs: Inputs) -> Pair | None:
         """The data set of these inputs; None if one is missing."""
 
-        def made() -> Dataset:
+        def made() -> Pair:
             primary, secondary = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
             file = self._file(inputs, "correspondences")
             assert primary and secondary and file
             return inputs.dataset(Path(file.label).stem, primary, secondary, _rows(file))
 
         key = json.dumps(dataclasses.asdict(inputs), sort_keys=True)
-        return None if inputs.missing else once(Dataset, key, made)
+        return None if inputs.missing else once(Pair, key, made)
 
     @property
     def table(self) -> tuple[str, bytes] | None:
@@ -285,7 +286,7 @@ class Project:
 
     @property
     def _not_validated(self) -> Run | None:
-        def made_from(stated: Mapping[str, Any]) -> Dataset:
+        def made_from(stated: Mapping[str, Any]) -> Pair:
             inputs = of_plain(stated, Inputs)
             if (dataset := self.dataset_of(inputs)) is None:
                 raise ValueError(inputs)
@@ -364,15 +365,15 @@ class Project:
         with self.database.transaction():
             at = len(self.database.files(FURTHER))
             file = self.database.give(FURTHER, f"{at:06d}", label, content)
-        KEPT[Dataset].keep(_key(file), dataset)
+        KEPT[Pair].keep(_key(file), dataset)
 
     def drop_datasets(self) -> None:
         self.database.forget_files(FURTHER)
 
     @property
-    def more_datasets(self) -> list[Dataset]:
+    def more_datasets(self) -> list[Pair]:
         files = self.database.files(FURTHER).values()
-        return [once(Dataset, _key(file), partial(_parse_stored, file)) for file in files]
+        return [once(Pair, _key(file), partial(_parse_stored, file)) for file in files]
 
 
 class ProjectPart:
@@ -397,7 +398,7 @@ def _key(file: StoredFile) -> str:
     return f"{file.sha256} {file.label}"
 
 
-def _parse_stored(file: StoredFile) -> Dataset:
+def _parse_stored(file: StoredFile) -> Pair:
     return pair_in_zip(file.read_bytes(), file.label, "brown")
 
 

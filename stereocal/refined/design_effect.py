@@ -19,7 +19,7 @@ from stereocal.refined.small_steps import OF_PAIR, lens_places
 from stereocal.refined.unknowns import RefineSettings, Unknowns, lens_prior
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray, IntArray
 
@@ -74,7 +74,7 @@ def design_effect(
     return max(float(np.einsum("ci,ij,cj->", g, C, g) / expected), 1.0)
 
 
-def lenses_without(dataset: Dataset, settings: RefineSettings) -> dict[str, FloatArray]:
+def lenses_without(dataset: Pair, settings: RefineSettings) -> dict[str, FloatArray]:
     """The unknowns (33,) of both lenses without each board minus those with all, by frame.
 
     Empty where a lens has another uncertainty than that of its boards.

@@ -4,20 +4,18 @@ The refined method can solve for the baseline. The paper's three methods cannot:
 they are given the value that the refined method finds, and that is reported.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.refined.refine import robust_start
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import word_of
+from stereocal.rig.pair import Pair
 from stereocal.system.numbers import rounded
 
 FEWEST_BARS = 5
 
 
-def with_rough_baseline(dataset: Dataset) -> Dataset:
+def with_rough_baseline(dataset: Pair) -> Pair:
     """The data set with a free baseline set to one to start from; others unchanged."""
     if not dataset.baseline_is_free:
         return dataset
@@ -28,7 +26,7 @@ def with_rough_baseline(dataset: Dataset) -> Dataset:
             f"bars are too few, {FEWEST_BARS} are needed. Measure the baseline, or add frames."
         )
     # The start does not depend on the stated number: the same points give the same baseline.
-    unit = replace(dataset, baseline_m=1.0)
+    unit = dataset.changed(baseline_m=1.0)
     start = robust_start(unit, unit.rays)
     if start is None:
         raise StereocalError(
@@ -41,10 +39,10 @@ def with_rough_baseline(dataset: Dataset) -> Dataset:
             "The baseline is free, but no bar lies in front of both cameras: check that points "
             "and camera files are not exchanged."
         )
-    return replace(dataset, baseline_m=float(np.nanmedian(ratios)))
+    return dataset.changed(baseline_m=float(np.nanmedian(ratios)))
 
 
-def note_on_free_baseline(dataset: Dataset) -> str:
+def note_on_free_baseline(dataset: Pair) -> str:
     """What a free baseline means for the methods; empty if it was measured."""
     if not dataset.baseline_is_free:
         return ""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
@@ -34,9 +34,7 @@ class Observations:
     """(f, ...): of the pixels, over those of recorded ones."""
 
     @classmethod
-    def of_pair(
-        cls, dataset: Dataset, moving: bool, rows: BoolArray | None = None
-    ) -> "Observations":
+    def of_pair(cls, dataset: Pair, moving: bool, rows: BoolArray | None = None) -> "Observations":
         """Those of a data set; the units are `Correspondences.parts`.
 
         Args:

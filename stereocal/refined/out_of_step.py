@@ -26,8 +26,8 @@ from stereocal.refined.time_offset import (
     usable_after,
 )
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.tracks import COUNTED, WHOLE, TimeOffset
 
 TRIED, SIGNIFICANT = 2.0, 5.0
@@ -48,7 +48,7 @@ PARTS = 5
 
 
 def with_offset_if_out_of_step(
-    dataset: Dataset, settings: RefineSettings, also_failing: bool = True
+    dataset: Pair, settings: RefineSettings, also_failing: bool = True
 ) -> tuple[RefinedResult, str]:
     """The fit, with the time offset if the cameras are out of step, and then a note in words.
 
@@ -75,7 +75,7 @@ def with_offset_if_out_of_step(
     return recorded, ""
 
 
-def _certain_fit(dataset: Dataset, settings: RefineSettings) -> RefinedResult | None:
+def _certain_fit(dataset: Pair, settings: RefineSettings) -> RefinedResult | None:
     """The fit with the time offset; None if it is not certain.
 
     Of a board some corners come first: where most of their frames do not fit with an offset, or one
@@ -98,7 +98,7 @@ def _certain_fit(dataset: Dataset, settings: RefineSettings) -> RefinedResult | 
 
 
 def _fit_with_offset(
-    dataset: Dataset, settings: RefineSettings, start: tuple[TimeOffset, Pose | None] | None = None
+    dataset: Pair, settings: RefineSettings, start: tuple[TimeOffset, Pose | None] | None = None
 ) -> RefinedResult:
     """The fit with the time offset, from a first value that is searched for if None."""
     reference = dataset.correspondences.mean_time
@@ -127,7 +127,7 @@ def _is_worth_trying(fit: RefinedResult) -> bool:
     return poor or (alike and found.most(fit.dataset.correspondences.time_frame) >= SMALLEST)
 
 
-def _fits_held_out_frames(dataset: Dataset, fit: RefinedResult, settings: RefineSettings) -> bool:
+def _fits_held_out_frames(dataset: Pair, fit: RefinedResult, settings: RefineSettings) -> bool:
     """Whether runs of frames fit better to the others with the offset than without one."""
     offset, noise = fit.dataset.time_offset, fit.sigma_px.value
     assert offset is not None
@@ -161,7 +161,7 @@ def _fits_held_out_frames(dataset: Dataset, fit: RefinedResult, settings: Refine
     return False
 
 
-def _chi_square(fit: RefinedResult, dataset: Dataset, noise_px: float) -> float:
+def _chi_square(fit: RefinedResult, dataset: Pair, noise_px: float) -> float:
     """Of the points of frames that were not fitted; infinite behind a camera."""
     solve = fit.fit_of(dataset)
     solve.sigma_px = noise_px

@@ -12,8 +12,8 @@ from stereocal.refined.stated_inputs import Input
 from stereocal.refined.unknowns import FIXED, baseline_sigma_m
 from stereocal.refined.views import DRIFT, EACH, TIME
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import ForecastEntries, RigParameters, about_data
 from stereocal.rig.rig import Rig
 from stereocal.rig.volume import Volume
@@ -67,7 +67,7 @@ def refined_parameters(
     validation: Mapping[str, Any] | None = None,
     left_out: Collection[int] = (),
     forecast: ForecastEntries | None = None,
-    given: Dataset | None = None,
+    given: Pair | None = None,
 ) -> RigParameters:
     """The file `parameters_refined.json`: method `refined`, purpose `both`.
 

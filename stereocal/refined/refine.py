@@ -43,8 +43,8 @@ from stereocal.refined.views import DRIFT, EACH, LENS, TIME, TRANSLATION, Camera
 from stereocal.rig.camera import Camera
 from stereocal.rig.clusters import Clusters, in_equal_runs
 from stereocal.rig.compiled import clock
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import AT_ORIGIN, Pose, residuals, triangulate_rays
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
@@ -70,7 +70,7 @@ OF_T = slice(EACH + TRANSLATION, EACH + LENS)
 class RefinedResult:
     """The refined set: pose and lenses with their covariance, and the fit of each frame."""
 
-    dataset: Dataset
+    dataset: Pair
     settings: RefineSettings
     pose: Pose
     primary: Camera
@@ -148,7 +148,7 @@ class RefinedResult:
         found.outlying, found.chi_squares = self.outlying, self.chi_squares
         return found
 
-    def fit_of(self, dataset: Dataset, rows: BoolArray | None = None) -> RobustFit:
+    def fit_of(self, dataset: Pair, rows: BoolArray | None = None) -> RobustFit:
         """The fit of some points with the parameters and the noise of this one."""
         moving = self.settings.time_offset or self.settings.time_drift
         seen = Observations.of_pair(dataset, moving, rows)
@@ -251,13 +251,13 @@ class RefinedResult:
             float(sigma[1]),
         )
 
-    def apply(self, dataset: Dataset) -> Dataset:
+    def apply(self, dataset: Pair) -> Pair:
         """A data set of the same rig, with the refined lenses instead of its own."""
-        return replace(dataset, primary=self.primary, secondary=self.secondary)
+        return dataset.changed(primary=self.primary, secondary=self.secondary)
 
 
 def refine(
-    dataset: Dataset,
+    dataset: Pair,
     settings: RefineSettings | None = None,
     start: Pose | None = None,
     rows: BoolArray | None = None,
@@ -272,7 +272,7 @@ def refine(
         near: a fit of nearly the same rows with the same settings, from which to start first.
 
     The time offset is an unknown only where the motion of the points is known, after
-    `Dataset.shifted` (see `time_offset.bring_into_step`).
+    `Pair.shifted` (see `time_offset.bring_into_step`).
     """
     settings = settings_for(dataset, settings or RefineSettings())
     if settings.of_rig is not None:
@@ -304,7 +304,7 @@ def refine(
 
 def _result(
     found: RobustFit,
-    dataset: Dataset,
+    dataset: Pair,
     rows: BoolArray | None,
     unknowns: Unknowns,
     p: FloatArray,
@@ -339,7 +339,7 @@ def _result(
 
 
 def _of_rig(
-    dataset: Dataset, settings: RefineSettings, known: RigMarginal, rows: BoolArray | None
+    dataset: Pair, settings: RefineSettings, known: RigMarginal, rows: BoolArray | None
 ) -> RefinedResult:
     """The refined set of two cameras of a rig: the rig's.
 
@@ -367,7 +367,7 @@ def _of_rig(
     return _result(fit, dataset, rows, unknowns, np.zeros(len(values)), 0.0)
 
 
-def _with_baseline(found: RobustFit, dataset: Dataset) -> tuple[Unknowns, FloatArray]:
+def _with_baseline(found: RobustFit, dataset: Pair) -> tuple[Unknowns, FloatArray]:
     """The unknowns and the free parameters of a fit about a T of the measured length: the measured
     baseline is a prior of it, linear along T."""
     unknowns, p, T = found.at_end, found.p.copy(), found.at.q[OF_T]
@@ -397,7 +397,7 @@ def _check_lengths(result: RefinedResult) -> None:
 
 
 def _solves(
-    dataset: Dataset,
+    dataset: Pair,
     settings: RefineSettings,
     start: Pose | None,
     rows: BoolArray | None,
@@ -464,7 +464,7 @@ def median_residual(pose: Pose, rays: FloatArray) -> float:
     return float(np.median(np.abs(residuals(pose.essential, rays[:2].T, rays[2:].T))))
 
 
-def robust_start(dataset: Dataset, rays: FloatArray) -> Pose | None:
+def robust_start(dataset: Pair, rays: FloatArray) -> Pose | None:
     """The pose that `robust_pose` finds, with the baseline of the data set."""
     pose = robust_pose((dataset.primary, dataset.secondary), rays)
     return pose and Pose(pose.R, dataset.baseline_m * pose.T)

@@ -15,8 +15,8 @@ from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.screening import Screening
 from stereocal.refined.stated_inputs import Input
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import triangulate_rays
+from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import ForecastEntries, RigParameters, about_data
 from stereocal.rig.volume import Volume
 from stereocal.system.array_types import IntArray
@@ -27,7 +27,7 @@ from stereocal.system.latest import step
 class Calibration:
     """The results of all methods, with their data and settings."""
 
-    dataset: Dataset
+    dataset: Pair
     settings: CalibrationSettings
     screening: Screening
     """The frames that were left out because they contradict the others."""
@@ -47,7 +47,7 @@ class Calibration:
         return np.setdiff1d(self.screening.dataset.correspondences.frames, self.frames)
 
     @property
-    def fitted(self) -> Dataset:
+    def fitted(self) -> Pair:
         """The data set of `frames`."""
         kept = self.screening.dataset
         if len(self.frames) == len(kept.correspondences.frames):

@@ -44,8 +44,8 @@ from stereocal.refined.unknowns import (
 )
 from stereocal.refined.views import EACH, LENS, OWN, TRANSLATION, Cameras, Units
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import AT_ORIGIN, Pose
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 ASSUMED_PX = 0.5
@@ -148,7 +148,7 @@ class RobustFit:
 
     @classmethod
     def of_pair(
-        cls, dataset: Dataset, start: Pose, settings: RefineSettings, rows: BoolArray | None = None
+        cls, dataset: Pair, start: Pose, settings: RefineSettings, rows: BoolArray | None = None
     ) -> "RobustFit":
         """The fit of a data set from an initial pose.
 

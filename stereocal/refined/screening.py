@@ -28,9 +28,8 @@ from stereocal.refined.time_offset import (
 )
 from stereocal.refined.two_recordings import camera_moved, other_size
 from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import residuals
-from stereocal.rig.recording import Recording
+from stereocal.rig.pair import Pair
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
@@ -59,7 +58,7 @@ residual."""
 class Screening:
     """The frames of a data set that contradict the others."""
 
-    full_dataset: Dataset
+    full_dataset: Pair
     """The data set with all frames, in step."""
     fit: RefinedResult | None
     """The robust fit; None if there is none."""
@@ -84,7 +83,7 @@ class Screening:
     """What was found about it, in words; empty if it was neither asked for nor significant."""
 
     @cached_property
-    def dataset(self) -> Dataset:
+    def dataset(self) -> Pair:
         """The data set without the frames left out."""
         if not self.left_out:
             return self.full_dataset
@@ -135,7 +134,7 @@ class Screening:
 
 
 def unscreened(
-    dataset: Dataset, failure: str = "", by_user: tuple[int, ...] = (), copies: Collection[int] = ()
+    dataset: Pair, failure: str = "", by_user: tuple[int, ...] = (), copies: Collection[int] = ()
 ) -> Screening:
     """The result that keeps every frame but copies and those that the user left out."""
     left_out = tuple(sorted({*by_user, *copies}))
@@ -143,7 +142,7 @@ def unscreened(
 
 
 def screen(
-    dataset: Dataset,
+    dataset: Pair,
     put_back: Collection[int] = (),
     leave_out: tuple[int, ...] = (),
     time_offset: bool = False,
@@ -188,9 +187,7 @@ def screen(
     )
 
 
-def _fit(
-    dataset: Dataset, time_offset: bool, time_drift: bool
-) -> tuple[RefinedResult, InStep | None]:
+def _fit(dataset: Pair, time_offset: bool, time_drift: bool) -> tuple[RefinedResult, InStep | None]:
     """The robust fit, and what was found about the time offset if it was asked for, or if the
     cameras are out of step."""
     settings = wide_settings(dataset)
@@ -201,13 +198,13 @@ def _fit(
     return fit, InStep(fit, note) if note else None
 
 
-def enough_frames(dataset: Dataset) -> bool:
+def enough_frames(dataset: Pair) -> bool:
     """Whether there are enough to tell which of them contradict the others."""
     fewest = MINIMUM_FRAMES if dataset.board is None else MINIMUM_BOARDS
     return len(dataset.correspondences.frames) >= fewest
 
 
-def wide_settings(dataset: Dataset) -> RefineSettings:
+def wide_settings(dataset: Pair) -> RefineSettings:
     """The settings of the screening's fit, with wide priors."""
     return replace(
         WIDE,
@@ -216,7 +213,7 @@ def wide_settings(dataset: Dataset) -> RefineSettings:
     )
 
 
-def _fit_exchanged(fit: RefinedResult, recorded: Dataset) -> BoolArray:
+def _fit_exchanged(fit: RefinedResult, recorded: Pair) -> BoolArray:
     """(f,): true for the frames that fit with A and B exchanged in the secondary image.
 
     Exchanging them in the primary image gives the same pairs, with A and B swapped.
@@ -237,13 +234,13 @@ def _fit_exchanged(fit: RefinedResult, recorded: Dataset) -> BoolArray:
     return np.isin(fit.frames, exchanged)
 
 
-def _fitting(fit: RefinedResult, dataset: Dataset) -> IntArray:
+def _fitting(fit: RefinedResult, dataset: Pair) -> IntArray:
     """The frames of a changed data set that the parameters of a fit explain."""
     changed = fit.fit_of(dataset)
     return np.asarray(changed.frames[changed.explained()])
 
 
-def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
+def screened(dataset: Pair, settings: CalibrationSettings) -> Screening:
     """Screen a data set, unless the settings trust all frames.
 
     Raises:
@@ -251,9 +248,8 @@ def screened(dataset: Dataset, settings: CalibrationSettings) -> Screening:
             some frames are of another pose of
             the cameras, or show another bar or board: says since when, or in which frames.
     """
-    recording = Recording.of_pair(dataset)
-    check_numbering(recording)
-    refuse_same_points(recording)
+    check_numbering(dataset.recording)
+    refuse_same_points(dataset.recording)
     leave_out, frames = settings.frames_left_out, dataset.correspondences.frames
     by_user = tuple(frames[np.isin(frames, leave_out)].tolist())
     if len(by_user) == len(frames):

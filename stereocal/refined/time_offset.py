@@ -19,8 +19,8 @@ from stereocal.refined.refine import RefinedResult, median_residual, refine, rob
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 from stereocal.system.array_types import BoolArray
 from stereocal.system.numbers import rounded
@@ -61,29 +61,24 @@ class InStep(NamedTuple):
     note: str
 
 
-def usable_rows(dataset: Dataset) -> BoolArray:
+def usable_rows(dataset: Pair) -> BoolArray:
     """(n,): the rows that a shift in time has not left without a position."""
-    offset = dataset.time_offset
-    if offset is None or not offset.is_shift:
-        return np.ones(len(dataset.correspondences), dtype=np.bool_)
-    return np.asarray(np.isfinite(dataset.correspondences.motion[:, 0]))
+    return dataset.recording.usable[len(dataset.correspondences) :]
 
 
-def usable_after(dataset: Dataset, offset: TimeOffset) -> Dataset:
+def usable_after(dataset: Pair, offset: TimeOffset) -> Pair:
     """The data set shifted in time, without the rows that have no neighbours."""
     shifted = dataset.shifted(offset)
-    return replace(shifted, correspondences=shifted.correspondences.where(usable_rows(shifted)))
+    return shifted.where(usable_rows(shifted))
 
 
-def frames_without_neighbours(dataset: Dataset) -> tuple[int, ...]:
+def frames_without_neighbours(dataset: Pair) -> tuple[int, ...]:
     """The frames of a shifted data set with a point that could not be shifted; ascending."""
     frame = dataset.correspondences.frame
     return tuple(np.unique(frame[~usable_rows(dataset)]).tolist())
 
 
-def fit_time_offset(
-    dataset: Dataset, settings: RefineSettings, near: float | None = None
-) -> InStep:
+def fit_time_offset(dataset: Pair, settings: RefineSettings, near: float | None = None) -> InStep:
     """Fit the time offset, and the drift if `settings.time_drift`, with all other unknowns.
 
     Args:
@@ -142,7 +137,7 @@ def _effect(fit: RefinedResult) -> str:
     )
 
 
-def drifting(dataset: Dataset, fit: RefinedResult) -> RefinedResult:
+def drifting(dataset: Pair, fit: RefinedResult) -> RefinedResult:
     """The fit with a drift of the offset, if that is significant; else as it is."""
     offset = fit.dataset.time_offset
     assert offset is not None
@@ -151,7 +146,7 @@ def drifting(dataset: Dataset, fit: RefinedResult) -> RefinedResult:
     return found if abs(own.drift) > DRIFTING * own.drift_sigma else fit
 
 
-def first_value(dataset: Dataset, reference: float) -> tuple[TimeOffset, Pose | None]:
+def first_value(dataset: Pair, reference: float) -> tuple[TimeOffset, Pose | None]:
     """The offset with the smallest epipolar residuals, of a robust pose for each."""
     cameras = dataset.primary, dataset.secondary
     best = np.inf, TimeOffset(reference=reference), robust_pose(cameras, dataset.rays)
@@ -173,7 +168,7 @@ def first_value(dataset: Dataset, reference: float) -> tuple[TimeOffset, Pose | 
 
 
 def fit_from(
-    dataset: Dataset, settings: RefineSettings, offset: TimeOffset, pose: Pose | None
+    dataset: Pair, settings: RefineSettings, offset: TimeOffset, pose: Pose | None
 ) -> RefinedResult:
     """Interpolate and fit until the remaining offset is small against its standard error."""
     fit: RefinedResult | None = None

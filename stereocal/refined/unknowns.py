@@ -11,8 +11,9 @@ from stereocal.errors import StereocalError
 from stereocal.refined.small_steps import FACTOR, OF_PAIR, cameras_at, lens_places
 from stereocal.refined.views import DRIFT, EACH, LENS, TIME, TRANSLATION
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, CameraName
-from stereocal.rig.dataset import Dataset, check_uncertainty
 from stereocal.rig.geometry import Pose
+from stereocal.rig.measured_lengths import check_uncertainty
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
 from stereocal.system.settings import Settings
 
@@ -329,7 +330,7 @@ def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
     )
 
 
-def settings_for(dataset: Dataset, settings: RefineSettings) -> RefineSettings:
+def settings_for(dataset: Pair, settings: RefineSettings) -> RefineSettings:
     """The settings with what the data set says of its lenses and its timing."""
     known: dict[str, Any] = {}
     for which in CAMERAS:
@@ -347,14 +348,14 @@ def free_distortion(camera: Camera) -> tuple[float, float, float, float]:
     return FREE_FISHEYE if camera.is_fisheye else FREE_DISTORTION
 
 
-def baseline_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
+def baseline_sigma_m(dataset: Pair, settings: RefineSettings) -> float:
     """Standard deviation of the measured baseline, with the defaults of `RefineSettings`."""
     return _first(
         settings.baseline_sigma_m, dataset.baseline_sigma_m, DEFAULT_BASELINE * dataset.baseline_m
     )
 
 
-def distance_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
+def distance_sigma_m(dataset: Pair, settings: RefineSettings) -> float:
     """Standard deviation of the measured bar, with the defaults of `RefineSettings`."""
     return _first(
         settings.distance_sigma_m,
@@ -363,14 +364,14 @@ def distance_sigma_m(dataset: Dataset, settings: RefineSettings) -> float:
     )
 
 
-def lenses_of(dataset: Dataset, settings: RefineSettings) -> dict[str, LensPrior]:
+def lenses_of(dataset: Pair, settings: RefineSettings) -> dict[str, LensPrior]:
     """The priors of the lenses of both cameras."""
     return {
         which: lens_prior(getattr(dataset, which), getattr(settings, which)) for which in CAMERAS
     }
 
 
-def measured_baseline(dataset: Dataset, settings: RefineSettings) -> FloatArray:
+def measured_baseline(dataset: Pair, settings: RefineSettings) -> FloatArray:
     """The measured baseline of a pair, as `adjustment.add_baselines` takes it; none if it is
     free. One that is held has the uncertainty `HELD_BASELINE`."""
     sigma, length = baseline_sigma_m(dataset, settings), dataset.baseline_m
@@ -379,7 +380,7 @@ def measured_baseline(dataset: Dataset, settings: RefineSettings) -> FloatArray:
     return np.array([[0.0, 1.0, length, max(sigma, HELD_BASELINE * length)]])
 
 
-def check_stated(settings: RefineSettings, dataset: Dataset) -> None:
+def check_stated(settings: RefineSettings, dataset: Pair) -> None:
     """Check the uncertainties of the lengths that the settings state; 0 and infinity may be."""
     for what, sigma, length in (
         ("baseline", settings.baseline_sigma_m, dataset.baseline_m),

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
 
 METRES_PER: Mapping[str, float] = {
@@ -34,7 +34,7 @@ BESIDE = 0.3
 FLAT_M = 1e-6
 
 
-def rig_in_words(dataset: Dataset, pose: Pose | None) -> str:
+def rig_in_words(dataset: Pair, pose: Pose | None) -> str:
     """Such as `The cameras are 4.5 m apart; a bar of 0.90 m was seen from 8.2 to 25 m away.`, and
     on which side the secondary stands where points on a line cannot tell a world from its mirror
     image.
@@ -72,7 +72,7 @@ def are_on_a_line(points_m: FloatArray) -> bool:
     return bool(np.linalg.matrix_rank(points_m - points_m[0], tol=FLAT_M) < 2)
 
 
-def _lengths_in_words(dataset: Dataset, pose: Pose | None) -> str:
+def _lengths_in_words(dataset: Pair, pose: Pose | None) -> str:
     held = word_of(dataset)
     found = f", found from the {held}s" if dataset.baseline_is_free else ""
     apart = f"The cameras are {_metres(dataset.baseline_m)} m apart{found}"
@@ -86,19 +86,19 @@ def _lengths_in_words(dataset: Dataset, pose: Pose | None) -> str:
     return f"{seen} Each counts as two bars, its diagonals." if held == "board" else seen
 
 
-def word_of(dataset: Dataset) -> str:
+def word_of(dataset: Pair) -> str:
     """What was moved before the cameras: a bar, a board or another object."""
     rigid_object = dataset.correspondences.rigid_object
     return "bar" if rigid_object is None else rigid_object.word
 
 
-def as_held(sentence: str, dataset: Dataset) -> str:
+def as_held(sentence: str, dataset: Pair) -> str:
     """A sentence about bars, of boards where a board was held."""
     held = word_of(dataset)
     return re.sub(r"\bbar(?=s?\b)", held, sentence) if held == "board" else sentence
 
 
-def question_about_units(dataset: Dataset, pose: Pose | None) -> str:
+def question_about_units(dataset: Pair, pose: Pose | None) -> str:
     """The question whether lengths that are unusually long are in metres; empty if none is.
 
     Args:
@@ -118,7 +118,7 @@ def question_about_units(dataset: Dataset, pose: Pose | None) -> str:
     return f"{_lengths_in_words(dataset, pose)} Are these lengths in metres?{or_else}"
 
 
-def units_that_fit(dataset: Dataset) -> dict[str, float]:
+def units_that_fit(dataset: Pair) -> dict[str, float]:
     """The other units in which baseline and bar would be usual, with their metres."""
     low, high = PLAUSIBLE_BASELINE_M
     return {
@@ -131,12 +131,12 @@ def units_that_fit(dataset: Dataset) -> dict[str, float]:
     }
 
 
-def _bar_m(dataset: Dataset) -> float:
+def _bar_m(dataset: Pair) -> float:
     lengths = dataset.bar_distances_m
     return float(np.median(lengths)) if len(lengths) else dataset.target_distance_m
 
 
-def _depths_m(dataset: Dataset, pose: Pose | None) -> tuple[float, float] | None:
+def _depths_m(dataset: Pair, pose: Pose | None) -> tuple[float, float] | None:
     """The depths of nearly all points from the primary camera; None if there are none."""
     if pose is None:
         return None

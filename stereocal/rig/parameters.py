@@ -9,8 +9,8 @@ import numpy as np
 
 from stereocal.errors import StereocalError, refuse
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.result_file import ResultFile
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
@@ -258,7 +258,7 @@ def timing(start_frame: int, offset: MeasuredOffset | None) -> Timing:
 
 
 def about_data(
-    dataset: Dataset,
+    dataset: Pair,
     frames: IntArray,
     offset: MeasuredOffset | None,
     validation: Mapping[str, Any] | None,

@@ -1,4 +1,4 @@
-"""A recording of one object by any number of cameras; any two of them are a data set."""
+"""A recording of one object by any number of cameras: what is read, kept, screened and fitted."""
 
 import hashlib
 import json
@@ -16,10 +16,11 @@ import pandas as pd
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError, refuse
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.correspondences import TARGETS, UNKNOWN_SOURCE, Correspondences
-from stereocal.rig.dataset import Dataset, check_length, check_uncertainty
 from stereocal.rig.field_of_view import beyond_view
+from stereocal.rig.measured_lengths import check_length, check_lengths, check_uncertainty
+from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import Held, RigidObject
-from stereocal.rig.tracks import Interpolated, interpolate
+from stereocal.rig.tracks import Interpolated, TimeOffset, interpolate
 from stereocal.system.answers import TableAnswer
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.names import check_camera_names
@@ -30,6 +31,8 @@ CameraPair = tuple[str, str]
 COLUMNS = ("frame", "camera", "target", "points", "sigma_px")
 OF_TABLES = ("distance_m", "known_points_m", "time_frame", "source", "line")
 """Columns that `correspondences.csv` may have; its two points of a row have the same values."""
+SHIFTED = ("recorded", "motion")
+"""Columns that a shift in time adds."""
 MOST_IMAGES = 50_000_000
 """The most images of all targets in all frames and cameras: 800 MB of pixels."""
 
@@ -77,6 +80,13 @@ class Recording(TableAnswer):
     """(n,): index into `SOURCES`; -1, or None, if unknown."""
     line: IntArray | None = None
     """(n,): the line of the row in its file, for messages; 0, or None, if there is no file."""
+    offsets: Mapping[str, TimeOffset] = field(default_factory=dict)
+    """By which the points of some cameras have been shifted in time (`shifted`)."""
+    recorded: FloatArray | None = None
+    """(n, 2): the points as recorded; NaN, or None, where `points` are that."""
+    motion: FloatArray | None = None
+    """(n, 3): velocity of a point in pixels per frame, and the variance of its position over that
+    of a recorded one; NaN, or None, if unknown."""
 
     def __post_init__(self) -> None:
         check_camera_names(self.cameras)
@@ -95,9 +105,9 @@ class Recording(TableAnswer):
 
     @cached_property
     def sha256(self) -> str:
-        """Digest of all numbers that a rig depends on, as of `Dataset`."""
+        """Digest of all numbers that a rig depends on; a shift in time does not change it."""
         order = np.lexsort([self.target, self.camera, self.frame])
-        rows = self.frame, self.camera, self.target, self.points, self.sigma_px
+        rows = self.frame, self.camera, self.target, self.recorded_points, self.sigma_px
         content = {
             "cameras": {
                 name: [camera.to_json(), camera.uncertainty and camera.uncertainty.to_json()]
@@ -117,7 +127,7 @@ class Recording(TableAnswer):
         named = np.array([*self.cameras])[self.camera]
         targets = np.array(self.object.names)[self.target]
         table = pd.DataFrame({"frame": self.frame, "camera": named, "target": targets})
-        table[["u", "v"]] = self.points
+        table[["u", "v"]] = self.recorded_points
         if np.isfinite(self.sigma_px).any():
             table["sigma_px"] = self.sigma_px
         return table
@@ -240,25 +250,37 @@ class Recording(TableAnswer):
         return replace(found, baselines_m=measured).within_view()
 
     @classmethod
-    def of_pair(cls, dataset: Dataset) -> "Recording":
-        """The recording of a data set, with the points as recorded."""
-        rows = dataset.correspondences
-        rigid_object = rows.rigid_object
-        if rigid_object is None:
-            rigid_object = RigidObject.bar(
-                dataset.target_distance_m, dataset.target_distance_sigma_m
-            )
+    def of_two(
+        cls,
+        name: str,
+        primary: Camera,
+        secondary: Camera,
+        rows: Correspondences,
+        baseline_m: float | None,
+        target_distance_m: float,
+        baseline_sigma_m: float | None = None,
+        target_distance_sigma_m: float | None = None,
+        notes: str = "",
+    ) -> "Recording":
+        """The recording of a primary and a secondary camera.
+
+        Args:
+            baseline_m: as measured, or found where `baseline_sigma_m` is infinite; None: not yet.
+            target_distance_m: of the bar; of an object, its longest distance.
+        """
+        sigmas = baseline_sigma_m, target_distance_sigma_m
+        if baseline_m is None:
+            sigmas = np.inf, target_distance_sigma_m
+        check_lengths(1.0 if baseline_m is None else baseline_m, target_distance_m, *sigmas)
+        rigid_object = rows.rigid_object or RigidObject.bar(target_distance_m)
         return cls(
-            name=dataset.name,
-            cameras=dict(zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True)),
-            object=replace(rigid_object, sigma_m=dataset.target_distance_sigma_m),
+            name=name,
+            cameras=dict(zip(CAMERAS, (primary, secondary), strict=True)),
+            object=replace(rigid_object, sigma_m=target_distance_sigma_m),
             **_of_two(rows),
-            baselines_m={} if dataset.baseline_is_to_be_found else {CAMERAS: dataset.baseline_m},
-            baseline_sigma_m=dataset.baseline_sigma_m,
-            notes=dataset.notes,
-            beyond_view=dataset.beyond_view,
-            start_frames={CAMERAS[0]: 0, CAMERAS[1]: late} if (late := dataset.start_frame) else {},
-            step_notes=dataset.step_notes,
+            baselines_m={} if baseline_m is None else {CAMERAS: baseline_m},
+            baseline_sigma_m=sigmas[0],
+            notes=notes,
         )
 
     def with_pairs(self, rows: Correspondences) -> "Recording":
@@ -269,11 +291,17 @@ class Recording(TableAnswer):
             StereocalError: as `Correspondences.in_view`.
         """
         seen, beyond = rows.in_view(*self.cameras.values())
-        rigid_object = self.object
-        if rows.rigid_object is not None:
-            rigid_object = replace(rows.rigid_object, sigma_m=rigid_object.sigma_m)
         counts = dict(zip(self.cameras, beyond.values(), strict=True)) if beyond else {}
-        return replace(self, object=rigid_object, **_of_two(seen), beyond_view=counts)
+        return replace(self.holding(seen), beyond_view=counts)
+
+    def holding(self, rows: Correspondences) -> "Recording":
+        """The recording of two cameras with these points."""
+        held = self.object
+        if rows.rigid_object is not None:
+            held = replace(rows.rigid_object, sigma_m=held.sigma_m)
+        elif held.names != TARGETS:
+            held = RigidObject.bar(held.longest_m, held.sigma_m)
+        return replace(self, object=held, **_of_two(rows))
 
     def refuse_points_outside(self) -> None:
         """Raise an error if points are outside their image."""
@@ -303,7 +331,7 @@ class Recording(TableAnswer):
 
     def where(self, kept: BoolArray) -> "Recording":
         """The rows for which `kept` (n,) is true."""
-        known = {name: getattr(self, name) for name in (*COLUMNS, *OF_TABLES)}
+        known = {name: getattr(self, name) for name in (*COLUMNS, *OF_TABLES, *SHIFTED)}
         return replace(self, **{k: v[kept] for k, v in known.items() if v is not None})
 
     def counted_from(self, starts: Mapping[str, int]) -> "Recording":
@@ -337,13 +365,79 @@ class Recording(TableAnswer):
             },
         )
 
-    def moved(self, late: FloatArray) -> tuple[Interpolated, BoolArray]:
-        """The points at the instants of their frames less (n,) frames, and whether they are known
-        and in their image, (n,)."""
-        track = self.camera * len(self.object.names) + self.target
-        found = interpolate(track, self.frame, self.points, late)
-        inside = [found.inside(camera.image_size) for camera in self.cameras.values()]
-        return found, np.array(inside)[self.camera, np.arange(len(late))]
+    @property
+    def times(self) -> IntArray:
+        """(n,): the frame's number as recorded, gaps and all."""
+        return self.frame if self.time_frame is None else self.time_frame
+
+    @property
+    def recorded_points(self) -> FloatArray:
+        """(n, 2): the points before a shift in time."""
+        if self.recorded is None:
+            return self.points
+        return np.where(np.isnan(self.recorded), self.points, self.recorded)
+
+    @property
+    def usable(self) -> BoolArray:
+        """(n,): which points a shift in time has not left without a position."""
+        late = [self.offsets.get(name, TimeOffset()).is_shift for name in self.cameras]
+        if self.motion is None or not any(late):
+            return np.ones(len(self.frame), dtype=np.bool_)
+        return ~np.array(late)[self.camera] | np.isfinite(self.motion[:, 0])
+
+    def shifted(self, offsets: Mapping[str, TimeOffset]) -> "Recording":
+        """The recording with the points of these cameras at the instants of the reference's frames.
+
+        They are interpolated, and their `motion` is known, from the true neighbours of the same
+        target (`tracks.interpolate`). A point without neighbours, or that would leave the image or
+        the view of a fisheye, stays as recorded, with unknown motion. Without an offset all stay as
+        recorded.
+        """
+        own = [offsets.get(name, TimeOffset()) for name in self.cameras]
+        known_of = np.array([name in offsets for name in self.cameras])
+        rows = np.flatnonzero(known_of[self.camera])
+        times, late = self.times[rows], np.zeros(len(rows))
+        for number, offset in enumerate(own):
+            mine = self.camera[rows] == number
+            late[mine] = offset.at(times[mine])
+        found, inside = self.moved(late, rows)
+        recorded, motion = self.recorded_points, np.full((len(self.frame), 3), np.nan)
+        motion[rows] = np.column_stack([found.velocities, found.variance])
+        shifted = replace(self, points=recorded, recorded=None, motion=motion, offsets={**offsets})
+        moves = np.array([offset.is_shift for offset in own])[self.camera[rows]]
+        if not moves.any():
+            return shifted
+        motion[rows[moves & ~inside]] = np.nan
+        points, before = recorded.copy(), np.full_like(recorded, np.nan)
+        points[rows[moves & inside]] = found.positions[moves & inside]
+        before[rows[moves]] = recorded[rows[moves]]
+        return replace(shifted, points=points, recorded=before)
+
+    def moved(
+        self, late: FloatArray, rows: IntArray | None = None
+    ) -> tuple[Interpolated, BoolArray]:
+        """The points at the instants of their frames less some frames, and whether they are known,
+        in their image and in the view of a fisheye, (m,).
+
+        Args:
+            late: (m,), in frames.
+            rows: (m,): of which points; all if None.
+        """
+        rows = np.arange(len(self.frame)) if rows is None else rows
+        camera = self.camera[rows]
+        track = camera * len(self.object.names) + self.target[rows]
+        found = interpolate(track, self.times[rows], self.recorded_points[rows], late)
+        inside = np.zeros(len(rows), dtype=np.bool_)
+        for number, lens in enumerate(self.cameras.values()):
+            own = camera == number
+            inside |= own & found.inside(lens.image_size)
+            if lens.is_fisheye:
+                inside[own] &= lens.uses(lens.undistort(found.positions[own]))
+        return found, inside
+
+    def taken_as_recorded(self) -> "Recording":
+        """The recording with the points as they are, and nothing known of a shift in time."""
+        return replace(self, recorded=None, motion=None, offsets={})
 
     def images(self, values: FloatArray | None = None) -> tuple[IntArray, FloatArray]:
         """The frame numbers (f,), and the pixels of all targets (f, k, c, 2); NaN where not seen.
@@ -404,8 +498,8 @@ class Recording(TableAnswer):
         """The stated distance of two cameras; None if there is none."""
         return self.baselines_m.get((first, second), self.baselines_m.get((second, first)))
 
-    def pair(self, first: str, second: str) -> Dataset:
-        """The data set of two cameras, of the points that both see.
+    def pair(self, first: str, second: str) -> Pair:
+        """The view of two cameras, of the points that both see.
 
         A baseline that was not measured is free, and still to be found.
         """
@@ -421,37 +515,25 @@ class Recording(TableAnswer):
                 f"{self.describe_pairs()} If each counts its own frames, since it was started by "
                 "hand, bring them into step first, with `sync`."
             )
+        both = [first, second]
+        rows = np.concatenate([a, b])
+        known = {name: getattr(self, name) for name in (*COLUMNS, *OF_TABLES, *SHIFTED)}
+        columns = {name: each[rows] for name, each in known.items() if each is not None}
+        columns["camera"] = np.repeat([0, 1], len(a))
+        if first != next(iter(self.cameras)):  # they are in the frame of the first camera
+            columns["known_points_m"] = None
         measured = self.baseline_m(first, second)
-        known = {name: getattr(self, name) for name in OF_TABLES}
-        if first != next(iter(self.cameras)):
-            known["known_points_m"] = None
-        rows = Correspondences(
-            self.frame[a],
-            self.target[a],
-            self.points[a],
-            self.points[b],
-            sigma_primary_px=self.sigma_px[a],
-            sigma_secondary_px=self.sigma_px[b],
-            rigid_object=None if self.object.names == TARGETS else self.object,
-            **{name: column[a] for name, column in known.items() if column is not None},
-        )
-        return Dataset(
-            name=self.name if len(self.cameras) == 2 else f"{self.name}, {first}-{second}",
-            primary=self.cameras[first],
-            secondary=self.cameras[second],
-            correspondences=rows,
-            baseline_m=1.0 if measured is None else measured,
-            target_distance_m=self.object.longest_m,
-            baseline_sigma_m=np.inf if measured is None else self.baseline_sigma_m,
-            target_distance_sigma_m=self.object.sigma_m,
-            notes=self.notes,
-            camera_names=None if (first, second) == CAMERAS else (first, second),
-            beyond_view={
-                name: n for name, n in self.beyond_view.items() if name in (first, second)
-            },
-            step_notes=self.step_notes,
-            baseline_found=measured is not None,
-            start_frame=self.start_frames.get(second, 0) - self.start_frames.get(first, 0),
+        return Pair(
+            replace(
+                self,
+                name=self.name if len(self.cameras) == 2 else f"{self.name}, {first}-{second}",
+                cameras={name: self.cameras[name] for name in both},
+                **columns,
+                baselines_m={} if measured is None else {(first, second): measured},
+                beyond_view={name: n for name, n in self.beyond_view.items() if name in both},
+                start_frames={name: n for name, n in self.start_frames.items() if name in both},
+                offsets={name: own for name, own in self.offsets.items() if name in both},
+            )
         )
 
     def _common(self, first: str, second: str) -> tuple[IntArray, IntArray]:
@@ -468,8 +550,8 @@ class Recording(TableAnswer):
 
 
 def _of_two(rows: Correspondences) -> dict[str, Any]:
-    """The columns of the points of two cameras as recorded, those of the first before the others;
-    None of those that say nothing."""
+    """The columns of the points of two cameras, those of the first before the others; None of those
+    that say nothing."""
     says = {
         "distance_m": np.isfinite(rows.distance_m),
         "known_points_m": np.isfinite(rows.known_points_m),
@@ -477,15 +559,21 @@ def _of_two(rows: Correspondences) -> dict[str, Any]:
         "source": rows.source != UNKNOWN_SOURCE,
         "line": rows.line != 0,
     }
+    of_shift = {"recorded": np.isfinite(rows.recorded), "motion": np.isfinite(rows.motion)}
     return {
         "frame": np.tile(rows.frame, 2),
         "camera": np.repeat([0, 1], len(rows)),
         "target": np.tile(rows.target, 2),
-        "points": np.vstack([rows.primary, rows.recorded_secondary]),
+        "points": np.vstack([rows.primary, rows.secondary]),
         "sigma_px": np.concatenate([rows.sigma_primary_px, rows.sigma_secondary_px]),
         **{
             name: np.concatenate([getattr(rows, name)] * 2) if mask.any() else None
             for name, mask in says.items()
+        },
+        **{
+            name: np.vstack([np.full_like(column, np.nan), column]) if mask.any() else None
+            for name, mask in of_shift.items()
+            for column in [getattr(rows, name)]
         },
     }
 

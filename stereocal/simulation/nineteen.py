@@ -11,8 +11,8 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import (
     TRUTH,
@@ -46,7 +46,7 @@ PIXEL_DECIMALS = 3
 
 def simulate_nineteen(
     seed: int, datasets: int = DATASETS, frames: int = FRAMES
-) -> list[tuple[Scene, Dataset]]:
+) -> list[tuple[Scene, Pair]]:
     """The scene and the data set of each, by ascending baseline."""
     if datasets < 1 or frames < 1:
         raise StereocalError("The numbers of data sets and of frames must be at least 1.")
@@ -72,7 +72,7 @@ def _simulate_one(
     frames: int,
     rng: np.random.Generator,
     name: str,
-) -> tuple[Scene, Dataset]:
+) -> tuple[Scene, Pair]:
     """One data set with the measured lengths `baseline_m` and `bar_m`.
 
     The true lengths scatter about the measured ones, so that the measured ones have exactly the
@@ -86,8 +86,8 @@ def _simulate_one(
     rows = dataset.correspondences
     primary, secondary = (each.round(PIXEL_DECIMALS) for each in (rows.primary, rows.secondary))
     rounded = replace(rows, primary=primary, secondary=secondary)
-    dataset = replace(dataset, correspondences=rounded, baseline_sigma_m=BASELINE_SIGMA_M)
-    return scene, replace(dataset, target_distance_sigma_m=BAR_SIGMA_M)
+    dataset = dataset.changed(correspondences=rounded, baseline_sigma_m=BASELINE_SIGMA_M)
+    return scene, dataset.changed(target_distance_sigma_m=BAR_SIGMA_M)
 
 
 def _set_up(baseline_m: float, rng: np.random.Generator) -> Rig:

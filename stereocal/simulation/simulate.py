@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose, homogeneous
+from stereocal.rig.pair import Pair
+from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import BoolArray, FloatArray
 
@@ -137,7 +138,7 @@ def observe(
     name: str,
     nominal: Nominal | None = None,
     notes: str = "",
-) -> Dataset:
+) -> Pair:
     """Simulate the data set of a scene: projection with the full lens model, then pixel noise.
 
     Args:
@@ -155,7 +156,8 @@ def observe(
         np.repeat(np.arange(1, frames + 1), 2), "AB" * frames, primary, secondary
     )
     lengths = nominal.baseline_m, nominal.target_distance_m
-    return Dataset(name, nominal.primary, nominal.secondary, rows, *lengths, notes=notes)
+    cameras = nominal.primary, nominal.secondary
+    return Recording.of_two(name, *cameras, rows, *lengths, notes=notes).pair(*CAMERAS)
 
 
 def lens_off_by(camera: Camera, focal: float, centre_px: tuple[float, float]) -> Camera:
@@ -195,7 +197,7 @@ def field_rig(baseline_m: float = FIELD_BASELINE_M) -> Rig:
     )
 
 
-def simulate_field(seed: int) -> tuple[Scene, Dataset]:
+def simulate_field(seed: int) -> tuple[Scene, Pair]:
     """The sample data set: 25 frames of a 0.9 m bar at 8 to 25 m, noise 0.15 px.
 
     The lengths are exact, the lenses off by `FIELD_LENS_ERRORS`.

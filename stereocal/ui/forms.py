@@ -16,7 +16,7 @@ from stereocal.projects.recording import REFINED
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS, CameraName
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.settings import About, asked, descriptions
 from stereocal.system.tables import LARGEST_WHOLE
 from stereocal.ui.fields import AsRead, Field, Number, Values, one_of, setting, yes_or_no
@@ -41,7 +41,7 @@ _FRAMES = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "t
 """Shown with the frames left out and the time offset, not in the line of settings."""
 
 
-def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
+def settings_form(project: Project, dataset: Pair) -> dict[str, Any]:
     """Show the form; the settings of the calibration."""
     frames = len(dataset.correspondences.frames)
     if frames > 1:
@@ -56,7 +56,7 @@ def settings_form(project: Project, dataset: Dataset) -> dict[str, Any]:
     return form_values(project, dataset)
 
 
-def form_values(project: Project, dataset: Dataset) -> dict[str, Any]:
+def form_values(project: Project, dataset: Pair) -> dict[str, Any]:
     """The settings of the calibration, also for pages that do not show the form."""
     frames = len(dataset.correspondences.frames)
     used = _frames_field(project, frames).value()
@@ -117,7 +117,7 @@ def ask(place: DeltaGenerator, about: About, own: Field, disabled: bool = False)
     return own.number_input(about.title, place, help=about.help, step=step, **shown)
 
 
-def refine_form(project: Project, dataset: Dataset) -> None:
+def refine_form(project: Project, dataset: Pair) -> None:
     """The form of the refined method: uncertainties from the Data page, and the image noise."""
     st.markdown("**The refined set**")
     if project.settings.get(REFINED) is not None:
@@ -133,7 +133,7 @@ def refine_form(project: Project, dataset: Dataset) -> None:
     noise.number_input("Noise of an image point, px", help="0: found from the images.")
 
 
-def refine_settings(project: Project, dataset: Dataset) -> RefineSettings:
+def refine_settings(project: Project, dataset: Pair) -> RefineSettings:
     """The settings of the refined method, also for pages that do not show the form.
 
     They hold the uncertainties of the lengths, which a data set's digest does not cover. Those of a
@@ -163,7 +163,7 @@ def _refined_fields(project: Project) -> tuple[Field, Field]:
     return noise, setting(project, "free_distortion", [], in_order)
 
 
-def since_calibration(project: Project, result: Calibration, dataset: Dataset) -> str:
+def since_calibration(project: Project, result: Calibration, dataset: Pair) -> str:
     """What data and form say now that they did not when a result was made; empty if nothing."""
     found = [*_of_data(result.dataset, dataset)]
     found += changed_settings(result.settings.to_json(), form_values(project, dataset))
@@ -176,7 +176,7 @@ def since_calibration(project: Project, result: Calibration, dataset: Dataset) -
     return ", ".join(found)
 
 
-def _of_data(then: Dataset, now: Dataset) -> Iterator[str]:
+def _of_data(then: Pair, now: Pair) -> Iterator[str]:
     for name, title in _LENGTHS.items():
         was, value = getattr(then, name), getattr(now, name)
         if was != value:
@@ -186,8 +186,13 @@ def _of_data(then: Dataset, now: Dataset) -> Iterator[str]:
     for which in CAMERAS:
         if _lens(then, which) != _lens(now, which):
             yield f"lens of the {which} camera"
-    others = "primary", "secondary", "baseline_m", "target_distance_m"
-    if replace(then, **{name: getattr(now, name) for name in others}).sha256 != now.sha256:
+    stated = then.changed(
+        primary=now.primary,
+        secondary=now.secondary,
+        baseline_m=now.baseline_m,
+        target_distance_m=now.target_distance_m,
+    )
+    if stated.sha256 != now.sha256:
         yield "points"
 
 
@@ -195,7 +200,7 @@ def _metres(value: float | None) -> str:
     return "not stated" if value is None else f"{value:g} m"
 
 
-def _lens(dataset: Dataset, which: str) -> Any:
+def _lens(dataset: Pair, which: str) -> Any:
     camera = getattr(dataset, which)
     return camera.to_json(), camera.uncertainty and camera.uncertainty.to_json()
 

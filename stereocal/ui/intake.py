@@ -27,7 +27,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import NAMES, Project, as_read, packed_files, stated_in
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.limits import Limits
 from stereocal.system.names import check_path
 from stereocal.system.photograph import SUFFIXES
@@ -182,7 +182,7 @@ def _fisheyes(description: Description, cameras: Mapping[str, Camera]) -> dict[s
 
 def give_pair(
     project: Project,
-    dataset: Dataset,
+    dataset: Pair,
     given: Mapping[Slot, tuple[str, bytes]] | None = None,
     photographs: StoredPhotographs = MappingProxyType({}),
 ) -> None:

@@ -16,7 +16,8 @@ from stereocal.refined import unknowns
 from stereocal.refined.refine import robust_start
 from stereocal.rig import lengths_in_words as words
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
-from stereocal.rig.dataset import LONGEST_PLAUSIBLE_M, Dataset
+from stereocal.rig.measured_lengths import LONGEST_PLAUSIBLE_M
+from stereocal.rig.pair import Pair
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Number, one_of, setting
 from stereocal.ui.length_known import (
@@ -171,7 +172,7 @@ def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
         ask_number(title, f"lens_{which}_{name}", shown, store, place, told=counts)
 
 
-def describe_uncertainties(dataset: Dataset) -> str:
+def describe_uncertainties(dataset: Pair) -> str:
     """The stated and the assumed uncertainties, in words."""
     sigmas = (dataset.baseline_sigma_m, dataset.target_distance_sigma_m)
     assumed = (
@@ -222,7 +223,7 @@ def ask_if_measured(project: Project) -> None:
     button("Measured: they are as planned", "take_planned", project.take_planned)
 
 
-def show_rig(project: Project, dataset: Dataset) -> None:
+def show_rig(project: Project, dataset: Pair) -> None:
     """The rig in words to check, and a question if its lengths may be in another unit."""
     step = len(dataset.correspondences) // PAIRS + 1
     pose = robust_start(dataset, np.ascontiguousarray(dataset.rays[:, ::step]))

@@ -13,7 +13,7 @@ from stereocal.projects.contents import RIG_FILES
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.numbers import count
 from stereocal.ui.forms import refine_settings, search_values, since_calibration
 from stereocal.ui.validation import chosen_data
@@ -105,7 +105,7 @@ def _of_two(project: Project) -> dict[str, PageState]:
     return {**found, "data": data, "calibrate": calibrate, "validate": _validate(project, dataset)}
 
 
-def _calibrate(project: Project, dataset: Dataset) -> PageState:
+def _calibrate(project: Project, dataset: Pair) -> PageState:
     result = project.calibration
     if result is None:
         return PageState("missing", "Not calibrated yet")
@@ -116,7 +116,7 @@ def _calibrate(project: Project, dataset: Dataset) -> PageState:
     return PageState("done", f"Calibrated{named}")
 
 
-def _validate(project: Project, dataset: Dataset) -> PageState:
+def _validate(project: Project, dataset: Pair) -> PageState:
     found = [each for each in (project.evaluation, project.calibration_evaluation) if each]
     if not found:
         return PageState("missing", "Not validated yet")
@@ -127,7 +127,7 @@ def _validate(project: Project, dataset: Dataset) -> PageState:
     return PageState("stale", "The data or the settings have changed since")
 
 
-def _is_as_asked(project: Project, dataset: Dataset, evaluation: Evaluation) -> bool:
+def _is_as_asked(project: Project, dataset: Pair, evaluation: Evaluation) -> bool:
     """Whether the form asks for the settings of an evaluation."""
     made_with, kept = evaluation.settings, project.settings
     form = {

@@ -7,7 +7,7 @@ from stereocal.projects.inputs import Inputs
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.ui.holding import holds_board
 from stereocal.ui.lengths import ask_if_measured
 from stereocal.ui.messages import button, end_here, readable
@@ -48,7 +48,7 @@ def project_or_begin(needs: str, key: str) -> Project:
     return project
 
 
-def project_with_data(page: str) -> tuple[Project, Inputs, Dataset]:
+def project_with_data(page: str) -> tuple[Project, Inputs, Pair]:
     """The current project, its inputs and data set.
 
     If an input is missing, the page names it, links to the Data page, and stops; for a rig it opens

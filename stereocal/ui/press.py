@@ -17,7 +17,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.projects.application import Use
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.latest import is_made
 from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
@@ -43,7 +43,7 @@ class Press:
 
     project: Project
     inputs: Inputs
-    dataset: Dataset
+    dataset: Pair
     settings: CalibrationSettings
 
     @cached_property
@@ -174,7 +174,7 @@ class Press:
         self.project.keep_recommended(use.match.method, use.measure.method)
 
 
-def offer_again(project: Project, inputs: Inputs, dataset: Dataset) -> None:
+def offer_again(project: Project, inputs: Inputs, dataset: Pair) -> None:
     """On other pages: if the calibration is out of date, what changed and the button, as above."""
     if readable(lambda: project.calibration, told=False) is not None:
         settings = CalibrationSettings.from_json(form_values(project, dataset))

@@ -22,8 +22,8 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.refined.results import Calibration
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import as_held, word_of
+from stereocal.rig.pair import Pair
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import refined_looks, screening
 from stereocal.ui.downloads import offer
@@ -140,7 +140,7 @@ def _offer_kit(project: Project, answer: Run | None) -> None:
     offer(label, make if answer else None, "paper_kit.zip", "download_kit", icon=icon)
 
 
-def dataset_download(dataset: Dataset) -> None:
+def dataset_download(dataset: Pair) -> None:
     """Download of the data set as a zip, which can be uploaded again."""
     label, name = "Download this data set", "dataset.zip"
     offer(label, lambda: pack_zip(pack_dataset(dataset)), name, "download_dataset")

@@ -23,7 +23,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.review import change_review
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.latest import Latest
 from stereocal.system.photograph import read_photograph
 from stereocal.ui import jobs
@@ -46,15 +46,13 @@ MOST_AT_ONCE = 1500
 """Frames that calibrate in about a second, and so while a page is drawn."""
 
 
-def is_long(dataset: Dataset) -> bool:
+def is_long(dataset: Pair) -> bool:
     """Whether a recording takes seconds to calibrate, so that no draw of a page may wait for it."""
     return len(dataset.correspondences.frames) > MOST_AT_ONCE
 
 
 def screenings_of(
-    datasets: Sequence[Dataset],
-    settings: CalibrationSettings,
-    calibration: Calibration | None = None,
+    datasets: Sequence[Pair], settings: CalibrationSettings, calibration: Calibration | None = None
 ) -> list[Screening]:
     """The screenings of the project's data set, the first, and of further ones, cached.
 
@@ -76,7 +74,7 @@ def screenings_of(
     return found
 
 
-def _key(dataset: Dataset, settings: CalibrationSettings) -> str:
+def _key(dataset: Pair, settings: CalibrationSettings) -> str:
     """Includes name and notes, because messages show them."""
     names = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
     return json.dumps([*dataset.identity, *(getattr(settings, name) for name in names)])

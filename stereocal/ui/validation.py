@@ -13,7 +13,7 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.evaluation_files import Evaluation, unique_names
 from stereocal.projects.project import Project
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, Number, choose, setting
@@ -45,7 +45,7 @@ _read = cache(read_dataset)
 _FITS = KeptFits()
 
 
-def choose_data(project: Project, own: Dataset) -> list[Dataset]:
+def choose_data(project: Project, own: Pair) -> list[Pair]:
     """The data sets to validate on."""
     more = project.more_datasets
     kinds = [MINE, *([ALL] if more else []), *([PAPER] if NINETEEN.is_dir() else [])]
@@ -64,7 +64,7 @@ def choose_data(project: Project, own: Dataset) -> list[Dataset]:
     return chosen_data(project, own)
 
 
-def chosen_data(project: Project, own: Dataset) -> list[Dataset]:
+def chosen_data(project: Project, own: Pair) -> list[Pair]:
     """The data sets to validate on, as last chosen."""
     kind = project.settings.get("validate_on", MINE)
     if kind == PAPER and NINETEEN.is_dir():
@@ -72,7 +72,7 @@ def chosen_data(project: Project, own: Dataset) -> list[Dataset]:
     return [own, *project.more_datasets] if kind == ALL else [own]
 
 
-def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
+def choose_protocol(project: Project, datasets: Sequence[Pair]) -> EvaluationSettings:
     """The form of the protocol: number of runs and of frames."""
     with project.database.reading():  # each of the fields reads its value several times
         runs, frames, splits = _protocol_fields(project, datasets)
@@ -86,7 +86,7 @@ def choose_protocol(project: Project, datasets: Sequence[Dataset]) -> Evaluation
         return _protocol(project, datasets, runs, frames, splits)
 
 
-def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Field, Field, Field]:
+def _protocol_fields(project: Project, datasets: Sequence[Pair]) -> tuple[Field, Field, Field]:
     """Fields of runs, calibration frames and splits."""
     if not any(map(is_long, datasets)):
         screenings = screenings_of(datasets, CalibrationSettings.from_json(search_values(project)))
@@ -101,13 +101,13 @@ def _protocol_fields(project: Project, datasets: Sequence[Dataset]) -> tuple[Fie
     )
 
 
-def kept_protocol(project: Project, datasets: Sequence[Dataset]) -> EvaluationSettings:
+def kept_protocol(project: Project, datasets: Sequence[Pair]) -> EvaluationSettings:
     """The protocol in the form, also for pages that do not show it."""
     return _protocol(project, datasets, *_protocol_fields(project, datasets))
 
 
 def _protocol(
-    project: Project, datasets: Sequence[Dataset], runs: Field, frames: Field, splits: Field
+    project: Project, datasets: Sequence[Pair], runs: Field, frames: Field, splits: Field
 ) -> EvaluationSettings:
     own = refine_settings(project, datasets[0])
     if len(datasets) > 1:
@@ -117,7 +117,7 @@ def _protocol(
 
 
 def last_validation(
-    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
+    project: Project, datasets: Sequence[Pair], settings: EvaluationSettings
 ) -> Evaluation | None:
     """The last validation; that of the calibration instead, if it is what the form asks for.
 
@@ -130,7 +130,7 @@ def last_validation(
 
 
 def follow_validation(
-    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings, refined: bool
+    project: Project, datasets: Sequence[Pair], settings: EvaluationSettings, refined: bool
 ) -> jobs.Job:
     """The job that validates with these settings, begun unless it runs.
 
@@ -155,7 +155,7 @@ def follow_validation(
 
 
 def validation_so_far(
-    job: jobs.Job, datasets: Sequence[Dataset], refined: bool
+    job: jobs.Job, datasets: Sequence[Pair], refined: bool
 ) -> tuple[Evaluation, int] | None:
     """What a job has found, and of how many runs it is a part; None before the first run.
 
@@ -172,7 +172,7 @@ def validation_so_far(
 
 
 def changed_since(
-    evaluation: Evaluation, datasets: Sequence[Dataset], settings: EvaluationSettings
+    evaluation: Evaluation, datasets: Sequence[Pair], settings: EvaluationSettings
 ) -> str:
     """What has changed since a validation."""
     found = changed_settings(evaluation.settings.to_json(), settings.to_json())
@@ -183,7 +183,7 @@ def changed_since(
 
 def _validate(
     project: Project,
-    datasets: Sequence[Dataset],
+    datasets: Sequence[Pair],
     settings: EvaluationSettings,
     growing: GrowingRuns,
     job: jobs.Job,
@@ -198,7 +198,7 @@ def _validate(
 
 
 def is_current(
-    evaluation: Evaluation | None, datasets: Sequence[Dataset], settings: EvaluationSettings
+    evaluation: Evaluation | None, datasets: Sequence[Pair], settings: EvaluationSettings
 ) -> bool:
     """Whether an evaluation is of these data and settings."""
     return evaluation is not None and evaluation.settings == settings and evaluation.is_of(datasets)

@@ -17,8 +17,8 @@ from stereocal.figures.validation import describe_validation, plot_validation
 from stereocal.formats.evaluation_files import Evaluation, summary_json
 from stereocal.projects.project import Project
 from stereocal.refined.screening import Screening
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.lengths_in_words import as_held
+from stereocal.rig.pair import Pair
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
@@ -61,7 +61,7 @@ def with_refined(project: Project) -> Field:
 
 
 def show_validation(
-    project: Project, datasets: Sequence[Dataset], settings: EvaluationSettings
+    project: Project, datasets: Sequence[Pair], settings: EvaluationSettings
 ) -> None:
     """The validation of these settings: the first runs at once, the others as they come."""
     last, job = last_validation(project, datasets, settings), None
@@ -76,7 +76,7 @@ def show_validation(
 
 def _show(
     project: Project,
-    datasets: Sequence[Dataset],
+    datasets: Sequence[Pair],
     settings: EvaluationSettings,
     last: Evaluation | None,
     job: jobs.Job | None,
@@ -118,7 +118,7 @@ class Shown:
         return sum(map(len, self.evaluation.runs))
 
 
-def _so_far(job: jobs.Job, datasets: Sequence[Dataset], refined: bool) -> Shown | None:
+def _so_far(job: jobs.Job, datasets: Sequence[Pair], refined: bool) -> Shown | None:
     """The runs of a job; None before the first.
 
     As shown before until there are half as many more: the figure takes as long as some runs.
@@ -169,7 +169,7 @@ def _note(evaluation: Evaluation, screening: Screening) -> str:
     return str(found)
 
 
-def _show_evaluation(project: Project, shown: Shown, datasets: Sequence[Dataset]) -> None:
+def _show_evaluation(project: Project, shown: Shown, datasets: Sequence[Pair]) -> None:
     """Answer and figure; of a whole validation also downloads and table.
 
     Args:
@@ -236,7 +236,7 @@ def _saved_as(picture: str, name: str) -> dict[str, Any]:
 
 
 def _screenings(
-    project: Project, evaluation: Evaluation, datasets: Sequence[Dataset]
+    project: Project, evaluation: Evaluation, datasets: Sequence[Pair]
 ) -> list[Screening]:
     """The screenings of the validated data sets; empty if one was removed."""
     used = {dataset.sha256: dataset for dataset in datasets}

@@ -32,8 +32,8 @@ from stereocal.evaluation import evaluate
 from stereocal.evaluation.summary import Estimate, MethodSummary, figures_of_set, summarise
 from stereocal.refined.refine import RefinedResult
 from stereocal.rig.clusters import clusters_of
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.verdict.in_words import interval, percent
@@ -129,7 +129,7 @@ def further_recordings(
     return found
 
 
-def _shown(seen: Dataset, rig: Rig, px: FloatArray, used: IntArray) -> dict[str, float]:
+def _shown(seen: Pair, rig: Rig, px: FloatArray, used: IntArray) -> dict[str, float]:
     """Figures of a recording, from the errors of its frames (f,) and its rows."""
     fcp = float(expit(_log_odds_of_fcp(seen, rig.pose, used)))
     return {IN_IMAGES: float(px.mean()), "fcp_reprojection": fcp}
@@ -168,14 +168,14 @@ def _half_width_of_finite(variance: float) -> float:
     return min(1.96 * math.sqrt(variance / LENGTH_OF_BOARDS), LARGEST)
 
 
-def _half_width_of_boards_fcp(seen: Dataset, pose: Pose, used: IntArray, at: IntArray) -> float:
+def _half_width_of_boards_fcp(seen: Pair, pose: Pose, used: IntArray, at: IntArray) -> float:
     """That of the FCP, from its log odds without each board, or some of many (jackknife)."""
     groups = np.arange(int(at.max()) + 1) % MOST_GROUPS
     odds = [_log_odds_of_fcp(seen, pose, used[groups[at] != group]) for group in np.unique(groups)]
     return _half_width_of_finite(float(np.var(odds)) * (len(odds) - 1))
 
 
-def _log_odds_of_fcp(seen: Dataset, pose: Pose, own: IntArray) -> float:
+def _log_odds_of_fcp(seen: Pair, pose: Pose, own: IntArray) -> float:
     """Of the pairs of some rows (r,)."""
     rows = np.zeros(len(seen.correspondences), dtype=np.bool_)
     rows[own] = True
@@ -183,10 +183,10 @@ def _log_odds_of_fcp(seen: Dataset, pose: Pose, own: IntArray) -> float:
     return float(np.log((fcp * len(own) + 0.5) / ((1.0 - fcp) * len(own) + 0.5)))
 
 
-def _seen_by(model: RefinedResult, rig: Rig) -> Dataset:
+def _seen_by(model: RefinedResult, rig: Rig) -> Pair:
     """The data set of a fit with the lenses and the baseline of a file."""
-    return replace(
-        model.dataset, primary=rig.primary, secondary=rig.secondary, baseline_m=rig.pose.baseline
+    return model.dataset.changed(
+        primary=rig.primary, secondary=rig.secondary, baseline_m=rig.pose.baseline
     )
 
 
@@ -219,7 +219,7 @@ def half_width(
 
 
 def _half_width_of_fcp(
-    seen: Dataset, pose: Pose, used: IntArray, at: IntArray, length: int, rng: np.random.Generator
+    seen: Pair, pose: Pose, used: IntArray, at: IntArray, length: int, rng: np.random.Generator
 ) -> float:
     """That of the FCP, from its log odds; `used` (n,) are the rows to count, and `at` (n,) says at
     which place in time the frame of each is."""
@@ -273,9 +273,7 @@ def widened(estimate: Estimate, half: float, shown: float | None = None) -> Esti
 
 
 def note_on_splits(
-    dataset: Dataset,
-    settings: evaluate.EvaluationSettings,
-    summaries: Mapping[Method, MethodSummary],
+    dataset: Pair, settings: evaluate.EvaluationSettings, summaries: Mapping[Method, MethodSummary]
 ) -> str:
     """Where the other kind of splits differs from what was found beyond both intervals and by a
     tenth; else empty. Without runs in the data set nothing is computed.

@@ -10,7 +10,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.numbers import count, plural
 from stereocal.system.numbers import digits as digits
 from stereocal.system.settings import descriptions
@@ -54,7 +54,7 @@ def in_ranges(frames: Collection[int]) -> str:
     return listed([f"{a[0]} to {a[-1]}" if len(a) > 1 else f"{a[0]}" for a in ranges])
 
 
-def refuse_unknown_frames(settings: CalibrationSettings, datasets: Iterable[Dataset]) -> None:
+def refuse_unknown_frames(settings: CalibrationSettings, datasets: Iterable[Pair]) -> None:
     """Reject numbers of frames to leave out or to put back that no data set has."""
     known = {frame for each in datasets for frame in each.correspondences.frames.tolist()}
     about = descriptions(CalibrationSettings)

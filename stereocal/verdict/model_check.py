@@ -18,7 +18,7 @@ from stereocal.refined.noise import ESTIMATED
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.robust import SMALLEST_SCATTER
 from stereocal.refined.uncertainty import Innovations, bar_innovations
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import rounded
 from stereocal.verdict.forecast_draws import ForecastDraws, image_radii
@@ -180,7 +180,7 @@ def check_model(
 
 
 def _held_out_errors(
-    data: Dataset, clusters: IntArray, whole: RefinedResult
+    data: Pair, clusters: IntArray, whole: RefinedResult
 ) -> tuple[FloatArray, FloatArray] | None:
     """Reprojection errors (n,) of the pairs and length errors (m,) of the bars, each held out with
     all frames of its cluster (f,), from fits that begin where that to all frames ended."""

@@ -1,6 +1,5 @@
 """Names that a person gave are never links, wherever they stand."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -27,7 +26,7 @@ def a_project_of_links(home: Path) -> Project:
     field = read_dataset(FIELD)
     for slot, name in FILES.items():
         project.give({slot: (f"{slot} {FILE}.csv", (FIELD / name).read_bytes())})
-    more = pack_zip(pack_dataset(replace(field, name=NAME)))
+    more = pack_zip(pack_dataset(field.changed(name=NAME)))
     project.add_dataset(f"{FILE}.zip", more)
     project.keep_settings({"validate_on": "All my data sets", "validate_runs": 10})
     dataset = project.dataset

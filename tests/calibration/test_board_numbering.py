@@ -9,7 +9,6 @@ from stereocal.calibration.board_numbering import check_numbering, note_on_ways_
 from stereocal.calibration.corrections import fewer_corners
 from stereocal.errors import StereocalError
 from stereocal.network.baseline import with_baseline_found
-from stereocal.rig.recording import Recording
 from stereocal.workflow import Run
 from tests.further import further
 from tests.rigs.board_mistakes import MISTAKES
@@ -50,11 +49,11 @@ def test_sound_numbers_pass_and_other_ways_round_are_told() -> None:
     check_numbering(PAIR.recording)
     assert not note_on_ways_round(PAIR.recording)
     one, both = (of_points(from_the_right, each) for each in (False, True))
-    mirrored = Recording.of_pair(both(PAIR.dataset, np.random.default_rng(1)))
+    mirrored = both(PAIR.dataset, np.random.default_rng(1)).recording
     check_numbering(mirrored)
     assert "mirrored" in note_on_ways_round(mirrored)
     # One camera alone is no such case.
-    alone = Recording.of_pair(one(PAIR.dataset, np.random.default_rng(1)))
+    alone = one(PAIR.dataset, np.random.default_rng(1)).recording
     assert not note_on_ways_round(alone)
 
 

@@ -14,18 +14,20 @@ from stereocal.calibration.checks import (
 from stereocal.calibration.montecarlo import reconstruction_problem
 from stereocal.errors import StereocalError
 from stereocal.library.calibrations import calibrate
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.pair import Pair
+from stereocal.rig.recording import Recording
 from stereocal.system.array_types import FloatArray
 from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, correspondences, dataset
 
 SOUND = dataset(20, noise_px=0.3)
 
 
-def with_points(primary: FloatArray, secondary: FloatArray) -> Dataset:
+def with_points(primary: FloatArray, secondary: FloatArray) -> Pair:
     rows = SOUND.correspondences
-    return replace(SOUND, correspondences=replace(rows, primary=primary, secondary=secondary))
+    return SOUND.changed(correspondences=replace(rows, primary=primary, secondary=secondary))
 
 
 def test_sound_data_hear_nothing() -> None:
@@ -44,10 +46,10 @@ class TestPoints:
         with pytest.raises(StereocalError, match=r"4 pairs of points"):
             calibrate(few)
         rows = SOUND.correspondences
-        one = replace(SOUND, correspondences=rows.where(np.arange(len(rows)) == 3))
+        one = SOUND.changed(correspondences=rows.where(np.arange(len(rows)) == 3))
         with pytest.raises(StereocalError, match="1 pair of points"):
             check_enough_points(one)
-        five = replace(SOUND, correspondences=rows.where(np.arange(len(rows)) < 5))
+        five = SOUND.changed(correspondences=rows.where(np.arange(len(rows)) < 5))
         check_enough_points(five)
 
     @pytest.mark.parametrize("which", ["primary", "secondary"])
@@ -83,7 +85,7 @@ class TestScale:
         ],
     )
     def test_a_wrong_unit_is_named(self, factor: float, unit: str, which: str) -> None:
-        data = replace(SOUND, target_distance_m=min(BAR_M * factor, 999.0))
+        data = SOUND.changed(target_distance_m=min(BAR_M * factor, 999.0))
         with pytest.raises(StereocalError, match=f"{which} looks like {unit}"):
             calibrate(data)
 
@@ -93,7 +95,7 @@ class TestExchangedTargets:
 
     pose = Pose.from_angles(Angles(0.05, -0.07, 0.11, 0.13, 3.02), 0.4)
 
-    def data(self, exchanged: int | None) -> Dataset:
+    def data(self, exchanged: int | None) -> Pair:
         rng = np.random.default_rng(3)
         middle = rng.uniform([-0.8, -0.7, 5.0], [0.8, 0.7, 8.0], (15, 3))
         along = rng.normal(0, [0.5, 0.4, 0.3], (15, 3))
@@ -107,7 +109,7 @@ class TestExchangedTargets:
         rows = Correspondences.from_arrays(
             np.repeat(np.arange(15), 2), ["A", "B"] * 15, primary, secondary
         )
-        return Dataset("short", PRIMARY, SECONDARY, rows, 0.4, BAR_M)
+        return Recording.of_two("short", PRIMARY, SECONDARY, rows, 0.4, BAR_M).pair(*CAMERAS)
 
     def test_in_one_frame(self) -> None:
         check_in_front(self.data(None), self.pose)
@@ -117,7 +119,7 @@ class TestExchangedTargets:
 
 def test_no_bars_for_the_3d_method() -> None:
     rows = SOUND.correspondences
-    only_A = replace(SOUND, correspondences=rows.where(np.array(rows.target) == 0))
+    only_A = SOUND.changed(correspondences=rows.where(np.array(rows.target) == 0))
     with pytest.raises(StereocalError, match="both targets"):
         reconstruction_problem(only_A)
     with pytest.raises(StereocalError, match="both targets"):
@@ -129,7 +131,7 @@ def test_no_bars_for_the_3d_method() -> None:
 def test_few_bars(frames: int) -> None:
     rows = correspondences(8, noise_px=0.3)
     keep = (np.array(rows.frame) <= frames) | (np.array(rows.target) == 0)
-    said = warnings_about(replace(SOUND, correspondences=rows.where(keep)))
+    said = warnings_about(SOUND.changed(correspondences=rows.where(keep)))
     expected = {1: ["Only 1 frame has both"], 4: ["Only 4 frames have both"], 5: []}[frames]
     assert len(said) == len(expected)
     assert all(text.startswith(start) for text, start in zip(said, expected, strict=True))
@@ -138,7 +140,7 @@ def test_few_bars(frames: int) -> None:
 def test_a_principal_point_far_from_the_middle_is_named() -> None:
     K = PRIMARY.K.copy()
     K[:2, 2] *= 0.5
-    said = warnings_about(replace(SOUND, primary=replace(PRIMARY, K=K)))
+    said = warnings_about(SOUND.changed(primary=replace(PRIMARY, K=K)))
     assert len(said) == 1
     assert "primary camera's principal point" in said[0]
     assert "1600x1200" in said[0]

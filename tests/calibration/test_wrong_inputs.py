@@ -5,6 +5,7 @@ from collections import defaultdict
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,8 +23,7 @@ from stereocal.library.calibrations import calibrate
 from stereocal.network.judge import TABLE
 from stereocal.network.wrong_inputs import check_inputs, find_wrong_input
 from stereocal.rig.camera import CAMERAS, LensModel
-from stereocal.rig.dataset import Dataset
-from stereocal.rig.recording import Recording
+from stereocal.rig.pair import Pair
 from stereocal.simulation.nineteen import simulate_nineteen
 from tests.fisheye_rig import recording
 from tests.further import further
@@ -65,15 +65,15 @@ def test_the_textbooks_solver_accuses_nobody(solver: Solver) -> None:
 
 def test_few_bars_cannot_tell() -> None:
     """Nine bars, whatever the cameras: five angles fit too much."""
-    wrong = replace(SOUND, primary=flipped(SOUND.primary))
-    assert check_inputs(Recording.of_pair(wrong.of_frames(range(1, 10)))) == []
+    wrong = SOUND.changed(primary=flipped(SOUND.primary))
+    assert check_inputs(wrong.of_frames(range(1, 10)).recording) == []
 
 
 def test_a_lens_that_cannot_be_inverted_is_named_with_its_size() -> None:
     with pytest.raises(
         StereocalError, match=r"primary camera's lens .*0\.(49|50)\d* times as large"
     ):
-        replace(SOUND, primary=scaled(SOUND.primary, 0.5))
+        SOUND.changed(primary=scaled(SOUND.primary, 0.5))
 
 
 @pytest.mark.parametrize(
@@ -85,9 +85,7 @@ def test_points_of_resized_images_are_named_with_both_sizes(
     """Measured: within 2 % of the true size, and first of the explanations."""
     rows = SOUND.correspondences
     resized = {side: factor * getattr(rows, side) for side in sides}
-    said = find_wrong_input(
-        Recording.of_pair(replace(SOUND, correspondences=replace(rows, **resized)))
-    )
+    said = find_wrong_input(SOUND.changed(correspondences=replace(rows, **resized)).recording)
     whose = f"The {sides[0]} camera's" if len(sides) == 1 else "The cameras'"
     assert said.startswith(f"{whose} points seem to be measured in images of about ")
     width, height = getattr(SOUND, sides[0]).image_size
@@ -96,14 +94,14 @@ def test_points_of_resized_images_are_named_with_both_sizes(
     assert about == pytest.approx(factor * width, rel=0.03)
 
 
-def four_coefficients() -> Dataset:
+def four_coefficients() -> Pair:
     rows = SOUND.correspondences
     lenses = {side: replace(getattr(SOUND, side), distortion=FOUR) for side in CAMERAS}
     points = {
         side: lens.distort(getattr(SOUND, side).undistort(getattr(rows, side)))
         for side, lens in lenses.items()
     }
-    return replace(SOUND, **lenses, correspondences=replace(rows, **points))
+    return SOUND.changed(**lenses, correspondences=replace(rows, **points))
 
 
 @pytest.mark.parametrize(
@@ -119,8 +117,8 @@ def test_a_lens_of_the_other_model_is_named(lens: str, sides: tuple[str, ...]) -
     usual = lens == "usual"
     data = four_coefficients() if usual else recording(float(lens.split()[0]), 0)[0]
     model: LensModel = "fisheye" if usual else "brown"
-    lenses = {side: replace(getattr(data, side), model=model) for side in sides}
-    said = find_wrong_input(Recording.of_pair(replace(data, **lenses)))
+    lenses: Any = {side: replace(getattr(data, side), model=model) for side in sides}
+    said = find_wrong_input(data.changed(**lenses).recording)
     whose = f"The {sides[0]} camera's" if len(sides) == 1 else "The cameras'"
     assert f"{whose} four distortion coefficients seem to be of the other" in said
 
@@ -158,7 +156,7 @@ def test_no_sound_set_is_accused(kind: str, noise_px: float | None, number: int)
 def test_an_order_of_words_is_that_of_all_frames() -> None:
     """Of 72, where 60 are enough to judge a reading."""
     mistake = replace(MISTAKES["frames in the order of words"], frames=72)
-    assert "order of words" in find_wrong_input(Recording.of_pair(mistake.data(1)))
+    assert "order of words" in find_wrong_input(mistake.data(1).recording)
 
 
 def test_a_crop_is_no_fisheye() -> None:
@@ -196,7 +194,7 @@ def test_the_table_of_the_documentation_is_that_of_the_readings() -> None:
 def test_bars_whose_ends_are_at_one_place_end_in_no_warning() -> None:
     rows = SOUND.correspondences
     one, two = (np.repeat(own[::2], 2, axis=0) for own in (rows.primary, rows.secondary))
-    data = replace(SOUND, correspondences=replace(rows, primary=one, secondary=two))
+    data = SOUND.changed(correspondences=replace(rows, primary=one, secondary=two))
     pose = calibrate_essential(SOUND.rays, SOUND.baseline_m).pose
     assert not scale_is_plausible(data, pose)
     assert pose_fit(data, pose) == NO_FIT

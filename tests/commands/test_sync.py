@@ -55,7 +55,7 @@ def test_cameras_that_count_their_own_frames_are_brought_into_step_unasked(by_ha
     assert found.start_frames == {"1": 0, "2": 41}
     assert any("one frame off" in note for note in found.step_notes)
     pair = pair_to_calibrate(counted)
-    assert (pair.start_frame, pair.step_notes) == (41, found.step_notes)
+    assert (pair.start_frame, pair.recording.step_notes) == (41, found.step_notes)
 
 
 def test_a_table_to_check_a_rig_with_is_brought_into_step(by_hand: Path) -> None:

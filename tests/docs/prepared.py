@@ -62,8 +62,7 @@ def bump(folder: Path) -> None:
     turn = Rotation.from_rotvec([0.0, np.radians(0.2), 0.0]).as_matrix()
     rays = np.column_stack([camera.undistort(rows.secondary), np.ones(len(rows))]) @ turn.T
     secondary = np.round(camera.distort(rays[:, :2] / rays[:, 2:]), 4)
-    moved = replace(
-        some,
+    moved = some.changed(
         name="After a bump",
         correspondences=replace(rows, secondary=secondary),
         notes="40 bars of the real recording, its secondary camera turned by 0.2 degrees.",

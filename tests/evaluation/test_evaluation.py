@@ -36,8 +36,8 @@ from stereocal.evaluation.evaluate import (
 from stereocal.evaluation.summary import figures_of_set, summarise
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
 from stereocal.system.tasks import StoppedError
 from tests.calibration import reference
@@ -49,7 +49,7 @@ FEW = EvaluationSettings(runs=7, calibration_frames=20)
 
 
 @pytest.fixture(scope="module")
-def field() -> Dataset:
+def field() -> Pair:
     return read_dataset(NINETEEN / "07")
 
 
@@ -63,7 +63,7 @@ def plain_bin(value: float) -> int:
     return UNDERFLOW if place < 0 else OVERFLOW if place >= BINS else place
 
 
-def plain_pairs(test: Dataset) -> list[tuple[int, int, int]]:
+def plain_pairs(test: Pair) -> list[tuple[int, int, int]]:
     """(row in primary, row in secondary, label): the paper's Q_C, then the six parts of Q_W."""
     row = {
         (int(f), int(t)): i
@@ -83,7 +83,7 @@ def plain_pairs(test: Dataset) -> list[tuple[int, int, int]]:
 
 
 def plain_errors(
-    test: Dataset, pose: Pose, pairs: list[tuple[int, int, int]]
+    test: Pair, pose: Pose, pairs: list[tuple[int, int, int]]
 ) -> list[tuple[int, float, float]]:
     """(label, |residual|, reprojection error in px) of each pair, in plain NumPy."""
     E = np.cross(np.eye(3), pose.T / np.linalg.norm(pose.T)) @ pose.R  # [t]x R
@@ -96,15 +96,15 @@ def plain_errors(
     return found
 
 
-def with_one_target_missing(dataset: Dataset, frames: int) -> Dataset:
+def with_one_target_missing(dataset: Pair, frames: int) -> Pair:
     """The same, but the first `frames` frames have no target B."""
     rows = dataset.correspondences
     lost = (rows.target == 1) & np.isin(rows.frame, rows.frames[:frames])
-    return replace(dataset, correspondences=rows.where(~lost))
+    return dataset.changed(correspondences=rows.where(~lost))
 
 
 @pytest.mark.parametrize("missing", [0, 12])
-def test_a_run_counts_the_papers_pairs(field: Dataset, missing: int) -> None:
+def test_a_run_counts_the_papers_pairs(field: Pair, missing: int) -> None:
     """All three methods on real numbers, bin by bin; also where half of the bars have one end."""
     dataset = with_one_target_missing(field, missing)
     run = evaluate_run(dataset, FEW, 4, 2)
@@ -136,9 +136,9 @@ def test_a_run_counts_the_papers_pairs(field: Dataset, missing: int) -> None:
         )
 
 
-def test_a_split_is_what_of_frames_gives(field: Dataset) -> None:
+def test_a_split_is_what_of_frames_gives(field: Pair) -> None:
     own = np.where(np.arange(50) // 2 % 3 == 0, 0.8, np.nan)
-    dataset = replace(field, correspondences=replace(field.correspondences, distance_m=own))
+    dataset = field.changed(correspondences=replace(field.correspondences, distance_m=own))
     assert dataset.bar_distances_m.shape == (25,)
     assert dataset.correspondences.bars.shape == (25, 2)
     fit = split(dataset, 20, np.random.SeedSequence(5))
@@ -181,11 +181,11 @@ def test_zeros_are_counted_below_and_points_behind_above() -> None:
 
 
 @pytest.fixture(scope="module")
-def pair_of_sets(field: Dataset) -> list[Dataset]:
+def pair_of_sets(field: Pair) -> list[Pair]:
     return [field, read_dataset(NINETEEN / "15")]
 
 
-def test_threads_give_the_same(pair_of_sets: list[Dataset]) -> None:
+def test_threads_give_the_same(pair_of_sets: list[Pair]) -> None:
     several = replace(FEW, runs=25)
     by_hand = [
         [evaluate_run(dataset, several, number, run) for run in range(several.runs)]
@@ -195,7 +195,7 @@ def test_threads_give_the_same(pair_of_sets: list[Dataset]) -> None:
         assert bits(evaluate(pair_of_sets, several, threads)) == bits(by_hand)
 
 
-def test_cancelled_drops_what_is_left(pair_of_sets: list[Dataset]) -> None:
+def test_cancelled_drops_what_is_left(pair_of_sets: list[Pair]) -> None:
     many = replace(FEW, runs=2000)
     done: set[int] = set()
 
@@ -209,7 +209,7 @@ def test_cancelled_drops_what_is_left(pair_of_sets: list[Dataset]) -> None:
     assert max(done) == 20  # leaving `with` waits for what runs: it would wait 12 s for the rest
 
 
-def test_a_split_that_leaves_no_test_is_refused_with_a_sentence(field: Dataset) -> None:
+def test_a_split_that_leaves_no_test_is_refused_with_a_sentence(field: Pair) -> None:
     with (
         ThreadPoolExecutor(1) as threads,
         pytest.raises(StereocalError, match="has 25 frames; with 24 to calibrate, 1 are left"),
@@ -267,7 +267,7 @@ def test_the_ranking_holds_on_real_recordings(frames: int, fit: int, runs: int) 
     assert of["3d"].reconstruction.median.high < of["2d"].reconstruction.median.low
 
 
-def test_the_refined_method_is_a_fourth_row_and_leaves_the_others(field: Dataset) -> None:
+def test_the_refined_method_is_a_fourth_row_and_leaves_the_others(field: Pair) -> None:
     paper = evaluate_run(field, FEW, 0, 3)
     run = evaluate_run(field, replace(FEW, refined=RefineSettings()), 0, 3)
     assert run.counts.shape == (4, *paper.counts.shape[1:])
@@ -280,7 +280,7 @@ def test_the_refined_method_is_a_fourth_row_and_leaves_the_others(field: Dataset
     assert summarise([[run]]).keys() == {"essential", "2d", "3d", "refined"}
 
 
-def test_a_set_by_itself_is_counted_on_all_frames(field: Dataset) -> None:
+def test_a_set_by_itself_is_counted_on_all_frames(field: Pair) -> None:
     pose = calibrate_essential(field.rays, field.baseline_m).pose
     run = count_set(field, pose)
     assert run.counts.sum(axis=-1).tolist() == [[[50 * 49, 50], [50 * 49, 50]]]

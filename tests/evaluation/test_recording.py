@@ -17,8 +17,8 @@ from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
 
@@ -34,7 +34,7 @@ def best(values: FloatArray) -> FloatArray:
     return np.sort(values)[: int(KEPT * len(values))]
 
 
-def at_work(data: Dataset, pose: Pose) -> tuple[float, float]:
+def at_work(data: Pair, pose: Pose) -> tuple[float, float]:
     """Root of the mean over both images of the squared epipolar distance, in px, and the mean
     relative length error, both of the best 98 %."""
     rows = data.correspondences

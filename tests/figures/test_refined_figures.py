@@ -1,6 +1,5 @@
 """Figures of a lens and of the refined method: what they draw, and the same in words."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -102,7 +101,7 @@ def test_accuracy_shows_both_maps_cameras_and_targets(quantity: Quantity, unit: 
 
 
 def test_an_accused_input_stands_out() -> None:
-    wrong = replace(FIELD, baseline_m=4.7)
+    wrong = FIELD.changed(baseline_m=4.7)
     inputs = compare_inputs(refine(wrong, RefineSettings(baseline_sigma_m=0.005))).inputs
     figure = one_set.plot_disagreement(inputs)
     bars = figure.data[0]

@@ -28,7 +28,7 @@ from stereocal.figures.two_sets import describe_two_sets, frame_views, telling_f
 from stereocal.figures.validation import describe_validation, plot_validation
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.settings import descriptions
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.recommendation import recommend
@@ -192,7 +192,7 @@ EVIL = "<script>alert(1)</script>"
 
 
 @pytest.fixture(scope="module")
-def dataset() -> Dataset:
+def dataset() -> Pair:
     return read_dataset(SAMPLE)
 
 
@@ -207,9 +207,9 @@ def by_dataset() -> dict[str, Summaries]:
 
 
 @pytest.fixture(scope="module")
-def report(pooled: Summaries, by_dataset: dict[str, Summaries], dataset: Dataset) -> str:
+def report(pooled: Summaries, by_dataset: dict[str, Summaries], dataset: Pair) -> str:
     """Without Plotly's own code."""
-    named = [replace(dataset, name=EVIL, notes="<img src=x>"), replace(dataset, name="second")]
+    named = [dataset.changed(name=EVIL, notes="<img src=x>"), dataset.changed(name="second")]
     text = report_html(pooled, by_dataset, named, SETTINGS)
     assert text.count(get_plotlyjs()) == 1
     return text.replace(get_plotlyjs(), "")
@@ -233,7 +233,7 @@ def test_the_words_of_the_figures_are_in_it(
 
 
 def test_data_settings_angles_and_versions_are_in_it(
-    report: str, pooled: Summaries, dataset: Dataset
+    report: str, pooled: Summaries, dataset: Pair
 ) -> None:
     assert dataset.sha256 in report
     assert "<td>25</td><td>50</td><td>25</td><td>4.5 m</td><td>0.9 m</td>" in report
@@ -248,7 +248,7 @@ def test_data_settings_angles_and_versions_are_in_it(
     assert f'<th scope="row">stereocal</th><td>{__version__}</td>' in report
 
 
-def test_the_recommendation_comes_first_with_the_frame_that_shows_why(dataset: Dataset) -> None:
+def test_the_recommendation_comes_first_with_the_frame_that_shows_why(dataset: Pair) -> None:
     calibration, summaries = calibrate(dataset), summarise(runs_twice()[:1])
     recommendation = recommend(calibration, None)
     found = calibration, recommendation

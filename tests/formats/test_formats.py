@@ -27,7 +27,6 @@ from stereocal.formats.dataset_files import (
 from stereocal.formats.recognition import recognise
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
 from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.zip_files import unzip
 from tests.files import write, zipped
@@ -209,7 +208,7 @@ def test_a_shifted_data_set_is_written_as_recorded_and_has_the_same_digest() -> 
     assert shifted.sha256 == data.sha256
     assert write_table(shifted.correspondences) == write_table(data.correspondences)
     times = replace(data.correspondences, time_frame=data.correspondences.frame + 3)
-    assert replace(data, correspondences=times).sha256 != data.sha256
+    assert data.changed(correspondences=times).sha256 != data.sha256
     assert np.isnan(data.correspondences.motion).all()
 
 
@@ -362,8 +361,8 @@ class TestDatasetFiles:
     files = pack_dataset(NOISY)
 
     def test_there_and_back(self) -> None:
-        full = replace(
-            NOISY, baseline_sigma_m=0.01, target_distance_sigma_m=2e-3, notes="windy", name="Ä b"
+        full = NOISY.changed(
+            baseline_sigma_m=0.01, target_distance_sigma_m=2e-3, notes="windy", name="Ä b"
         )
         back = parse_recording(pack_dataset(full), "x").pair(*CAMERAS)
         assert back.sha256 == NOISY.sha256
@@ -396,7 +395,7 @@ class TestDatasetFiles:
         write({"survey": zipped(files)} if packed else files, tmp_path if packed else source)
         with pytest.raises(StereocalError, match=r"photographs and no correspondences\.csv yet"):
             read_dataset(source)
-        known, whole = read_recording(source, with_points=False), Recording.of_pair(NOISY)
+        known, whole = read_recording(source, with_points=False), NOISY.recording
         assert (known.name, known.baselines_m) == (whole.name, whole.baselines_m)
         assert all(equal(known.cameras[which], camera) for which, camera in whole.cameras.items())
         assert (known.object.points == whole.object.points).all()

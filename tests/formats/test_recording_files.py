@@ -23,6 +23,7 @@ from stereocal.formats.dataset_files import (
 )
 from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from tests.files import write
@@ -32,7 +33,7 @@ FIELD = read_dataset(Path(__file__).parents[2] / "sample_data" / "field")
 
 
 TWO = replace(
-    Recording.of_pair(replace(FIELD, notes="windy")),
+    FIELD.changed(notes="windy").recording,
     cameras={"left": FIELD.primary, "right": FIELD.secondary},
     baselines_m={("left", "right"): FIELD.baseline_m},
 )
@@ -215,7 +216,8 @@ def test_read_from_a_folder(tmp_path: Path) -> None:
 
 
 def test_a_board_before_cameras_started_by_hand_keeps_their_counts() -> None:
-    data = replace(recorded(BOARD, 6), start_frame=-3)
+    own = recorded(BOARD, 6).recording
+    data = Pair(replace(own, start_frames={"primary": 0, "secondary": -3}))
     back = parse_recording(pack_dataset(data), "x").pair(*CAMERAS)
     assert (back.sha256, back.start_frame) == (data.sha256, -3)
 

@@ -365,5 +365,5 @@ def test_fisheyes_are_taken_for_what_they_are_and_used_to_75_degrees(tmp_path: P
             whole += [f"{frame},{which},{target},{u},{v}" for target, (u, v) in rows]
     (tmp_path / "points.csv").write_text("\n".join(whole))
     again = read_dataset(tmp_path)
-    assert again.beyond_view == beyond
+    assert again.recording.beyond_view == beyond
     assert f"Left out: {beyond['primary']} points of the camera primary" in warnings_about(again)[0]

@@ -148,7 +148,7 @@ def test_a_distance_says_that_its_error_is_mostly_the_bars(
     """0.25 m in sharp images, of a bar that is taken as known to 0.1 %, or is to 0.01 %."""
     data = dataset(25, 0.005)
     sigma = None if known is None else known * data.target_distance_m
-    file = refined_parameters(refine(replace(data, target_distance_sigma_m=sigma)))
+    file = refined_parameters(refine(data.changed(target_distance_sigma_m=sigma)))
     found = ClickMeasure(file, file).measured(flight(1), Settled(0.02, 0.4))
     length = found.length(*found.common("head", "tail"))
     assert length is not None

@@ -28,7 +28,7 @@ from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import PIXELS, Correspondences
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
@@ -71,7 +71,7 @@ def test_tables_on_disk_are_the_same(late: RigParameters, tmp_path: Path) -> Non
     assert not any("shifted" in note for note in measured.notes)
 
 
-def _pairs(dataset: Dataset) -> pd.DataFrame:
+def _pairs(dataset: Pair) -> pd.DataFrame:
     """The points of both cameras side by side, with their numbers as recorded."""
     rows = dataset.correspondences
     pairs = pd.DataFrame(np.hstack([rows.primary, rows.secondary]), columns=list(PIXELS))
@@ -131,7 +131,7 @@ def test_points_in_step_but_for_their_noise_get_no_offset_of_their_own(late: Rig
 
 
 @cache
-def _bars(first: int, last: int, later: int = 0) -> Dataset:
+def _bars(first: int, last: int, later: int = 0) -> Pair:
     """Bars of the real recording; the second camera's frames are numbered `later` too high. Their
     baseline is free: the lengths of those in `_parameters` give it."""
     whole = read_recording("sample_data/rig").of_cameras(PAIR)

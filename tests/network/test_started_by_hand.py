@@ -118,9 +118,7 @@ def test_rates_a_thousandth_apart_are_named() -> None:
     rng = np.random.default_rng(7)
     bar = move_bar(field_rig(), rng, 5000, 0.9)
     data = record(bar, rng, 0.3, "long", TimeOffset(0.3, 60 / 59.94 - 1.0))
-    own = replace(
-        Recording.of_pair(data), frame=np.tile(data.correspondences.time_frame, len(CAMERAS))
-    )
+    own = replace(data.recording, frame=np.tile(data.correspondences.time_frame, len(CAMERAS)))
     with pytest.raises(StereocalError, match=r'"primary": 60, "secondary": 59\.94'):
         bring_into_step(own)
 
@@ -188,8 +186,6 @@ def test_short_arcs_at_the_ends_of_a_smooth_motion_do_not_hide_the_offset() -> N
     rng, start = np.random.default_rng(6), 200.4
     bar = move_bar(field_rig(), rng, 1200, 0.9, frames_between=60)
     data = record(replace(bar, frames=900), rng, 0.2, "smooth", TimeOffset(start))
-    own = replace(
-        Recording.of_pair(data), frame=np.tile(data.correspondences.time_frame, len(CAMERAS))
-    )
+    own = replace(data.recording, frame=np.tile(data.correspondences.time_frame, len(CAMERAS)))
     found = offset_of_pair(own, CAMERAS)
     assert abs(found.measured.frames - start) < 4 * found.measured.sigma < 0.1

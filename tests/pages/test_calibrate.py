@@ -3,7 +3,6 @@
 import json
 import re
 import threading
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +101,7 @@ def test_two_bars_give_files_without_forecast(app: AppTest, home: Path) -> None:
     dataset = read_dataset(FIELD)
     rows = dataset.correspondences
     single = rows.where((rows.target == 0) | (rows.frame < 3))
-    give_zip(app, pack_dataset(replace(dataset, correspondences=single)))
+    give_zip(app, pack_dataset(dataset.changed(correspondences=single)))
     project_of(app, home).keep_settings(FEW)
     app.switch_page("pages/calibrate.py").run()
     app.button(key="run").click().run()

@@ -7,7 +7,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.project import Project, packed_table
 from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.ui.forms import refine_settings
 from tests.pages.stored_projects import (
     FEW,
@@ -88,7 +88,7 @@ def test_what_is_stale_is_said_with_the_button_that_mends_it(pressed: AppTest, h
     assert states(app)["calibrate"] == "done"
 
 
-def read(project: Project) -> Dataset:
+def read(project: Project) -> Pair:
     dataset = project.dataset
     assert dataset is not None
     return dataset

@@ -64,7 +64,7 @@ def test_a_measured_length_that_the_fit_leaves_is_said() -> None:
     """A baseline 1.5 % too long with an assumed 1 %: too little to accuse it, not to say it."""
     data = rig.dataset(25, 0.05)
     assert moved_lengths(compare_inputs(refine(data)).inputs) == ""
-    long = replace(data, baseline_m=1.015 * data.baseline_m, target_distance_sigma_m=1e-5)
+    long = data.changed(baseline_m=1.015 * data.baseline_m, target_distance_sigma_m=1e-5)
     lenses = RefineSettings(primary=LensPrior(1e-4, 0.1), secondary=LensPrior(1e-4, 0.1))
     result = refine(long, lenses)
     told = moved_lengths(compare_inputs(result).inputs)
@@ -79,7 +79,7 @@ def test_what_nobody_stated_is_asked_for() -> None:
     asked = undetectable_errors(compare_inputs(refine(data)).inputs)
     for word in ("baseline", "distance", "focal length", "image centre", "mm", "px"):
         assert word in asked
-    stated_all = replace(data, baseline_sigma_m=0.002, target_distance_sigma_m=0.0005)
+    stated_all = data.changed(baseline_sigma_m=0.002, target_distance_sigma_m=0.0005)
     settings = RefineSettings(primary=LensPrior(0.003, 5.0), secondary=LensPrior(0.003, 5.0))
     items = compare_inputs(refine(stated_all, settings)).inputs
     assert undetectable_errors(items) == ""
@@ -98,7 +98,7 @@ def test_an_error_is_noticed_from_the_size_that_is_told(rigs: int) -> None:
         fit = refine(sound, KNOWN.settings())
         noticed = next(i for i in compare_inputs(fit).inputs if i.key == "baseline").detectable[0]
         for part in seen:
-            wrong_one = replace(sound, baseline_m=sound.baseline_m + part * noticed)
+            wrong_one = sound.changed(baseline_m=sound.baseline_m + part * noticed)
             items = compare_inputs(refine(wrong_one, KNOWN.settings())).inputs
             seen[part] += any(i.accused and "baseline" in (i.key, *i.rivals) for i in items)
     assert seen[0.5] <= rigs // 6
@@ -112,7 +112,7 @@ def test_a_wrong_distortion_is_named_and_estimated(camera: CameraName) -> None:
     own = getattr(data, camera)
     k1 = 0.25 * np.eye(own.distortion.size)[0]
     changed: dict[str, Any] = {camera: replace(own, distortion=own.distortion + k1)}
-    off = replace(data, **changed)
+    off = data.changed(**changed)
     found = compare_inputs(refine(off))
     assert f"{camera} distortion" in [item.key for item in found.inputs if item.accused]
     freed = getattr(found.model, camera).distortion
@@ -129,7 +129,7 @@ def test_a_distortion_that_stays_far_from_what_lenses_have_is_named_once() -> No
     own, rows = data.secondary, data.correspondences
     bent = replace(own, distortion=np.array([0.0, 0.0, 0.5, 0.5, 0.0]))
     points = bent.distort(own.undistort(rows.secondary))
-    off = replace(data, correspondences=replace(rows, secondary=points))
+    off = data.changed(correspondences=replace(rows, secondary=points))
     accused = [item.key for item in compare_inputs(refine(off)).inputs if item.accused]
     assert accused.count("secondary distortion") == 1
 
@@ -141,7 +141,7 @@ def test_a_stated_distortion_moves_within_its_standard_error() -> None:
     off = own.distortion + np.array([0.02, *np.zeros(own.distortion.size - 1)])
     sigma = np.array([0.02, 0.02, *np.zeros(own.distortion.size - 2)])
     known = LensUncertainty(1.0, 1.0, 1.0, 1.0, sigma)
-    result = refine(replace(data, primary=Camera(own.K, off, own.image_size, known)))
+    result = refine(data.changed(primary=Camera(own.K, off, own.image_size, known)))
     found = result.primary.distortion[0] - own.distortion[0]
     k1 = lens_places(0)[4]
     assert abs(found) < 4 * np.sqrt(result.covariance[k1, k1]) < 0.01

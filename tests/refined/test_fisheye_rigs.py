@@ -1,7 +1,5 @@
 """Rigs of fisheye lenses, calibrated to the end, against fits that know the true lenses."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -26,8 +24,8 @@ def test_as_good_as_with_the_true_lenses(field_of_view_deg: float) -> None:
         found = calibrate(dataset).refined
         assert found is not None
         true = scene.rig
-        exact = replace(dataset, primary=true.primary, secondary=true.secondary, baseline_m=1.0)
-        best = refine(replace(exact, target_distance_m=0.4), KNOWN, found.pose)
+        exact = dataset.changed(primary=true.primary, secondary=true.secondary, baseline_m=1.0)
+        best = refine(exact.changed(target_distance_m=0.4), KNOWN, found.pose)
         test, _ = recording(field_of_view_deg, 1000 + seed, 200, exact=True)
         rows = test.correspondences
         errors = [

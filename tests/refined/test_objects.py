@@ -1,7 +1,5 @@
 """The refined method and the screening on objects with more than two targets."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from stereocal.refined.parameter_file import of_file
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import RigidObject
 from tests import known_rig
 from tests.further import further
@@ -21,7 +19,7 @@ from tests.rigs.objects import BOARD, WAND, recorded
 EXACT_LENSES = RefineSettings(primary=LensPrior(0, 0), secondary=LensPrior(0, 0))
 
 
-def angles_off(data: Dataset) -> tuple[np.ndarray, np.ndarray]:
+def angles_off(data: Pair) -> tuple[np.ndarray, np.ndarray]:
     """Errors of the five angles, and their stated standard errors."""
     found = refine(data, EXACT_LENSES)
     off = np.array(found.pose.angles) - np.array(known_rig.ANGLES)
@@ -101,7 +99,7 @@ def test_a_target_that_is_not_where_it_was_said_is_named(target: int) -> None:
 
 def test_without_a_baseline_the_images_cannot_tell_which() -> None:
     data = recorded(WAND, 40, 0.05, stated=wrong(1, 0.008))
-    text = misplaced_target(refine(replace(data, baseline_sigma_m=np.inf), EXACT_LENSES))
+    text = misplaced_target(refine(data.changed(baseline_sigma_m=np.inf), EXACT_LENSES))
     assert "cannot tell" in text and "(A, M or B)" in text
 
 

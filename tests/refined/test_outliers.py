@@ -1,7 +1,5 @@
 """Frames that stand out."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -26,7 +24,7 @@ def make_calibration(noise_px: float, shift_px: float) -> Calibration:
     rows = exact.correspondences
     off = misplaced(exact, (rows.frame == MIXED_UP) & (rows.target == 1), [0.0, shift_px])
     shifted = off.correspondences.where((rows.frame > 1) | (rows.target == 0))
-    dataset = replace(exact, correspondences=shifted)
+    dataset = exact.changed(correspondences=shifted)
     return calibrate(dataset, CalibrationSettings(calibration_frames=20), trace=True)
 
 

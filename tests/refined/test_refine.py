@@ -46,7 +46,7 @@ def test_lenses_off_are_found_again_without_noise() -> None:
     primary = lens_off_by(true.primary, 0.003, (5.0, -4.0))
     secondary = lens_off_by(true.secondary, -0.003, (-3.0, 5.0))
     exact = observe(scene, np.random.default_rng(1), 0.0, "rig")
-    found = refine(replace(exact, primary=primary, secondary=secondary))
+    found = refine(exact.changed(primary=primary, secondary=secondary))
     # Measured: 0.003 px and 7e-7 rad: the priors pull a little.
     np.testing.assert_allclose(found.primary.K, true.primary.K, atol=0.05)
     np.testing.assert_allclose(found.secondary.K, true.secondary.K, atol=0.05)
@@ -102,21 +102,21 @@ def test_bars_in_a_small_part_of_the_images_are_not_fitted_with_depths_reversed(
         lens_off_by(own, 0.0, (rng.normal(0, 8), rng.normal(0, 8)))
         for own in (exact.primary, exact.secondary)
     ]
-    found = refine(replace(exact, primary=off[0], secondary=off[1]))
+    found = refine(exact.changed(primary=off[0], secondary=off[1]))
     assert found.pose.T @ pose.T > 0.98 * 2.4**2  # measured: 0.997
 
 
 def test_single_targets_and_no_bar_at_all() -> None:
     data = rig.dataset(40, 0.2)
     rows = data.correspondences
-    mixed = replace(data, correspondences=rows.where((rows.target == 0) | (rows.frame % 2 == 0)))
+    mixed = data.changed(correspondences=rows.where((rows.target == 0) | (rows.frame % 2 == 0)))
     found = refine(mixed)
     assert found.degrees_of_freedom.tolist() == [1, 3] * 20
     assert np.isnan(found.points_m[0, 1]).all()
     assert turned(found.pose, rig.RIG) < 5 * np.sqrt(
         np.diag(found.covariance)[pose_places(1)][:3].sum()
     )
-    alone = refine(replace(data, correspondences=rows.where(rows.target == 0)))
+    alone = refine(data.changed(correspondences=rows.where(rows.target == 0)))
     assert "object" not in alone.unknowns.names
     # Without a bar the baseline is what was typed.
     assert alone.pose.baseline == pytest.approx(rig.BASELINE_M, rel=1e-3)
@@ -156,7 +156,7 @@ def test_what_it_refuses() -> None:
         refine(data, unknown)
     rows = data.correspondences
     mixed = np.random.default_rng(0).permutation(len(rows))
-    nonsense = replace(data, correspondences=replace(rows, secondary=rows.secondary[mixed]))
+    nonsense = data.changed(correspondences=replace(rows, secondary=rows.secondary[mixed]))
     with pytest.raises(StereocalError, match="no pose of the cameras that fits"):
         refine(nonsense)
 
@@ -164,7 +164,7 @@ def test_what_it_refuses() -> None:
 def test_a_fit_that_leaves_its_lengths_is_refused() -> None:
     """A baseline of 50 m in place of 5: the fit would find 33 m and a bar three times as long."""
     data = read_dataset(SAMPLES / "recording")
-    wrong = replace(data, baseline_m=10 * data.baseline_m)
+    wrong = data.changed(baseline_m=10 * data.baseline_m)
     with pytest.raises(StereocalError, match="check both lengths and their uncertainties"):
         refine(wrong, RefineSettings(baseline_sigma_m=1.0, distance_sigma_m=0.1))
 

@@ -14,7 +14,7 @@ from stereocal.network.likely_cause import explain_failure
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import lens_off_by, observe, place_bars
 from stereocal.verdict.in_words import left_out_line, why_not_trusted
 from tests import known_rig as rig
@@ -27,7 +27,7 @@ BAD = (3, 17)
 
 
 @pytest.fixture(scope="module")
-def exchanged() -> Dataset:
+def exchanged() -> Pair:
     """25 frames; A and B are exchanged in the secondary image of two of them."""
     return rig.dataset(25, noise_px=0.2).with_targets_exchanged(BAD)
 
@@ -39,7 +39,7 @@ def test_sound_frames_stay() -> None:
     assert found.share == 0.0
 
 
-def test_exchanged_targets_are_named_as_that(exchanged: Dataset) -> None:
+def test_exchanged_targets_are_named_as_that(exchanged: Pair) -> None:
     found = screen(exchanged)
     assert found.left_out == BAD
     assert found.exchanged == BAD
@@ -78,13 +78,13 @@ def test_a_wrong_input_is_not_taken_for_bad_frames() -> None:
     """It is shared by all frames, and the priors are wide. Measured: none left out."""
     sound = rig.dataset(25, noise_px=0.2)
     for wrong in (
-        replace(sound, baseline_m=1.05 * sound.baseline_m),
-        replace(sound, primary=lens_off_by(sound.primary, 0.05, (0.0, 0.0))),
+        sound.changed(baseline_m=1.05 * sound.baseline_m),
+        sound.changed(primary=lens_off_by(sound.primary, 0.05, (0.0, 0.0))),
     ):
         assert screen(wrong).left_out == ()
 
 
-def test_one_bad_frame_hardly_moves_the_sets(exchanged: Dataset) -> None:
+def test_one_bad_frame_hardly_moves_the_sets(exchanged: Pair) -> None:
     """Within 0.6 degrees of the sets of all 25 frames, unspoiled: measured 0.07 and 0.37."""
     sound = calibrate(rig.dataset(25, noise_px=0.2))
     found = calibrate(exchanged)
@@ -96,7 +96,7 @@ def test_one_bad_frame_hardly_moves_the_sets(exchanged: Dataset) -> None:
         calibrate(exchanged, CalibrationSettings(all_frames=True))
 
 
-def copied(dataset: Dataset, frames: int, times: int) -> Dataset:
+def copied(dataset: Pair, frames: int, times: int) -> Pair:
     """The first frames of a data set, and copies of them under other numbers."""
     rows = dataset.correspondences.of_frames(dataset.correspondences.frames[:frames])
     again: dict[str, Any] = {
@@ -104,7 +104,7 @@ def copied(dataset: Dataset, frames: int, times: int) -> Dataset:
     }
     for name in ("frame", "time_frame"):
         again[name] += np.repeat(100 * np.arange(times), len(rows))
-    return replace(dataset, correspondences=Correspondences(**again))
+    return dataset.changed(correspondences=Correspondences(**again))
 
 
 def test_copies_are_named_and_add_nothing() -> None:
@@ -123,7 +123,7 @@ def test_copies_are_named_and_add_nothing() -> None:
     assert 101 in kept.frames and 102 not in kept.frames
 
 
-def test_a_frame_can_be_put_back(exchanged: Dataset) -> None:
+def test_a_frame_can_be_put_back(exchanged: Pair) -> None:
     data = misplaced(exchanged, 8, [0.0, 4.0])
     assert calibrate(data).screening.left_out == (3, 5, 17)
     found = calibrate(data, CalibrationSettings(frames_put_back=(5,)))
@@ -148,7 +148,7 @@ def test_frames_that_lie_together_accuse_the_lens(number: int) -> None:
     data = observe(many, rng, 0.2, "rig")
     if number == 0:  # photographed one by one: no time offset is searched for, the soak does
         rows = data.correspondences
-        data = replace(data, correspondences=replace(rows, time_frame=10 * rows.time_frame))
+        data = data.changed(correspondences=replace(rows, time_frame=10 * rows.time_frame))
     if number < 2:
-        assert "distortion" in screen(replace(data, primary=flipped(data.primary))).together
+        assert "distortion" in screen(data.changed(primary=flipped(data.primary))).together
     assert screen(data).together == ""

@@ -12,7 +12,7 @@ from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.workflow import Run
@@ -25,7 +25,7 @@ TIMED = CalibrationSettings(time_offset=True)
 TIMED_REFINED = RefineSettings(time_offset=True)
 
 
-def moving(late: float, drift: float = 0.0, between: int = 30) -> Dataset:
+def moving(late: float, drift: float = 0.0, between: int = 30) -> Pair:
     """A recording of the tests' rig."""
     rng = np.random.default_rng(1)
     bar = move_bar(
@@ -87,7 +87,7 @@ def test_where_all_frames_are_trusted_an_offset_is_only_offered() -> None:
 def test_without_moving_neighbours_it_stays_out() -> None:
     data = rig.dataset(25)
     alone = replace(data.correspondences, time_frame=3 * data.correspondences.frame)
-    found = screen(replace(data, correspondences=alone), time_offset=True)
+    found = screen(data.changed(correspondences=alone), time_offset=True)
     assert "neighbours" in found.time_note
     assert found.measured_offset is None
     assert found.full_dataset.time_offset is None

@@ -18,7 +18,7 @@ from stereocal.refined.screening import screened
 from stereocal.refined.stated_inputs import far_off
 from stereocal.refined.stretched_board import stretched_board
 from stereocal.refined.two_recordings import other_size
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import BoardPattern
 from tests import known_rig as rig
 from tests.further import further
@@ -38,7 +38,7 @@ from tests.rigs.refined_rigs import (
 PAIR = sound(0, frames=16, baseline=True)
 
 
-def said_of(data: Dataset) -> str:
+def said_of(data: Pair) -> str:
     try:
         screened(data, CalibrationSettings())
     except StereocalError as error:
@@ -107,7 +107,7 @@ def test_bars_that_are_longer_and_shorter_are_no_other_bar() -> None:
     lengths = fit.dataset.bar_distances_m * np.exp(logs)
     rows = fit.dataset.correspondences
     stated = replace(rows, distance_m=np.repeat(lengths, 2))
-    assert not other_size(replace(fit, dataset=replace(fit.dataset, correspondences=stated)))
+    assert not other_size(replace(fit, dataset=fit.dataset.changed(correspondences=stated)))
 
 
 def test_camera_that_sees_all_corners_at_one_place_ends_in_no_traceback() -> None:

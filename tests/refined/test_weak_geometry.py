@@ -21,8 +21,8 @@ from stereocal.refined.small_steps import (
     step_between,
 )
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Scene, observe, place_bars
 from stereocal.system.array_types import FloatArray
@@ -36,7 +36,7 @@ CASES = Path(__file__).parents[1] / "cases"
 PLAIN = Camera(rig.PRIMARY.K, np.zeros(4), rig.PRIMARY.image_size)
 
 
-def seen(depths_m: tuple[float, float], direction: FloatArray | None, number: int) -> Dataset:
+def seen(depths_m: tuple[float, float], direction: FloatArray | None, number: int) -> Pair:
     """25 bars in so many depths; in one plane across the view, or along one direction."""
     rng = np.random.default_rng([number, 9])
     cameras = Rig(rig.PRIMARY, rig.SECONDARY, rig.RIG)
@@ -52,7 +52,7 @@ def seen(depths_m: tuple[float, float], direction: FloatArray | None, number: in
     return observe(Scene(cameras, ends[:25]), rng, 0.2, "bars")
 
 
-def said_of(data: Dataset) -> str:
+def said_of(data: Pair) -> str:
     fit = screen(data).fit
     assert fit is not None
     return geometry_warning(fit)

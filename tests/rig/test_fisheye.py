@@ -136,10 +136,10 @@ def test_a_point_beyond_75_degrees_is_named() -> None:
         model="fisheye",
     )
     with pytest.raises(StereocalError, match="more than 75 degrees from its axis"):
-        type(dataset)("x", half, half, rows, 1.0, 0.4)
-    empty = type(dataset)("x", half, half, rows.of_frames([]), 1.0, 0.4)
+        Recording.of_two("x", half, half, rows, 1.0, 0.4).pair(*CAMERAS)
+    empty = Recording.of_two("x", half, half, rows.of_frames([]), 1.0, 0.4)
     with pytest.raises(StereocalError, match="check its camera file"):
-        empty.with_points(rows)
+        empty.with_pairs(rows)
 
 
 def test_few_points_beyond_75_degrees_are_left_out_and_counted() -> None:
@@ -150,22 +150,22 @@ def test_few_points_beyond_75_degrees_are_left_out_and_counted() -> None:
     moved[[4, 9]] = camera.distort(np.tan(np.radians(77.0)) * directions)
     rows = replace(rows, secondary=moved)
     assert not camera.outside(moved)
-    found = dataset.with_points(rows)
+    found = dataset.recording.with_pairs(rows).pair(*CAMERAS)
     assert len(found.correspondences) == len(rows) - 2
-    assert found.beyond_view == {"primary": 0, "secondary": 2}
+    assert found.recording.beyond_view == {"primary": 0, "secondary": 2}
     assert "2 points of the camera secondary" in warnings_about(found)[0]
     pair = RigParameters(dataset.primary, camera, scene.rig.pose, "refined", 0.0, {}, {})
     new = images_of_matches(rows.frame, rows.primary, rows.secondary, pair, "new")
     assert len(new.dataset.correspondences) == len(rows) - 2
     assert "2 points of the camera secondary" in new.notes[0]
     assert images_of_bars(found, pair).notes == new.notes
-    ends = found.correspondences.where(found.correspondences.target == 0)
-    assert images_of_bars(replace(found, correspondences=ends), pair).notes == new.notes
-    again = Recording.of_pair(dataset)
+    ends = found.where(found.correspondences.target == 0)
+    assert images_of_bars(ends, pair).notes == new.notes
+    again = dataset.recording
     points = again.points.copy()
     points[[len(rows) + 4, len(rows) + 9]] = moved[[4, 9]]
     again = replace(again, points=points).within_view()
-    assert again.beyond_view == found.beyond_view
+    assert again.beyond_view == found.recording.beyond_view
     np.testing.assert_array_equal(
         again.pair(*CAMERAS).correspondences.primary, found.correspondences.primary
     )

@@ -1,13 +1,11 @@
 """The rig in words, and the question whether its lengths are in metres."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
 from stereocal.rig.lengths_in_words import METRES_PER, as_held, question_about_units, rig_in_words
+from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from tests.known_rig import BAR_M, BASELINE_M, RIG, dataset
 from tests.rigs.objects import BOARD, recorded
@@ -17,10 +15,10 @@ _FLIP = np.diag([-1.0, 1.0, 1.0])
 MIRRORED = Pose(_FLIP @ RIG.R @ _FLIP, _FLIP @ RIG.T)
 
 
-def in_unit(unit: str) -> tuple[Dataset, Pose]:
+def in_unit(unit: str) -> tuple[Pair, Pose]:
     """The lengths and the pose of who types numbers of another unit as metres."""
     per = METRES_PER[unit]
-    wrong = replace(DATA, baseline_m=BASELINE_M / per, target_distance_m=BAR_M / per)
+    wrong = DATA.changed(baseline_m=BASELINE_M / per, target_distance_m=BAR_M / per)
     return wrong, Pose(RIG.R, RIG.T / per)
 
 
@@ -60,9 +58,9 @@ def test_another_unit_is_asked_about_with_what_the_lengths_would_be(unit: str) -
 
 def test_each_length_and_the_depth_is_enough() -> None:
     far = Pose(RIG.R, 8 * RIG.T)
-    assert question_about_units(replace(DATA, baseline_m=49.0), None) == ""
-    assert question_about_units(replace(DATA, baseline_m=51.0), None)
-    assert question_about_units(replace(DATA, target_distance_m=21.0), None)
+    assert question_about_units(DATA.changed(baseline_m=49.0), None) == ""
+    assert question_about_units(DATA.changed(baseline_m=51.0), None)
+    assert question_about_units(DATA.changed(target_distance_m=21.0), None)
     assert question_about_units(DATA, far)  # up to 80 m away
 
 

@@ -84,7 +84,7 @@ def test_a_data_set_of_an_object_is_written_and_read() -> None:
     assert back.target_distance_sigma_m == data.target_distance_sigma_m
     assert back.correspondences.rigid_object is not None
     assert back.correspondences.rigid_object.board == BOARD.board
-    free = replace(recorded(WAND, 8), baseline_sigma_m=np.inf)
+    free = recorded(WAND, 8).changed(baseline_sigma_m=np.inf)
     assert parse_recording(pack_dataset(free), "x").pair(*CAMERAS).baseline_is_free
 
 

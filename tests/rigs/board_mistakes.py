@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from stereocal.calibration.corrections import scaled
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray, IntArray
 from tests.rigs.board_pairs import BoardPair, seen_at
 from tests.rigs.mistakes import flipped, from_below, from_the_right
@@ -34,7 +34,7 @@ Spoil = Callable[[BoardPair, np.random.Generator], BoardPair]
 class BoardMistake:
     """What was done to a sound pair, and words that name it, in lower case."""
 
-    data: Callable[[BoardPair, np.random.Generator], Dataset]
+    data: Callable[[BoardPair, np.random.Generator], Pair]
     words: tuple[str, ...]
     needs_truth: bool = False
 
@@ -94,7 +94,7 @@ def square_off(pair: BoardPair, _: np.random.Generator) -> BoardPair:
     return replace(pair, board=replace(pair.board, square_m=1.1 * pair.board.square_m))
 
 
-def _of_board(spoil: Spoil) -> Callable[[BoardPair, np.random.Generator], Dataset]:
+def _of_board(spoil: Spoil) -> Callable[[BoardPair, np.random.Generator], Pair]:
     return lambda pair, rng: spoil(pair, rng).dataset
 
 
@@ -103,7 +103,7 @@ def _of_pair(change: Change, *words: str) -> BoardMistake:
     return BoardMistake(lambda pair, rng: change(pair.dataset, rng), words)
 
 
-def _stated(columns: int, rows: int) -> Callable[[BoardPair, np.random.Generator], Dataset]:
+def _stated(columns: int, rows: int) -> Callable[[BoardPair, np.random.Generator], Pair]:
     return _of_board(lambda p, _: stated_as(p, p.board.columns + columns, p.board.rows + rows))
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
@@ -53,7 +53,7 @@ class BoardPair:
         return replace(found, baselines_m={CAMERAS: self.baseline_m}, baseline_sigma_m=0.002)
 
     @property
-    def dataset(self) -> Dataset:
+    def dataset(self) -> Pair:
         """The recording as of two cameras."""
         return self.recording.pair(*CAMERAS)
 

@@ -14,8 +14,8 @@ from stereocal.refined.refine import refine
 from stereocal.refined.small_steps import rig_at, step_between
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, Scene, observe, place_bars
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, FRAMES, Misjudged, random_scene, stated
@@ -29,7 +29,7 @@ class Case:
     """A calibrated rig."""
 
     truth: Rig
-    dataset: Dataset
+    dataset: Pair
     prior: Prior
     rng: np.random.Generator
 
@@ -50,7 +50,7 @@ def new_bars(case: Case, rig: Rig) -> NewImages:
     return images_of_bars(seen_by(case, scene), case.prior.rig)
 
 
-def seen_by(case: Case, scene: Scene) -> Dataset:
+def seen_by(case: Case, scene: Scene) -> Pair:
     """A scene as data set with the stated lenses and lengths."""
     data = case.dataset
     nominal = Nominal(data.primary, data.secondary, data.baseline_m, data.target_distance_m)
@@ -91,11 +91,11 @@ def matched(case: Case, rig: Rig, pairs: int) -> NewImages:
     return images_of_matches(rows.frame, rows.primary, rows.secondary, case.prior.rig, "points")
 
 
-def joined(case: Case, *scenes: Scene) -> Dataset:
+def joined(case: Case, *scenes: Scene) -> Pair:
     """The bars of several rigs, one after the other."""
     seen = [seen_by(case, scene) for scene in scenes]
     rows = [part.correspondences for part in seen]
     first, second = (np.concatenate([getattr(own, which) for own in rows]) for which in CAMERAS)
     frames = np.repeat(np.arange(1, len(first) // 2 + 1), 2)
     whole = Correspondences.from_arrays(frames, "AB" * (len(first) // 2), first, second)
-    return replace(seen[0], correspondences=whole)
+    return seen[0].changed(correspondences=whole)

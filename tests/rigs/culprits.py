@@ -10,8 +10,8 @@ from stereocal.errors import StereocalError
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.disagreement import compare_inputs
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import Scene, observe, place_bars
@@ -100,7 +100,7 @@ KINDS: Mapping[str, Kind] = {
 
 def sound(
     kind: str, number: int, frames: int | None = None, noise_px: float | None = None
-) -> tuple[Scene, Dataset, np.random.Generator]:
+) -> tuple[Scene, Pair, np.random.Generator]:
     """The truth of a rig, what is given of it, and more randomness."""
     it, rng = KINDS[kind], np.random.default_rng([number, SEED, [*KINDS].index(kind)])
     scene = bars_of(it, it.cameras(rng), rng, frames or it.frames)
@@ -118,7 +118,7 @@ def bars_of(it: Kind, rig: Rig, rng: np.random.Generator, frames: int) -> Scene:
     return within_74_degrees(scene, frames)
 
 
-def lit(data: Dataset, light_px: float, rng: np.random.Generator) -> Dataset:
+def lit(data: Pair, light_px: float, rng: np.random.Generator) -> Pair:
     """The centres of balls moved towards the light, which is that of all recordings of this name,
     alike in all photographs but for a half."""
     if not light_px:
@@ -128,7 +128,7 @@ def lit(data: Dataset, light_px: float, rng: np.random.Generator) -> Dataset:
     sizes = light_px * (0.7 * size + 0.7 * rng.standard_normal((2, len(rows), 1)))
     moves = sizes * np.array([np.cos(turn), np.sin(turn)])
     moved = replace(rows, primary=rows.primary + moves[0], secondary=rows.secondary + moves[1])
-    return replace(data, correspondences=moved)
+    return data.changed(correspondences=moved)
 
 
 def waved(
@@ -138,7 +138,7 @@ def waved(
     kind: str | None = None,
     frames: int = 80,
     noise_px: float | None = None,
-) -> Dataset:
+) -> Pair:
     """A waved bar, seen by a secondary camera that is late by a part of a frame.
 
     Args:
@@ -156,10 +156,10 @@ def waved(
     rows = data.correspondences
     kept = rows.where(rows.time_frame % every == 0)
     frame = np.searchsorted(kept.frames, kept.frame) + 1
-    return replace(data, correspondences=replace(kept, frame=frame, time_frame=frame))
+    return data.changed(correspondences=replace(kept, frame=frame, time_frame=frame))
 
 
-def accusations_of(data: Dataset) -> tuple[str, ...]:
+def accusations_of(data: Pair) -> tuple[str, ...]:
     """What `calibrate` says, an error or warnings, and the inputs that *What disagrees* accuses."""
     try:
         found = calibrate(data)

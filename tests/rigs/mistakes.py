@@ -8,7 +8,7 @@ import numpy as np
 
 from stereocal.calibration.corrections import with_changed, with_files
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.simulation.simulate import Scene, lens_off_by
 from stereocal.system.array_types import FloatArray
@@ -20,18 +20,19 @@ SLIPS_PX = (20.0, 100.0)
 BAD_POINTS = 0.3
 
 
-def rig(number: int) -> tuple[Scene, Dataset, np.random.Generator]:
+def rig(number: int) -> tuple[Scene, Pair, np.random.Generator]:
     """Rig number so and so: its truth, its data set with stated uncertainties, more randomness."""
     rng = np.random.default_rng([number, SEED])
     scene = random_scene(rng)
     data = stated(scene, rng, KNOWN)
-    sigmas = {"baseline_sigma_m": KNOWN.baseline_m, "target_distance_sigma_m": KNOWN.bar_m}
-    return scene, replace(data, **sigmas), rng  # type: ignore[arg-type]
+    sigma_m, bar_sigma_m = KNOWN.baseline_m, KNOWN.bar_m
+    data = data.changed(baseline_sigma_m=sigma_m, target_distance_sigma_m=bar_sigma_m)
+    return scene, data, rng
 
 
 def with_frames_exchanged(
-    data: Dataset, rng: np.random.Generator, count: int
-) -> tuple[Dataset, tuple[int, ...]]:
+    data: Pair, rng: np.random.Generator, count: int
+) -> tuple[Pair, tuple[int, ...]]:
     """A and B exchanged in one camera, drawn by chance, in so many frames; and these frames."""
     rows = data.correspondences
     images = rows.primary.copy(), rows.secondary.copy()
@@ -42,10 +43,10 @@ def with_frames_exchanged(
         image[[a, b]] = image[[b, a]]
     changed = replace(rows, primary=images[0], secondary=images[1])
     frames = sorted(int(frame) for frame in rows.frame[rows.bars[bad, 0]])
-    return replace(data, correspondences=changed), tuple(frames)
+    return data.changed(correspondences=changed), tuple(frames)
 
 
-def with_points_off(data: Dataset, rng: np.random.Generator) -> tuple[Dataset, tuple[int, ...]]:
+def with_points_off(data: Pair, rng: np.random.Generator) -> tuple[Pair, tuple[int, ...]]:
     """`BAD_POINTS` of the points off by 20 to 100 px in one image; and the frames that have one."""
     rows = data.correspondences
     images = rows.primary.copy(), rows.secondary.copy()
@@ -62,14 +63,14 @@ def with_points_off(data: Dataset, rng: np.random.Generator) -> tuple[Dataset, t
                 images[which][row] = moved
                 break
     changed = replace(rows, primary=images[0], secondary=images[1])
-    return replace(data, correspondences=changed), tuple(sorted({int(f) for f in rows.frame[bad]}))
+    return data.changed(correspondences=changed), tuple(sorted({int(f) for f in rows.frame[bad]}))
 
 
-def misplaced(data: Dataset, rows: Any, by: Any) -> Dataset:
+def misplaced(data: Pair, rows: Any, by: Any) -> Pair:
     """Points of the secondary camera, in some rows, off by so many pixels."""
     secondary = data.correspondences.secondary.copy()
     secondary[rows] += by
-    return replace(data, correspondences=replace(data.correspondences, secondary=secondary))
+    return data.changed(correspondences=replace(data.correspondences, secondary=secondary))
 
 
 def flipped(camera: Camera) -> Camera:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import (
@@ -77,7 +77,7 @@ def record(
     name: str,
     offset: TimeOffset | None = None,
     nominal: Nominal | None = None,
-) -> Dataset:
+) -> Pair:
     """Simulate the recording; frames in which an end is out of view are missing.
 
     Args:
@@ -89,4 +89,4 @@ def record(
     seen = Scene(bar.rig, ends, late).in_view(bar.depths_m, MARGIN_PX)
     data = observe(Scene(bar.rig, ends[seen], late[seen]), rng, noise_px, name, nominal)
     times = np.repeat(recorded[seen], 2)
-    return replace(data, correspondences=replace(data.correspondences, time_frame=times))
+    return data.changed(correspondences=replace(data.correspondences, time_frame=times))

@@ -3,8 +3,10 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
+from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.array_types import BoolArray
 from tests import known_rig
@@ -21,7 +23,7 @@ def recorded(
     stated: RigidObject | None = None,
     seen: BoolArray | None = None,
     bend_px: float = 0.0,
-) -> Dataset:
+) -> Pair:
     """The object at random places of the rig's volume.
 
     Args:
@@ -43,5 +45,8 @@ def recorded(
     frame, target = np.repeat(np.arange(1, frames + 1), k), list(true.names) * frames
     rows = Correspondences.from_arrays(frame, target, primary, secondary, rigid_object=stated)
     rows = rows if seen is None else rows.where(np.asarray(seen).ravel())
-    lengths = known_rig.BASELINE_M, stated.longest_m, 0.003, stated.sigma_m
-    return Dataset("object", known_rig.PRIMARY, known_rig.SECONDARY, rows, *lengths)
+    lengths = known_rig.BASELINE_M, stated.longest_m
+    cameras = known_rig.PRIMARY, known_rig.SECONDARY
+    return Recording.of_two("object", *cameras, rows, *lengths, 0.003, stated.sigma_m).pair(
+        *CAMERAS
+    )

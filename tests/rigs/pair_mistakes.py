@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from stereocal.calibration.corrections import scaled
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
-from stereocal.rig.dataset import Dataset
-from stereocal.rig.recording import Recording
+from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
 from tests.rigs.culprits import OFF, accusations_of, sound, waved
 from tests.rigs.mistakes import Change as OfRecording
@@ -29,12 +28,12 @@ from tests.rigs.mistakes import (
 )
 from tests.rigs.spoiled_rigs import ends_exchanged, points_twice
 
-Change = Callable[[Dataset, np.random.Generator], Dataset]
+Change = Callable[[Pair, np.random.Generator], Pair]
 
 
 def in_pair(change: OfRecording) -> Change:
     """A mistake of any recording."""
-    return lambda data, rng: change(Recording.of_pair(data), rng).pair(*CAMERAS)
+    return lambda data, rng: change(data.recording, rng).pair(*CAMERAS)
 
 
 def of_files(change: Callable[[Camera], Camera], every: bool = False) -> Change:
@@ -45,12 +44,12 @@ def of_files(change: Callable[[Camera], Camera], every: bool = False) -> Change:
 EXCHANGED, ONE_FILE, ANOTHER_ZOOM = map(in_pair, (files_exchanged, one_file_for_all, zoomed(0.5)))
 
 
-def _points(data: Dataset, **changed: FloatArray) -> Dataset:
+def _points(data: Pair, **changed: FloatArray) -> Pair:
     points: dict[str, Any] = {**changed}
-    return data.with_points(replace(data.correspondences, **points))
+    return data.recording.with_pairs(replace(data.correspondences, **points)).pair(*CAMERAS)
 
 
-def cropped(data: Dataset, rng: np.random.Generator) -> Dataset:
+def cropped(data: Pair, rng: np.random.Generator) -> Pair:
     """The outer columns of one camera cut off, an eighth on each side, of which its file tells
     nothing: only bars that are left."""
     which = one_of(CAMERAS, rng)
@@ -62,7 +61,7 @@ def cropped(data: Dataset, rng: np.random.Generator) -> Dataset:
     return _points(data, **{which: np.maximum(points, -0.5)}).of_frames(frames[kept])
 
 
-def camera_by_camera(data: Dataset, _: np.random.Generator) -> Dataset:
+def camera_by_camera(data: Pair, _: np.random.Generator) -> Pair:
     """The columns of a wand table, A and B of each camera, read as both cameras of A and of B."""
     rows = data.correspondences
     a, b = rows.bars.T
@@ -74,7 +73,7 @@ def camera_by_camera(data: Dataset, _: np.random.Generator) -> Dataset:
 def reordered(order: Callable[[int], list[int]]) -> Change:
     """The frames of one camera in another order, given by their places."""
 
-    def change(data: Dataset, rng: np.random.Generator) -> Dataset:
+    def change(data: Pair, rng: np.random.Generator) -> Pair:
         rows, which = data.correspondences, one_of(CAMERAS, rng)
         places = np.array(order(len(rows.frames)))
         points = getattr(rows, which).reshape(len(places), -1, 2)
@@ -94,7 +93,7 @@ def slipped(count: int) -> list[int]:
     return [place + 1 for place in range(count)]
 
 
-def copied(data: Dataset, rng: np.random.Generator, share: float = 0.2) -> Dataset:
+def copied(data: Pair, rng: np.random.Generator, share: float = 0.2) -> Pair:
     """A share of the frames of one camera are others of its frames, saved once more."""
     which, rows = one_of(CAMERAS, rng), data.correspondences
     points = getattr(rows, which).reshape(len(rows.frames), -1, 2).copy()
@@ -104,7 +103,7 @@ def copied(data: Dataset, rng: np.random.Generator, share: float = 0.2) -> Datas
     return _points(data, **{which: points.reshape(-1, 2)})
 
 
-def unrelated(data: Dataset, rng: np.random.Generator) -> Dataset:
+def unrelated(data: Pair, rng: np.random.Generator) -> Pair:
     """The frames of one camera in no order: nothing given otherwise would fit."""
     return reordered(lambda count: rng.permutation(count).tolist())(data, rng)
 
@@ -112,7 +111,7 @@ def unrelated(data: Dataset, rng: np.random.Generator) -> Dataset:
 def of_points(change: Callable[[FloatArray, Camera], FloatArray], both: bool = False) -> Change:
     """The points of one camera, or of both, changed; frames that leave the image are lost."""
 
-    def changed(data: Dataset, rng: np.random.Generator) -> Dataset:
+    def changed(data: Pair, rng: np.random.Generator) -> Pair:
         rows, points = data.correspondences, dict[str, FloatArray]()
         lost = np.zeros(len(rows), dtype=bool)
         for which in CAMERAS if both else [one_of(CAMERAS, rng)]:
@@ -128,12 +127,12 @@ def of_points(change: Callable[[FloatArray, Camera], FloatArray], both: bool = F
 
 def lengths(baseline: float = 1.0, bar: float = 1.0) -> Change:
     """Lengths stated so many times too large."""
-    return lambda data, _: replace(
-        data, baseline_m=baseline * data.baseline_m, target_distance_m=bar * data.target_distance_m
+    return lambda data, _: data.changed(
+        baseline_m=baseline * data.baseline_m, target_distance_m=bar * data.target_distance_m
     )
 
 
-def _known(data: Dataset) -> Dataset:
+def _known(data: Pair) -> Pair:
     """The data set with the uncertainties of its lenses."""
     lenses: dict[str, Any] = {}
     for which in CAMERAS:
@@ -141,27 +140,27 @@ def _known(data: Dataset) -> Dataset:
         focal, k = OFF.focal * camera.K[0, 0], np.zeros(len(camera.distortion))
         sigma = LensUncertainty(focal, focal, OFF.centre_px, OFF.centre_px, k)
         lenses[which] = replace(camera, uncertainty=sigma)
-    return replace(data, **lenses)
+    return data.changed(**lenses)
 
 
 def sure(change: Change) -> Change:
     """What is stated with its uncertainties, of which the change takes no account."""
 
-    def changed(data: Dataset, rng: np.random.Generator) -> Dataset:
+    def changed(data: Pair, rng: np.random.Generator) -> Pair:
         sigmas: dict[str, Any] = {"baseline_sigma_m": 1e-3, "target_distance_sigma_m": OFF.bar_m}
         return replace(change(_known(data), rng), **sigmas)
 
     return changed
 
 
-def moved(data: Dataset, rng: np.random.Generator, degrees: float = 2.0) -> Dataset:
+def moved(data: Pair, rng: np.random.Generator, degrees: float = 2.0) -> Pair:
     """One camera turned from the middle on."""
     which, axis = one_of(CAMERAS, rng), rng.standard_normal(3)
     turn = np.radians(degrees) * axis / np.linalg.norm(axis)
     return turned_after(data, which, turn, float(np.median(data.correspondences.frames)))
 
 
-def turned_after(data: Dataset, which: str, turn: FloatArray, frame: float) -> Dataset:
+def turned_after(data: Pair, which: str, turn: FloatArray, frame: float) -> Pair:
     """One camera turned about its centre after a frame."""
 
     def turned(points: FloatArray, camera: Camera) -> FloatArray:
@@ -173,12 +172,12 @@ def turned_after(data: Dataset, which: str, turn: FloatArray, frame: float) -> D
     return only(data, np.random.default_rng(0 if which == "primary" else 3))
 
 
-def another_bar(data: Dataset, _: np.random.Generator) -> Dataset:
+def another_bar(data: Pair, _: np.random.Generator) -> Pair:
     """In the second half the stated length is that of another bar, 1.2 times as long."""
     rows = data.correspondences
     later = rows.frame > np.median(rows.frames)
     lengths_m = data.target_distance_m * np.where(later, 1.2, 1.0)
-    return replace(data, correspondences=replace(rows, distance_m=lengths_m))
+    return data.changed(correspondences=replace(rows, distance_m=lengths_m))
 
 
 @dataclass(frozen=True)
@@ -194,7 +193,7 @@ class Mistake:
     harmless: bool = False
     """Whether lengths stay right, measured in images that are spoiled in the same way."""
 
-    def data(self, number: int, kind: str | None = None) -> Dataset:
+    def data(self, number: int, kind: str | None = None) -> Pair:
         """A recording with the mistake.
 
         Raises:
@@ -216,7 +215,7 @@ class Mistake:
             data = self.data(number, kind)
             rows = data.correspondences
             late = replace(rows, time_frame=10 * rows.time_frame) if apart else rows
-            return accusations_of(replace(data, correspondences=late))
+            return accusations_of(data.changed(correspondences=late))
         except StereocalError as error:
             return (str(error),)
 

@@ -12,7 +12,7 @@ from stereocal.evaluation.summary import merge_bins, overlap
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.small_steps import rig_at
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.array_types import FloatArray
@@ -77,9 +77,9 @@ def population(
     return found
 
 
-def figures_on(data: Dataset, rig: Rig) -> dict[str, float]:
+def figures_on(data: Pair, rig: Rig) -> dict[str, float]:
     """Of one file on a data set."""
-    seen = replace(data, primary=rig.primary, secondary=rig.secondary)
+    seen = data.changed(primary=rig.primary, secondary=rig.secondary)
     run = count_set(seen, rig.pose)
     errors = np.abs(run.lengths[0] - 1.0)
     fcp = overlap(merge_bins(run.counts[0, 1].astype(np.int64), MERGE))

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, Scene, lens_off_by, observe, place_bars
 from stereocal.system.array_types import FloatArray
@@ -53,7 +53,7 @@ def stated(
     baseline: float = 1.0,
     focal: float = 0.0,
     name: str = "rig",
-) -> Dataset:
+) -> Pair:
     """The data set with lenses and lengths misjudged at random.
 
     Args:
@@ -79,7 +79,7 @@ def misjudged(cameras: Rig, bar_m: float, rng: np.random.Generator, off: Misjudg
     return Nominal(primary, secondary, baseline, bar_m + off.bar_m * rng.normal())
 
 
-def in_runs(dataset: Dataset, rng: np.random.Generator, length: int, noise_px: float) -> Dataset:
+def in_runs(dataset: Pair, rng: np.random.Generator, length: int, noise_px: float) -> Pair:
     """The data set with further noise that stays the same for runs of so many frames."""
     rows = dataset.correspondences
     run = (rows.frame - rows.frame.min() + rng.integers(length)) // length
@@ -87,7 +87,7 @@ def in_runs(dataset: Dataset, rng: np.random.Generator, length: int, noise_px: f
     changed = replace(
         rows, primary=rows.primary + moves[:, :2], secondary=rows.secondary + moves[:, 2:]
     )
-    return replace(dataset, correspondences=changed)
+    return dataset.changed(correspondences=changed)
 
 
 def smooth_fields(rng: np.random.Generator) -> FloatArray:
@@ -111,7 +111,7 @@ def wave_errors(waves: FloatArray, places: FloatArray) -> FloatArray:
     return np.asarray(found / np.sqrt(0.5 * np.square(waves[:, :, 3]).sum(axis=1)))
 
 
-def with_waves(dataset: Dataset, fields: FloatArray, rms_px: float) -> Dataset:
+def with_waves(dataset: Pair, fields: FloatArray, rms_px: float) -> Pair:
     """The data set seen with errors of the lenses that vary smoothly over the images."""
     rows = dataset.correspondences
     size = float(max(dataset.primary.image_size))
@@ -120,10 +120,10 @@ def with_waves(dataset: Dataset, fields: FloatArray, rms_px: float) -> Dataset:
         for pixels, waves in ((rows.primary, fields[:2]), (rows.secondary, fields[2:]))
     )
     changed = replace(rows, primary=primary, secondary=secondary)
-    return replace(dataset, correspondences=changed)
+    return dataset.changed(correspondences=changed)
 
 
-def held_out(dataset: Dataset, frames: int) -> tuple[Dataset, Dataset]:
+def held_out(dataset: Pair, frames: int) -> tuple[Pair, Pair]:
     """All but the last frames, and those."""
     numbers = dataset.correspondences.frames
     return dataset.of_frames(numbers[:-frames]), dataset.of_frames(numbers[-frames:])
@@ -135,8 +135,8 @@ def fixed_lenses(settings: RefineSettings) -> RefineSettings:
 
 
 def spoiled(
-    dataset: Dataset, rng: np.random.Generator, share: float = 0.1, slip_px: float = 40.0
-) -> tuple[Dataset, list[int]]:
+    dataset: Pair, rng: np.random.Generator, share: float = 0.1, slip_px: float = 40.0
+) -> tuple[Pair, list[int]]:
     """The data set with gross errors in a share of its frames, and these frames.
 
     In turn: a point of the secondary that belongs to another frame, a point that slipped in one
@@ -162,7 +162,7 @@ def spoiled(
             secondary[[a, b]] = secondary[[b, a]]
     changed = replace(rows, primary=primary, secondary=secondary)
     frames = sorted(int(frame) for frame in rows.frame[rows.bars[bad, 0]])
-    return replace(dataset, correspondences=changed), frames
+    return dataset.changed(correspondences=changed), frames
 
 
 MARGIN_PX = 60.0
@@ -189,7 +189,7 @@ def waved(
     off: Misjudged,
     wave_px: float | None = None,
     alike_px: float | None = None,
-) -> tuple[Rig, Dataset]:
+) -> tuple[Rig, Pair]:
     """A random rig, and the data set of a `waved_scene` before it.
 
     Args:

@@ -12,8 +12,8 @@ from stereocal.calibration.montecarlo import minimise, reconstruction_problem, r
 from stereocal.commands.simulate import write_field
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.simulation.simulate import (
@@ -35,7 +35,7 @@ NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 SEEDS = range(5)
 
 
-def exact_field(seed: int) -> tuple[Scene, Dataset]:
+def exact_field(seed: int) -> tuple[Scene, Pair]:
     """A field-like scene, and its data set without noise."""
     rng = np.random.default_rng(seed)
     scene = place_bars(field_rig(), rng, 25, FIELD_BAR_M)
@@ -83,7 +83,7 @@ def test_shipped_nineteen_are_what_the_code_makes() -> None:
         assert truth["target_distance_m"] == pytest.approx(scene.bar_length_m, abs=1e-12)
 
 
-def assert_same_data(shipped: Dataset, made: Dataset, atol_px: float) -> None:
+def assert_same_data(shipped: Pair, made: Pair, atol_px: float) -> None:
     rows, again = shipped.correspondences, made.correspondences
     for name in ("frame", "target"):
         assert np.array_equal(getattr(rows, name), getattr(again, name))

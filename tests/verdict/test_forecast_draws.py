@@ -19,7 +19,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.small_steps import baseline_direction
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera, LensUncertainty
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.rig.volume import Volume
 from stereocal.simulation.simulate import Scene, observe, place_bars
@@ -249,7 +249,7 @@ def test_sigmas_of_points_are_honest(k1: float, rigs: int = repeats(30, 60)) -> 
         assert 0.85 < rms < 1.2, (method, rms)
 
 
-def with_k1(data: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
+def with_k1(data: Pair, sigma: float, rng: np.random.Generator) -> Pair:
     """The data set with lens files that state their errors, k1 of the primary off by `sigma`."""
     cameras = []
     for camera, own in ((data.primary, sigma), (data.secondary, 0.0)):
@@ -258,7 +258,7 @@ def with_k1(data: Dataset, sigma: float, rng: np.random.Generator) -> Dataset:
         focal = 0.003 * camera.K[0, 0]
         known = LensUncertainty(focal, focal, 5.0, 5.0, errors)
         cameras.append(Camera(camera.K, off, camera.image_size, known))
-    return replace(data, primary=cameras[0], secondary=cameras[1])
+    return data.changed(primary=cameras[0], secondary=cameras[1])
 
 
 def test_the_covariance_of_a_file_contains_its_distance_from_the_model() -> None:

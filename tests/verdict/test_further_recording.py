@@ -13,7 +13,7 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.further_recording import half_width, note_on_splits, widened
 from tests.rigs.board_pairs import sound
@@ -88,13 +88,13 @@ def test_the_fcp_of_a_waved_bar_differs_between_places_by_more_than_errors_do() 
     assert found.of("wrong_let_in_at_threshold") == found.of("fcp_reprojection")
 
 
-def recorded(length: int, seed: int = 1) -> Dataset:
+def recorded(length: int, seed: int = 1) -> Pair:
     """200 frames of a bar through lenses with smooth errors, at another place every `length`."""
     off = Misjudged(0.0, 0.0, 0.0, 0.0, 0.1)
     return waved(np.random.default_rng([seed, 27]), 200, length, off, wave_px=1.0)[1]
 
 
-def note(data: Dataset, splits: Splits) -> str:
+def note(data: Pair, splits: Splits) -> str:
     settings = EvaluationSettings(runs=40, calibration_frames=160, splits=splits)
     runs = evaluate_runs(data, settings, 0, range(settings.runs))
     return note_on_splits(data, settings, summarise([runs]))

@@ -9,7 +9,7 @@ from stereocal.library.calibrations import calibrate
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.uncertainty import bar_innovations
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import Nominal, observe
 from stereocal.verdict.forecast import advice_on_improvements, forecast_files, improvements
 from stereocal.verdict.forecast_draws import draw_forecast
@@ -19,12 +19,12 @@ from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 SETTINGS = Misjudged().settings()
 
 
-def rig(seed: int, frames: int = 60, off: Misjudged | None = None) -> Dataset:
+def rig(seed: int, frames: int = 60, off: Misjudged | None = None) -> Pair:
     rng = np.random.default_rng([seed, 0xC4])
     return stated(random_scene(rng, frames), rng, off or Misjudged())
 
 
-def check(data: Dataset, settings: RefineSettings | None = None) -> ModelCheck:
+def check(data: Pair, settings: RefineSettings | None = None) -> ModelCheck:
     found = forecast_files(calibrate(data, refined=settings or Misjudged().settings())).check
     assert found is not None
     return found
@@ -46,7 +46,7 @@ def test_a_lens_that_the_model_cannot_follow_is_doubted_and_raises_the_intervals
     radius = np.linalg.norm(away, axis=1, keepdims=True)
     ripple = 15.0 * radius**4 * np.sin(9.0 * away[:, ::-1])
     moved = replace(table, primary=table.primary + ripple)
-    spoiled = replace(data, correspondences=moved)
+    spoiled = data.changed(correspondences=moved)
     forecast = forecast_files(calibrate(spoiled, refined=SETTINGS))
     assert forecast.check is not None and not forecast.check.holds
     assert forecast.check.worst.where == "near the image edges"
@@ -76,7 +76,7 @@ def blurred(rng: np.random.Generator) -> RefinedResult:
     table = data.correspondences
     along = [np.column_stack([0.7 * rng.normal(size=200), np.zeros(200)]) for _ in range(2)]
     moved = replace(table, primary=table.primary + along[0], secondary=table.secondary + along[1])
-    return refine(replace(data, correspondences=moved), SETTINGS)
+    return refine(data.changed(correspondences=moved), SETTINGS)
 
 
 def test_a_bar_that_bends_is_told_apart_from_noise_along_the_lines() -> None:

@@ -163,7 +163,7 @@ def test_the_headline_has_the_error_of_the_bar() -> None:
     data = rig.dataset(25, 0.005)
     bar = data.target_distance_m
     assumed, careful = (
-        Run(replace(data, target_distance_sigma_m=sigma)).recommendation
+        Run(data.changed(target_distance_sigma_m=sigma)).recommendation
         for sigma in (None, 0.0002 * bar)
     )
     scatter = [found.measure.length_p95.forecast for found in (assumed, careful)]
@@ -184,7 +184,7 @@ def test_a_bar_that_the_images_contradict_is_not_said_to_be_known() -> None:
     """Stated 1 % too long, with a baseline that is known to a millimetre."""
     data = rig.dataset(25, 0.02)
     bar = 1.01 * data.target_distance_m
-    found = Run(replace(data, target_distance_m=bar, baseline_sigma_m=0.001)).recommendation
+    found = Run(data.changed(target_distance_m=bar, baseline_sigma_m=0.001)).recommendation
     metric = found.measure.metric_p95.forecast
     assert metric is not None and metric.low <= metric.value <= metric.high
     assert "which the images contradict" in found.sentences[0] and "±" not in found.sentences[0]

@@ -13,9 +13,10 @@ from stereocal.refined.time_offset import usable_after
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.clusters import follow_each_other
 from stereocal.rig.correspondences import PIXELS, Correspondences
-from stereocal.rig.dataset import Dataset
 from stereocal.rig.field_of_view import beyond_either, beyond_in_words
+from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.array_types import FloatArray, IntArray
@@ -31,7 +32,7 @@ AMBIGUOUS, THRESHOLDED = "ambiguous", "error_px"
 class NewImages:
     """Pairs of points with the lenses of the parameters, in groups that are fitted together."""
 
-    dataset: Dataset
+    dataset: Pair
     """Its frames are the groups: those of the bars, or one for each matched pair."""
     numbers: IntArray
     """(f,): the frame number of each group, ascending."""
@@ -63,7 +64,7 @@ class NewImages:
     def errors_with(self, rig: Rig) -> tuple[FloatArray, FloatArray]:
         """Errors of each group with a rig, (f,) each: reprojection in px, the mean of its points;
         and |reconstructed - stated| / stated length, NaN without a bar."""
-        seen = replace(self.dataset, primary=rig.primary, secondary=rig.secondary)
+        seen = self.dataset.changed(primary=rig.primary, secondary=rig.secondary)
         rows, own = seen.correspondences, errors_of(seen, rig.pose)
         at, length = np.searchsorted(rows.frames, rows.frame), np.full(len(rows.frames), np.nan)
         length[at[rows.bars[:, 0]]] = own.length
@@ -78,7 +79,7 @@ class NewImages:
         )
 
 
-def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
+def images_of_bars(dataset: Pair, rig: RigParameters) -> NewImages:
     """New images of a data set, seen with the lenses of the parameters."""
     for which in CAMERAS:
         found, wanted = getattr(dataset, which).image_size, getattr(rig, which).image_size
@@ -90,9 +91,9 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
             )
     used = dataset.of_frames(rig.inputs.get("frames") or [])
     own = rig.inputs.get("sha256") in (dataset.sha256, used.sha256)
-    seen = replace(dataset, primary=rig.primary, secondary=rig.secondary)
+    seen = dataset.changed(primary=rig.primary, secondary=rig.secondary)
     rows = seen.correspondences
-    notes = list(filter(None, [beyond_in_words(dataset.beyond_view)]))
+    notes = list(filter(None, [beyond_in_words(dataset.recording.beyond_view)]))
     if not len(rows.bars):
         matches = rows.frame, rows.primary, rows.secondary
         return images_of_matches(*matches, rig, dataset.name, tuple(notes))
@@ -117,7 +118,7 @@ def images_of_bars(dataset: Dataset, rig: RigParameters) -> NewImages:
     return NewImages(seen, rows.frames, len(rows.bars), tuple(notes), own=own)
 
 
-def _offset_of(seen: Dataset, rig: RigParameters) -> MeasuredOffset | None:
+def _offset_of(seen: Pair, rig: RigParameters) -> MeasuredOffset | None:
     """The time offset of new bars, which may be counted apart as the calibrated ones were."""
 
     def misfit(tried: MeasuredOffset) -> float:
@@ -184,5 +185,5 @@ def images_of_matches(
     rows = Correspondences.from_arrays(
         np.arange(len(order)), "A" * len(order), primary[order], secondary[order]
     )
-    dataset = Dataset(name, rig.primary, rig.secondary, rows, rig.pose.baseline, 1.0)
-    return NewImages(dataset, frames[order], 0, notes)
+    of_rig = Recording.of_two(name, rig.primary, rig.secondary, rows, rig.pose.baseline, 1.0)
+    return NewImages(of_rig.pair(*CAMERAS), frames[order], 0, notes)

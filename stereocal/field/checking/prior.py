@@ -12,7 +12,7 @@ from stereocal.refined.noise import ASSUMED, GIVEN
 from stereocal.refined.small_steps import FACTOR, lens_places, pose_places, rig_at
 from stereocal.refined.unknowns import DEFAULT_DISTANCE
 from stereocal.refined.views import Cameras
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray
 
@@ -48,7 +48,7 @@ class Prior:
         """(33, 33)."""
         return np.asarray(self.root @ self.root.T)
 
-    def with_lens_errors(self, dataset: Dataset) -> "Prior":
+    def with_lens_errors(self, dataset: Pair) -> "Prior":
         """The prior of lenses with errors that no calibration shows, where the images of a data
         set are.
 
@@ -67,7 +67,7 @@ class Prior:
             covariance[places, places] += (LENS_ERROR * self.sigma_px / sizes) ** 2
         return replace(self, root=root_of(covariance))
 
-    def with_bar_of(self, dataset: Dataset) -> "Prior":
+    def with_bar_of(self, dataset: Pair) -> "Prior":
         """The prior for the bar of a data set: that of the calibration, whose factor is correlated
         with the baseline, if its stated length is the same; another has its own standard error.
         """

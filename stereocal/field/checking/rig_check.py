@@ -102,7 +102,7 @@ class RigCheck:
             found.append("Calibrate the rig again, with bars recorded since.")
         beyond: dict[str, int] = {}
         for check in self.pairs.values():
-            beyond.update(check.images.dataset.beyond_view)
+            beyond.update(check.images.dataset.recording.beyond_view)
         found += filter(None, [beyond_in_words(beyond)])
         unchecked = self.unchecked.items()
         return found + [f"{pair_name(pair)} was not checked: {why}" for pair, why in unchecked]

@@ -18,8 +18,10 @@ from stereocal.refined import uncertainty
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.small_steps import baseline_direction, rig_at
 from stereocal.refined.unknowns import LensPrior, RefineSettings, measured_baseline
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
+from stereocal.rig.recording import Recording
 from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.verdict.judging import photograph
 
@@ -168,13 +170,14 @@ def expect(plan: Plan, seed: int = 0) -> ExpectedFit:
     return ExpectedFit(plan, replace(found, information=information), ends)
 
 
-def planned_dataset(plan: Plan, pixels: FloatArray) -> Dataset:
+def planned_dataset(plan: Plan, pixels: FloatArray) -> Pair:
     """The data set of a recording as stated; pixels (2 frames, 4) of A and B in turn."""
     frames = len(pixels) // 2
     rows = Correspondences.from_arrays(
         np.repeat(np.arange(1, frames + 1), 2), "AB" * frames, pixels[:, :2], pixels[:, 2:]
     )
-    return Dataset(plan.name, plan.primary, plan.secondary, rows, plan.baseline_m, plan.bar_m)
+    known = plan.name, plan.primary, plan.secondary, rows, plan.baseline_m, plan.bar_m
+    return Recording.of_two(*known).pair(*CAMERAS)
 
 
 def plan_settings(plan: Plan) -> RefineSettings:

@@ -11,8 +11,8 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera, LensModel
-from stereocal.rig.dataset import check_length, check_uncertainty
 from stereocal.rig.geometry import Pose
+from stereocal.rig.measured_lengths import check_length, check_uncertainty
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.numbers import rounded

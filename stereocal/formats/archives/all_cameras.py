@@ -25,8 +25,8 @@ from stereocal.formats.point_files import read_bars
 from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.points_csv import NUMBERS, REQUIRED, read_points_csv
 from stereocal.rig.camera import Camera
-from stereocal.rig.dataset import check_length
 from stereocal.rig.field_of_view import beyond_in_words
+from stereocal.rig.measured_lengths import check_length
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.csv_text import as_names

@@ -7,9 +7,10 @@ import pandas as pd
 
 from stereocal.errors import StereocalError
 from stereocal.formats.point_files import BarPoints
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.correspondences import Correspondences
-from stereocal.rig.dataset import Dataset
+from stereocal.rig.pair import Pair
+from stereocal.rig.recording import Recording
 from stereocal.system.numbers import count, rounded
 
 NOMINAL_SIGMA = 0.02
@@ -67,7 +68,7 @@ class Archive:
         )
         return [Part(what, "missing", remedy) for what, value, remedy in wanted if value is None]
 
-    def dataset(self, name: str, baseline_m: float | None, distance_m: float | None) -> Dataset:
+    def dataset(self, name: str, baseline_m: float | None, distance_m: float | None) -> Pair:
         """The data set of a complete archive; a free baseline is still to be found.
 
         Args:
@@ -87,15 +88,13 @@ class Archive:
             baseline, sigma = self.baseline_m, self.baseline_sigma_m
             notes += ("The baseline is a result of the other program, not a measurement.",)
         elif baseline_m == np.inf:
-            baseline, sigma = 1.0, np.inf
-        assert baseline is not None
-        none, about = self.correspondences.of_frames([]), " ".join(notes)
-        return Dataset(
-            name,
-            *(self.primary, self.secondary, none, baseline, distance, sigma),
-            notes=about,
-            baseline_found=baseline_m != np.inf,
-        ).with_points(self.correspondences)
+            baseline = None
+        none = self.correspondences.of_frames([])
+        cameras = self.primary, self.secondary
+        known = Recording.of_two(
+            name, *cameras, none, baseline, distance, sigma, notes=" ".join(notes)
+        )
+        return known.with_pairs(self.correspondences).pair(*CAMERAS)
 
 
 def with_background(bars: BarPoints, points: BarPoints) -> tuple[BarPoints, str]:

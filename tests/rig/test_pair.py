@@ -8,10 +8,9 @@ import pytest
 
 from stereocal.errors import RefusedRowsError, StereocalError
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.correspondences import SHAPES, Correspondences, points_outside
-from stereocal.rig.dataset import Dataset
-from stereocal.rig.recording import Recording
+from stereocal.rig.pair import Pair
 from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences, dataset
 
 EXACT = dataset(6)
@@ -23,15 +22,17 @@ def changed(**columns: Any) -> Correspondences:
     return replace(rows, **columns)
 
 
-def check_same(one: Dataset, other: Dataset) -> None:
+def check_same(one: Pair, other: Pair) -> None:
     """Check that both have the same digest, rows in the same order, and statements."""
     assert one.sha256 == other.sha256
     for name in ("frame", *SHAPES):
         np.testing.assert_array_equal(
             getattr(one.correspondences, name), getattr(other.correspondences, name)
         )
-    stated = ("identity", "start_frame", "step_notes", "camera_names", "beyond_view")
-    assert [getattr(one, name) for name in stated] == [getattr(other, name) for name in stated]
+    assert (one.identity, one.names) == (other.identity, other.names)
+    stated = ("start_frames", "step_notes", "beyond_view", "baselines_m")
+    told = ([getattr(each.recording, name) for name in stated] for each in (one, other))
+    assert next(told) == next(told)
 
 
 def test_a_recording_holds_all_that_a_table_of_two_cameras_says() -> None:
@@ -44,17 +45,16 @@ def test_a_recording_holds_all_that_a_table_of_two_cameras_says() -> None:
         line=np.arange(2, 8),
         time_frame=np.array([10, 10, 14, 14, 18, 18]),
     ).where(np.array([0, 1, 1, 1, 1, 1], dtype=bool))
-    stated = replace(
-        EXACT,
-        correspondences=rows,
-        notes="windy",
-        baseline_sigma_m=0.01,
-        target_distance_sigma_m=1e-3,
-        start_frame=4,
+    stated = EXACT.changed(
+        correspondences=rows, notes="windy", baseline_sigma_m=0.01, target_distance_sigma_m=1e-3
+    )
+    recording = replace(
+        stated.recording,
+        start_frames={"secondary": 4},
         step_notes=("in step",),
         beyond_view={"primary": 1, "secondary": 0},
     )
-    recording = Recording.of_pair(stated)
+    stated = Pair(recording)
     check_same(recording.pair("primary", "secondary"), stated)
     with pytest.raises(StereocalError, match="distance_m"):
         calibrate_rig(recording)  # whose fit uses one length
@@ -63,8 +63,8 @@ def test_a_recording_holds_all_that_a_table_of_two_cameras_says() -> None:
     assert np.isnan(turned.known_points_m).all()  # they are in the primary camera's frame
     late = recording.counted_from({"primary": 3, "secondary": 3}).pair("primary", "secondary")
     np.testing.assert_array_equal(late.correspondences.time_frame, rows.time_frame + 3)
-    free = replace(stated, baseline_sigma_m=np.inf)
-    check_same(Recording.of_pair(free).pair("primary", "secondary"), free)
+    free = stated.changed(baseline_sigma_m=np.inf)
+    check_same(free.recording.pair("primary", "secondary"), free)
 
 
 class TestCorrespondences:
@@ -143,19 +143,19 @@ class TestLengths:
         self, name: str, value: float, says: str
     ) -> None:
         with pytest.raises(StereocalError, match=says):
-            replace(EXACT, **cast(Any, {name: value}))
+            EXACT.changed(**cast(Any, {name: value}))
 
     def test_a_bar_in_millimetres_is_named_where_it_gives_the_baseline(self) -> None:
         scaled = {"baseline_m": 1000 * BASELINE_M, "target_distance_m": 1000 * BAR_M}
         with pytest.raises(StereocalError, match=rf"Give the distance in metres \({BAR_M:g}\)"):
-            replace(EXACT, **cast(Any, scaled), baseline_sigma_m=np.inf)
+            EXACT.changed(**cast(Any, scaled), baseline_sigma_m=np.inf)
 
     def test_a_frames_own_distance_goes_before_the_data_sets(self) -> None:
         """Given with A, with B, with both, and with none."""
         nan = np.nan
         rows = correspondences(4)
         rows = replace(rows, distance_m=np.array([0.5, nan, nan, 0.6, 0.7, 0.7, nan, nan]))
-        own = replace(EXACT, correspondences=rows)
+        own = EXACT.changed(correspondences=rows)
         np.testing.assert_array_equal(own.bar_distances_m, [0.5, 0.6, 0.7, BAR_M])
 
 
@@ -184,7 +184,7 @@ class TestPointsOutside:
         points[1:] = 5000.0
         rows = changed(secondary=points, line=np.arange(2, 8))
         with pytest.raises(RefusedRowsError, match=r"5 rows .*line 3.*line 4.*line 5.*2 more") as e:
-            replace(EXACT, correspondences=rows)
+            EXACT.changed(correspondences=rows)
         assert [problem.line for problem in e.value.problems] == [3, 4, 5, 6, 7]
         assert "exchanged" not in str(e.value)
 
@@ -195,32 +195,34 @@ class TestPointsOutside:
         own = changed(primary=wide, secondary=narrow)
         assert not points_outside(own, PRIMARY, SECONDARY)
         with pytest.raises(RefusedRowsError, match="A and B of one camera"):
-            replace(EXACT, correspondences=own.camera_by_camera())
+            EXACT.changed(correspondences=own.camera_by_camera())
         one, two = np.tile(narrow[:1], (20, 1)), np.tile(narrow[:1], (20, 1))
         one[4] = two[0] = wide[0]
         many = replace(correspondences(10), primary=one, secondary=two)
         with pytest.raises(RefusedRowsError, match="1 row ") as e:
-            replace(EXACT, correspondences=many)
+            EXACT.changed(correspondences=many)
         assert "one camera" not in str(e.value)
 
     def test_exchanged_files_of_other_image_sizes_are_asked_for(self) -> None:
         points, wide = np.tile([1250.0, 1010.0], (6, 1)), np.tile([1590.0, 1190.0], (6, 1))
         rows = changed(primary=wide, secondary=points)
         with pytest.raises(RefusedRowsError, match="are the camera files exchanged"):
-            replace(EXACT, primary=SECONDARY, secondary=PRIMARY, correspondences=rows)
+            EXACT.changed(primary=SECONDARY, secondary=PRIMARY, correspondences=rows)
 
     @pytest.mark.parametrize(
-        ("names", "says"), [(None, "The secondary"), (("L", "Rr"), "Camera Rr")]
+        ("names", "says"), [(CAMERAS, "The secondary"), (("L", "Rr"), "Camera Rr")]
     )
     def test_a_lens_that_cannot_be_inverted_is_named(
-        self, names: tuple[str, str] | None, says: str
+        self, names: tuple[str, str], says: str
     ) -> None:
         folded = replace(SECONDARY, distortion=np.array([-9.0, 0.0, 0.0, 0.0]))
         with pytest.raises(StereocalError, match=says):
-            replace(EXACT, secondary=folded, camera_names=names)
+            replace(EXACT.recording, cameras=dict(zip(names, (PRIMARY, folded), strict=True))).pair(
+                *names
+            )
 
 
-class TestDataset:
+class TestPair:
     def test_rays_are_those_of_each_camera(self) -> None:
         np.testing.assert_array_equal(
             EXACT.rays[:2].T, PRIMARY.undistort(EXACT.correspondences.primary)
@@ -246,21 +248,21 @@ class TestDataset:
 
     def test_the_digest_is_of_the_numbers(self) -> None:
         assert dataset(6).sha256 == EXACT.sha256
-        assert replace(EXACT, name="another", notes="x").sha256 == EXACT.sha256
+        assert EXACT.changed(name="another", notes="x").sha256 == EXACT.sha256
         rows = correspondences(6)
         nudged = np.array(rows.secondary)
         nudged[3, 1] = np.nextafter(nudged[3, 1], 0)
         distances = np.array(rows.distance_m)
         distances[0] = BAR_M
         others = [
-            replace(EXACT, baseline_m=np.nextafter(EXACT.baseline_m, 0)),
-            replace(EXACT, target_distance_m=0.5),
-            replace(EXACT, correspondences=replace(rows, secondary=nudged)),
-            replace(EXACT, correspondences=replace(rows, distance_m=distances)),
-            replace(EXACT, primary=Camera(PRIMARY.K, np.zeros(0), PRIMARY.image_size)),
+            EXACT.changed(baseline_m=np.nextafter(EXACT.baseline_m, 0)),
+            EXACT.changed(target_distance_m=0.5),
+            EXACT.changed(correspondences=replace(rows, secondary=nudged)),
+            EXACT.changed(correspondences=replace(rows, distance_m=distances)),
+            EXACT.changed(primary=Camera(PRIMARY.K, np.zeros(0), PRIMARY.image_size)),
             EXACT.of_frames([1, 2, 3, 4, 5]),
             dataset(6, known_points=True),
-            replace(EXACT, correspondences=replace(rows, sigma_primary_px=np.full(12, 0.1))),
+            EXACT.changed(correspondences=replace(rows, sigma_primary_px=np.full(12, 0.1))),
         ]
         assert len({EXACT.sha256, *(other.sha256 for other in others)}) == 1 + len(others)
 
@@ -268,5 +270,5 @@ class TestDataset:
         part = EXACT.of_frames([2, 5])
         np.testing.assert_array_equal(part.correspondences.frames, [2, 5])
         np.testing.assert_array_equal(part.rays, EXACT.rays[:, [2, 3, 8, 9]])
-        assert isinstance(part, Dataset)
+        assert isinstance(part, Pair)
         assert part.baseline_m == EXACT.baseline_m

@@ -1,63 +1,55 @@
-"""The data set of a calibration: image points of the bar, cameras, measured lengths."""
+"""Two cameras of a recording: what is special of two is asked here."""
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from stereocal.errors import StereocalError, refuse
+from stereocal.errors import StereocalError
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, one_file_in_words, pixel_scales
-from stereocal.rig.correspondences import Correspondences, refuse_points_outside
+from stereocal.rig.correspondences import TARGETS, Correspondences, refuse_points_outside
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
+from stereocal.rig.measured_lengths import check_lengths
 from stereocal.rig.rig import camera_in_words
-from stereocal.rig.rigid_object import BoardPattern, placed
-from stereocal.rig.tracks import TimeOffset, interpolate
+from stereocal.rig.rigid_object import BoardPattern, RigidObject, placed
+from stereocal.rig.tracks import TimeOffset
 from stereocal.system.answers import TableAnswer
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import count, rounded
 
-LONGEST_PLAUSIBLE_M = 1000.0
-"""A longer baseline or bar is taken for a number in millimetres."""
-LARGEST_UNCERTAINTY, SMALLEST_UNCERTAINTY = 0.2, 1e-7
-"""Of a measured length, as fractions of it. A larger one is taken for a number in another unit;
-with a smaller one the fit cannot be computed in double precision."""
+if TYPE_CHECKING:
+    from stereocal.rig.recording import Recording
+
 DIGESTED = ("frame", "target", "primary", "recorded_secondary", "distance_m", "known_points_m")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Dataset(TableAnswer):
-    """Correspondences with the two cameras and the two measured lengths."""
+class Stated(TypedDict, total=False):
+    """What can be stated otherwise of two cameras and their points (`Pair.changed`)."""
 
     name: str
+    notes: str
     primary: Camera
     secondary: Camera
     correspondences: Correspondences
     baseline_m: float
-    """1 m while it is free and not found yet."""
+    baseline_sigma_m: float | None
     target_distance_m: float
-    baseline_sigma_m: float | None = None
-    """Infinite if the baseline is free: then the lengths of the bars alone give the scale."""
-    target_distance_sigma_m: float | None = None
-    notes: str = ""
-    time_offset: TimeOffset | None = None
-    """By which the secondary points have been shifted; None if they are as recorded."""
-    camera_names: tuple[str, str] | None = None
-    """Their names in a recording of more, the primary first; None if they have no others."""
-    beyond_view: Mapping[str, int] = field(default_factory=dict)
-    """By camera, how many points were left out by `with_points`."""
-    start_frame: int = 0
-    """The primary's frame at which the secondary's frame 0 was taken, by their own counts."""
-    step_notes: tuple[str, ...] = ()
-    """As of `Recording`."""
-    baseline_found: bool = True
-    """Whether a free baseline is found already (`network.baseline`)."""
+    target_distance_sigma_m: float | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Pair(TableAnswer):
+    """A view of two cameras of a recording: points and rays of what both see, made once."""
+
+    recording: "Recording"
+    """Of these cameras alone, the primary first; the points of the primary, then those of the
+    secondary in the same order (`Recording.pair`)."""
 
     def __post_init__(self) -> None:
         check_lengths(
@@ -99,15 +91,109 @@ class Dataset(TableAnswer):
             f"camera file.{hint}"
         )
 
-    def with_points(self, rows: Correspondences) -> "Dataset":
-        """The data set with these points, without pairs that a fisheye images farther from its
-        axis than it is used; `beyond_view` counts them.
+    @property
+    def names(self) -> tuple[str, str]:
+        """The names of the two cameras, the primary first."""
+        primary, secondary = self.recording.cameras
+        return primary, secondary
 
-        Raises:
-            StereocalError: more than half of a camera's points are there.
-        """
-        seen, beyond = rows.in_view(self.primary, self.secondary)
-        return replace(self, correspondences=seen, beyond_view=beyond)
+    @property
+    def camera_names(self) -> tuple[str, str] | None:
+        """Their names; None if they are called primary and secondary."""
+        return None if self.names == CAMERAS else self.names
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+        return self.recording.name
+
+    @property
+    def notes(self) -> str:
+        """Of the recording."""
+        return self.recording.notes
+
+    @property
+    def primary(self) -> Camera:
+        """The first camera."""
+        return self.recording.cameras[self.names[0]]
+
+    @property
+    def secondary(self) -> Camera:
+        """The other one."""
+        return self.recording.cameras[self.names[1]]
+
+    @property
+    def baseline_m(self) -> float:
+        """Their measured distance; 1 m while it is free and not found yet."""
+        measured = self.recording.baseline_m(*self.names)
+        return 1.0 if measured is None else measured
+
+    @property
+    def baseline_sigma_m(self) -> float | None:
+        """Its standard error; infinite if it is free: then the lengths of the bars alone give the
+        scale."""
+        return np.inf if self.baseline_is_to_be_found else self.recording.baseline_sigma_m
+
+    @property
+    def baseline_is_free(self) -> bool:
+        """Whether the baseline was not measured, but found from the lengths of the bars."""
+        return self.baseline_sigma_m == np.inf
+
+    @property
+    def baseline_is_to_be_found(self) -> bool:
+        """Whether the baseline is free, and not found yet (`network.baseline`)."""
+        return self.recording.baseline_m(*self.names) is None
+
+    @property
+    def target_distance_m(self) -> float:
+        """The length of the bar; of an object its longest distance."""
+        return self.recording.object.longest_m
+
+    @property
+    def target_distance_sigma_m(self) -> float | None:
+        """Its standard error; None if not stated."""
+        return self.recording.object.sigma_m
+
+    @property
+    def board(self) -> BoardPattern | None:
+        """The board that is seen; None of another object."""
+        return self.recording.object.board
+
+    @property
+    def time_offset(self) -> TimeOffset | None:
+        """By which the secondary points have been shifted; None if they are as recorded."""
+        return self.recording.offsets.get(self.names[1])
+
+    @property
+    def start_frame(self) -> int:
+        """The primary's frame at which the secondary's frame 0 was taken, by their own counts."""
+        first, second = (self.recording.start_frames.get(name, 0) for name in self.names)
+        return second - first
+
+    @cached_property
+    def correspondences(self) -> Correspondences:
+        """The points that both see."""
+        own, n = self.recording, len(self.recording.frame) // 2
+        known = {
+            name: column[:n]
+            for name in ("distance_m", "known_points_m", "source", "line", "time_frame")
+            if (column := getattr(own, name)) is not None
+        }
+        known |= {
+            name: column[n:]
+            for name in ("recorded", "motion")
+            if (column := getattr(own, name)) is not None
+        }
+        return Correspondences(
+            own.frame[:n],
+            own.target[:n],
+            own.points[:n],
+            own.points[n:],
+            sigma_primary_px=own.sigma_px[:n],
+            sigma_secondary_px=own.sigma_px[n:],
+            rigid_object=None if own.object.names == TARGETS else own.object,
+            **known,
+        )
 
     @property
     def answer(self) -> list[str]:
@@ -129,28 +215,44 @@ class Dataset(TableAnswer):
         """The table of points, as in `correspondences.csv`."""
         return self.correspondences.to_dataframe()
 
-    @property
-    def baseline_is_free(self) -> bool:
-        """Whether the baseline was not measured, but found from the lengths of the bars."""
-        return self.baseline_sigma_m == np.inf
+    def where(self, rows: BoolArray) -> "Pair":
+        """The pair with some of its points, by a mask (n,)."""
+        return Pair(self.recording.where(np.tile(rows, 2)))
 
-    @property
-    def baseline_is_to_be_found(self) -> bool:
-        """Whether the baseline is free, and not found yet."""
-        return self.baseline_is_free and not self.baseline_found
+    def of_frames(self, frames: npt.ArrayLike) -> "Pair":
+        """The pair with the points of the given frames."""
+        return self.where(np.isin(self.correspondences.frame, np.asarray(frames)))
 
-    @property
-    def board(self) -> BoardPattern | None:
-        """The board that is seen; None of another object."""
-        rigid_object = self.correspondences.rigid_object
-        return None if rigid_object is None else rigid_object.board
+    def changed(self, **given: Unpack[Stated]) -> "Pair":
+        """The pair with something stated otherwise.
 
-    def of_frames(self, frames: npt.ArrayLike) -> "Dataset":
-        """The same data set with the given frames only."""
-        return replace(self, correspondences=self.correspondences.of_frames(frames))
+        A bar gets the stated length, an object of other points is scaled to it.
+        """
+        cameras = given.get("primary", self.primary), given.get("secondary", self.secondary)
+        own = replace(self.recording, cameras=dict(zip(self.names, cameras, strict=True)))
+        if "correspondences" in given:
+            own = own.holding(given["correspondences"])
+        lengths = (
+            given.get("baseline_m", self.baseline_m),
+            given.get("target_distance_m", own.object.longest_m),
+            given.get("baseline_sigma_m", self.baseline_sigma_m),
+            given.get("target_distance_sigma_m", self.target_distance_sigma_m),
+        )
+        check_lengths(*lengths)
+        free = self.baseline_is_to_be_found and "baseline_m" not in given
+        return Pair(
+            replace(
+                own,
+                name=given.get("name", self.name),
+                notes=given.get("notes", self.notes),
+                object=_of_length(own.object, lengths[1], lengths[3]),
+                baselines_m={} if free else {self.names: lengths[0]},
+                baseline_sigma_m=lengths[2],
+            )
+        )
 
-    def with_targets_exchanged(self, frames: npt.ArrayLike) -> "Dataset":
-        """The data set with A and B exchanged in the secondary image of the given frames.
+    def with_targets_exchanged(self, frames: npt.ArrayLike) -> "Pair":
+        """The pair with A and B exchanged in the secondary image of the given frames.
 
         An object is turned (`RigidObject.half_turn`).
         """
@@ -158,8 +260,8 @@ class Dataset(TableAnswer):
         turned = np.array([1, 0]) if rows.rigid_object is None else rows.rigid_object.half_turn
         return self.renumbered(turned, frames)
 
-    def renumbered(self, numbers: IntArray, frames: npt.ArrayLike) -> "Dataset":
-        """The data set with other targets in the secondary image of the given frames.
+    def renumbered(self, numbers: IntArray, frames: npt.ArrayLike) -> "Pair":
+        """The pair with other targets in the secondary image of the given frames.
 
         Targets whose counterpart is not seen in their frame are not changed.
 
@@ -176,31 +278,12 @@ class Dataset(TableAnswer):
         order = np.where(changes, at, np.arange(len(rows)))
         names = ("secondary", "sigma_secondary_px", "recorded", "motion")
         changed = {name: getattr(rows, name)[order] for name in names}
-        return replace(self, correspondences=replace(rows, **changed))
+        return Pair(self.recording.holding(replace(rows, **changed)))
 
-    def shifted(self, offset: TimeOffset) -> "Dataset":
-        """The data set with the secondary points at the instants of the primary's frames.
-
-        They are interpolated, and their `motion` is known, from the true neighbours of the same
-        target (`tracks.interpolate`). A point without neighbours, or that would leave the image,
-        stays as recorded, with unknown motion. Without an offset all stay as recorded.
-        """
-        rows = self.correspondences
-        recorded = rows.recorded_secondary
-        found = interpolate(rows.target, rows.time_frame, recorded, offset.at(rows.time_frame))
-        motion = np.column_stack([found.velocities, found.variance])
-        shifted = replace(rows, secondary=recorded, recorded=recorded * np.nan, motion=motion)
-        if offset.is_shift:
-            known = found.inside(self.secondary.image_size)
-            if self.secondary.is_fisheye:
-                known &= self.secondary.uses(self.secondary.undistort(found.positions))
-            shifted = replace(
-                rows,
-                secondary=np.where(known[:, None], found.positions, recorded),
-                recorded=recorded,
-                motion=np.where(known[:, None], motion, np.nan),
-            )
-        return replace(self, correspondences=shifted, time_offset=offset)
+    def shifted(self, offset: TimeOffset) -> "Pair":
+        """The pair with the secondary points at the instants of the primary's frames
+        (`Recording.shifted`)."""
+        return Pair(self.recording.shifted({self.names[1]: offset}))
 
     @cached_property
     def rays(self) -> FloatArray:
@@ -287,59 +370,11 @@ class Dataset(TableAnswer):
         return [self.sha256, *sigmas, self.name, self.notes]
 
 
-def check_lengths(
-    baseline_m: float,
-    target_distance_m: float,
-    baseline_sigma_m: float | None,
-    target_distance_sigma_m: float | None,
-) -> None:
-    """Check the lengths of a data set and their standard errors, in metres, as of `Dataset`."""
-    bar, free = "distance between the targets", baseline_sigma_m == np.inf
-    refuse(
-        (
-            free and baseline_m > LONGEST_PLAUSIBLE_M,
-            f"By a {bar} of {target_distance_m:g} m the cameras are {baseline_m:g} m apart: this "
-            f"looks like millimetres. Give the distance in metres ({target_distance_m / 1000:g}).",
-        )
-    )
-    check_length("baseline", baseline_m)
-    check_length(bar, target_distance_m)
-    if not free:
-        check_uncertainty("baseline", baseline_sigma_m, baseline_m)
-    check_uncertainty(bar, target_distance_sigma_m, target_distance_m)
-
-
-def check_length(what: str, value: float) -> None:
-    """Check a measured length in metres."""
-    refuse(
-        (
-            not np.isfinite(value) or value <= 0,
-            f"The {what} is {value:g} m: it must be a length above 0.",
-        ),
-        (
-            value > LONGEST_PLAUSIBLE_M,
-            f"The {what} is {value:g} m: this looks like millimetres. Give it in metres "
-            f"({value / 1000:g}).",
-        ),
-    )
-
-
-def check_uncertainty(what: str, sigma: float | None, length: float) -> None:
-    """Check the stated standard error of a measured length, both in metres."""
-    if sigma is None:
-        return
-    free = " A baseline that was not measured can be left free." if what == "baseline" else ""
-    stated, finest = f"The uncertainty of the {what} is", SMALLEST_UNCERTAINTY * length
-    refuse(
-        (not (np.isfinite(sigma) and sigma > 0), f"{stated} {sigma}: it must be above 0."),
-        (
-            sigma > LARGEST_UNCERTAINTY * length,
-            f"{stated} {sigma:g} m, more than {100 * LARGEST_UNCERTAINTY:g} % of its {length:g} m. "
-            f"Is it in millimetres? Then it is {sigma / 1000:g} m: state it in metres.{free}",
-        ),
-        (
-            sigma < finest,
-            f"{stated} {sigma:g} m, for a length of {length:g} m: no such length is known to "
-            f"better than {rounded(finest, 1)} m. State it in metres, as 0.002 for 2 mm.",
-        ),
-    )
+def _of_length(known: RigidObject, longest_m: float, sigma_m: float | None) -> RigidObject:
+    """The object with this longest distance and its standard error."""
+    if known.names == TARGETS:
+        return RigidObject.bar(longest_m, sigma_m)
+    if longest_m == known.longest_m:
+        return replace(known, sigma_m=sigma_m)
+    points = known.points * (longest_m / known.longest_m)
+    return RigidObject(known.names, points, sigma_m)
