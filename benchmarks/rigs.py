@@ -109,7 +109,7 @@ def fused_pairs(rig: RigCalibration, settings: RigSettings | None = None) -> Fus
 
 def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list[Camera]]:
     """One `least_squares` over poses, lenses, factor of lengths, and all points."""
-    own = Observations.of_recording(rig.recording)
+    own = Observations.of(rig.recording)
     count = len(rig.names)
     shared = OF_POSE * (count - 1) + OF_LENS * count + 1
     seen = np.isfinite(own.pixels[..., 0])  # (n, 2, c)
@@ -176,7 +176,7 @@ def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list
 def held_out(scene: SimulatedRig, poses: Sequence[Pose], lenses: Sequence[Camera]) -> float:
     """Root mean square distance of the images of the odd frames, px."""
     names = list(scene.cameras)
-    own = Observations.of_recording(scene.recording.where(scene.recording.frame % 2 == 1))
+    own = Observations.of(scene.recording.where(scene.recording.frame % 2 == 1))
     pixels = own.pixels.reshape(-1, len(names), 2)
     pixels = pixels[np.isfinite(pixels[..., 0]).sum(axis=1) > 1]
     fitter = _fitter(dict(zip(names, lenses, strict=True)), dict(zip(names, poses, strict=True)))

@@ -87,17 +87,15 @@ class RigFit(RobustFit):
         recording: Recording,
         poses: Sequence[Pose],
         settings: RigSettings,
-        motion: FloatArray | None = None,
         held: RefineSettings | None = None,
     ) -> None:
         """From first poses.
 
         Args:
-            motion: (n, 3): as of `Observations.of_recording`, if known.
             held: with the noise that is not to be estimated.
         """
         self.recording, self.rig_settings = recording, settings
-        seen = Observations.of_recording(recording, motion)
+        seen = Observations.of(recording, bool(settings.time_offsets))
         unknowns = unknowns_of_rig(recording, poses, settings, seen.has_lengths)
         R, baselines = np.array([pose.R for pose in poses]), baselines_of(recording, settings)
         super().__init__(seen, unknowns, held or RefineSettings(), R, baselines)

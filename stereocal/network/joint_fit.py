@@ -50,10 +50,12 @@ def joint_fit(
     late = np.array([p.pop(name, 0.0) for name in keys])
     poses, noise_px = start.poses, start.noise_px
     for _ in range(MOST_ROUNDS):
-        shifted, motion = recording, None
+        shifted = recording
         if settings.time_offsets:
-            shifted, motion = _shifted(recording, _offsets(late, reference))
-        fit = RigFit(shifted, poses, settings, motion)
+            offsets = dict(zip(recording.cameras, _offsets(late, reference), strict=True))
+            shifted = recording.shifted(offsets)
+            shifted = shifted.where(shifted.usable)
+        fit = RigFit(shifted, poses, settings)
         fit.start_at(p, noise_px)
         if not fit.run():
             raise StereocalError(NO_RIG)
@@ -74,13 +76,3 @@ def _offsets(late: FloatArray, reference: float) -> tuple[TimeOffset, ...]:
     """Of the frames and the drifts (2 c,) of all cameras."""
     frames, drifts = late.reshape(2, -1).tolist()
     return tuple(TimeOffset(*own, reference) for own in zip(frames, drifts, strict=True))
-
-
-def _shifted(recording: Recording, offsets: Sequence[TimeOffset]) -> tuple[Recording, FloatArray]:
-    """The points at the instants of the reference's frames, without those of late cameras that have
-    no neighbours there; and their motion (n, 3), as of `Observations.of_recording`."""
-    shifted = recording.shifted(dict(zip(recording.cameras, offsets, strict=True)))
-    shifted = shifted.where(shifted.usable)
-    assert shifted.motion is not None
-    since = shifted.frame - offsets[0].reference
-    return shifted, np.column_stack([np.nan_to_num(shifted.motion[:, :2]), since])

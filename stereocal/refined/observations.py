@@ -5,10 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.rig.pair import Pair
+from stereocal.rig.correspondences import TARGETS
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
+
+MOTION, VARIANCE, DISTANCE = slice(4, 7), 7, 8
+"""Columns of `_columns`, after pixels and rays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,85 +37,42 @@ class Observations:
     """(f, ...): of the pixels, over those of recorded ones."""
 
     @classmethod
-    def of_pair(cls, dataset: Pair, moving: bool, rows: BoolArray | None = None) -> "Observations":
-        """Those of a data set; the units are `Correspondences.parts`.
+    def of(
+        cls, recording: Recording, moving: bool = False, rows: BoolArray | None = None
+    ) -> "Observations":
+        """Those of the points that two cameras or more see.
 
         Args:
-            moving: whether the secondary camera may be late, so that the motion is needed.
-            rows: mask (n,) of the rows; all if None.
+            moving: whether cameras may be late, so that the motion is needed (`Recording.shifted`).
+            rows: mask (n,) of the points; all if None.
         """
-        table = dataset.correspondences
-        kept = np.ones(len(table), dtype=np.bool_) if rows is None else rows
-        part, place = (column[kept] for column in table.parts)
-        _, first, unit = np.unique(part, return_index=True, return_inverse=True)
-        frames, frame_of = np.unique(table.frame[kept][first], return_inverse=True)
-        n = len(first)
-        targets = np.full((n, 2), -1)
-        targets[unit, place] = table.target[kept]
-        pixels, rays = np.full((n, 2, 2, 2), np.nan), np.full((n, 2, 2, 2), np.nan)
-        pixels[unit, place, 0] = table.primary[kept]
-        pixels[unit, place, 1] = table.secondary[kept]
-        rays[unit, place] = dataset.rays[:, kept].T.reshape(-1, 2, 2)
-        motion = np.zeros((n if moving else 0, 2, 2, 3))
-        if moving:
-            offset = dataset.time_offset or TimeOffset()
-            motion[unit, place, 1, :2] = np.nan_to_num(table.motion[kept, :2])
-            motion[unit, place, 1, 2] = table.time_frame[kept] - offset.reference
-        variances = np.ones((len(frames), len(table.names)))
-        of_rows = frame_of[unit], table.target[kept]
-        variances[of_rows] = 0.5 + 0.5 * np.nan_to_num(table.motion[kept, 2], nan=1.0)
-        bars, distances = kept[table.bars].all(axis=1), np.full(n, np.nan)
-        of_bars = unit[np.searchsorted(np.flatnonzero(kept), table.bars[bars, 0])]
-        distances[of_bars] = dataset.bar_distances_m[bars]
-        return cls(
-            frames,
-            frame_of,
-            targets,
-            pixels,
-            rays,
-            motion,
-            distances,
-            lenses_of_cameras(dataset.primary, dataset.secondary),
-            dataset.target_distance_m,
-            variances,
-        )
-
-    @classmethod
-    def of_recording(cls, recording: Recording, moving: FloatArray | None = None) -> "Observations":
-        """Those of the points that two cameras or more see, with units as in a pair.
-
-        Args:
-            moving: (n, 3): of the points, velocities in pixels per frame and the frame from which
-                the drift counts, if cameras may be late.
-        """
-        frames, images = recording.images()
+        known = recording if rows is None else recording.where(rows)
+        frames, images = known.images(_columns(known))
         of_rows = np.nonzero(np.isfinite(images[..., 0]).sum(axis=2) > 1)
-        part, place = recording.object.parts_of(*of_rows)
+        part, place = known.object.parts_of(*of_rows)
         _, first = np.unique(part, return_index=True)
         kept, frame_of = np.unique(of_rows[0][first], return_inverse=True)
+        units = np.full((len(first), 2, *images.shape[2:]), np.nan)
+        units[part, place] = images[of_rows]
         targets = np.full((len(first), 2), -1)
         targets[part, place] = of_rows[1]
-        pixels = np.full((len(first), 2, *images.shape[2:]), np.nan)
-        pixels[part, place] = images[of_rows]
-        cameras, rays = list(recording.cameras.values()), np.full(pixels.shape, np.nan)
-        for number, camera in enumerate(cameras):
-            seen = np.isfinite(pixels[:, :, number, 0])
-            rays[:, :, number][seen] = camera.undistort(pixels[:, :, number][seen])
-        motion = np.zeros((0 if moving is None else len(first), *pixels.shape[1:3], 3))
-        if moving is not None:
-            motion[part, place] = np.nan_to_num(recording.images(moving)[1][of_rows])
-        distances = recording.object.distance(*targets.T)
+        variances = np.ones((len(frames), images.shape[1]))
+        variances[of_rows] = np.nanmean(images[of_rows][..., VARIANCE], axis=1)
+        stated = known.object.distance(*targets.T)
+        if known.distance_m is not None and known.object.names == TARGETS:
+            own = np.fmax.reduce(units[..., DISTANCE], axis=(1, 2))
+            stated = np.where(np.isfinite(own), own, stated)
         return cls(
             frames[kept],
             frame_of,
             targets,
-            pixels,
-            rays,
-            motion,
-            np.where(targets[:, 1] < 0, np.nan, distances),
-            lenses_of_cameras(*cameras),
-            recording.object.longest_m,
-            np.ones(len(kept)),
+            np.ascontiguousarray(units[..., :2]),
+            np.ascontiguousarray(units[..., 2:4]),
+            np.nan_to_num(units[..., MOTION])[: len(first) if moving else 0],
+            np.where(targets[:, 1] < 0, np.nan, stated),
+            lenses_of_cameras(*known.cameras.values()),
+            known.object.longest_m,
+            variances[kept],
         )
 
     @property
@@ -124,3 +84,23 @@ class Observations:
     def has_parts(self) -> bool:
         """Whether frames have several units, whose errors may be alike."""
         return len(self.frame_of) > len(self.frames)
+
+
+def _columns(recording: Recording) -> FloatArray:
+    """(n, 9): of each point its pixel, its ray, its velocity in pixels per frame and the frame from
+    which a drift counts, the variance of its position, and the stated length of its bar."""
+    n = len(recording.frame)
+    motion = np.full((n, 3), np.nan) if recording.motion is None else recording.motion
+    late = np.array([name in recording.offsets for name in recording.cameras])[recording.camera]
+    reference = next(iter(recording.offsets.values()), TimeOffset()).reference
+    lengths = np.full(n, np.nan) if recording.distance_m is None else recording.distance_m
+    return np.column_stack(
+        [
+            recording.points,
+            recording.rays,
+            motion[:, :2],
+            np.where(late, recording.times - reference, 0.0),
+            np.nan_to_num(motion[:, 2], nan=1.0),
+            lengths,
+        ]
+    )

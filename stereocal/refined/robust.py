@@ -156,7 +156,11 @@ class RobustFit:
             rows: mask (n,) of the rows to fit; all if None.
         """
         late = settings.time_offset, settings.time_drift
-        seen, lenses = Observations.of_pair(dataset, any(late), rows), lenses_of(dataset, settings)
+        both = None if rows is None else np.tile(rows, 2)
+        seen, lenses = (
+            Observations.of(dataset.recording, any(late), both),
+            lenses_of(dataset, settings),
+        )
         bar = distance_sigma_m(dataset, settings) / dataset.target_distance_m
         length_sigma = bar if seen.has_lengths else 0.0
         baselines = measured_baseline(dataset, settings)

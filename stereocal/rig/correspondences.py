@@ -12,7 +12,7 @@ import pandas as pd
 from stereocal.errors import RefusedRowsError, RowProblem, refuse
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.field_of_view import beyond_either
-from stereocal.rig.rigid_object import RigidObject
+from stereocal.rig.rigid_object import RigidObject, parts_of_bars
 from stereocal.system.array_types import FloatArray, IntArray
 
 TARGETS = ("A", "B")
@@ -233,7 +233,7 @@ class Correspondences:
         are numbered from 0, ascending by frame; a bar is one part.
         """
         if self.rigid_object is None:
-            return np.searchsorted(self.frames, self.frame), self.target
+            return parts_of_bars(self.frame, self.target)
         return self.rigid_object.parts_of(self.frame, self.target)
 
     @cached_property

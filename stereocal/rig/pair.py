@@ -288,10 +288,7 @@ class Pair(TableAnswer):
     @cached_property
     def rays(self) -> FloatArray:
         """Undistorted, normalised points, shape (4, n), as in `geometry`."""
-        rows = self.correspondences
-        return stack_rays(
-            self.primary.undistort(rows.primary), self.secondary.undistort(rows.secondary)
-        )
+        return stack_rays(*np.split(self.recording.rays, 2))
 
     @cached_property
     def known_points_m(self) -> FloatArray:

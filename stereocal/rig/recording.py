@@ -365,6 +365,15 @@ class Recording(TableAnswer):
             },
         )
 
+    @cached_property
+    def rays(self) -> FloatArray:
+        """(n, 2): undistorted and normalised; NaN where a lens cannot be inverted."""
+        found = np.empty_like(self.points)
+        for number, camera in enumerate(self.cameras.values()):
+            own = self.camera == number
+            found[own] = camera.undistort(self.points[own])
+        return found
+
     @property
     def times(self) -> IntArray:
         """(n,): the frame's number as recorded, gaps and all."""

@@ -205,6 +205,8 @@ class RigidObject:
 
     def parts_of(self, frame: IntArray, target: IntArray) -> tuple[IntArray, IntArray]:
         """(n,) each: as of `Correspondences.parts`, of the rows of some targets in some frames."""
+        if len(self.names) == 2:
+            return parts_of_bars(frame, target)
         part, place, count = np.empty_like(frame), np.zeros_like(frame), 0
         order = np.lexsort([target, frame])
         parts_of_seen: dict[bytes, tuple[IntArray, IntArray]] = {}
@@ -267,6 +269,13 @@ class RigidObject:
     def longest_m(self) -> float:
         """Their distance, in metres."""
         return float(self.distance(*self.longest))
+
+
+def parts_of_bars(frame: IntArray, target: IntArray) -> tuple[IntArray, IntArray]:
+    """(n,) each: as of `Correspondences.parts`, of rows of the ends 0 and 1 of a bar."""
+    part = np.searchsorted(np.unique(frame), frame)
+    alone = np.bincount(part)[part] == 1
+    return part, np.where(alone, 0, target)
 
 
 def placed(frame: IntArray, points: FloatArray, rays: FloatArray) -> FloatArray:

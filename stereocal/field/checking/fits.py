@@ -129,7 +129,7 @@ class Fit(RobustFit):
             sigma=np.concatenate([np.ones(known), change.sigma]),
             precision=block_diag(np.eye(known), np.diag(1.0 / change.sigma**2)),
         )
-        seen = Observations.of_pair(images.dataset, False)
+        seen = Observations.of(images.dataset.recording)
         super().__init__(seen, unknowns, settings, prior.at.R, np.empty((0, 4)))
         self.prior, self.images, self.change, self.known = prior, images, change, known
         self.set_limits(len(change) - round(prior.degrees))
