@@ -85,7 +85,7 @@ def run() -> CalibrationRun:
 def test_results_can_be_kept_and_copied(run: CalibrationRun, copied: Callable[[Any], Any]) -> None:
     """With all that was computed: a copy says the same, and computes on."""
     repr(run)
-    primary, secondary = points_by_camera(run.dataset).values()
+    primary, secondary = points_by_camera(run.dataset.recording).values()
     pairs = stereocal.match(run.sets["2d"], primary, secondary)
     points = stereocal.reconstruct(run.sets["3d"], pairs)
     checked = stereocal.check(run.sets["refined"], run.dataset)
@@ -175,7 +175,7 @@ def test_a_wrong_table_is_refused(run: CalibrationRun, changes: dict[str, Any], 
 
 
 def test_frames_without_common_points_match_nothing(run: CalibrationRun) -> None:
-    primary, secondary = points_by_camera(run.dataset).values()
+    primary, secondary = points_by_camera(run.dataset.recording).values()
     pairs = stereocal.match(run.sets["2d"], primary.iloc[:0], secondary)
     assert len(pairs) == 0
     assert "u_primary" in pairs
@@ -188,7 +188,7 @@ def test_frames_without_common_points_match_nothing(run: CalibrationRun) -> None
 
 def test_points_counted_apart_are_matched_without_a_common_number(run: CalibrationRun) -> None:
     """Frames of cameras started by hand may have no number in common at all."""
-    primary, secondary = points_by_camera(run.dataset).values()
+    primary, secondary = points_by_camera(run.dataset.recording).values()
     later = int(primary["frame"].max()) + 100
     rig = replace(run.sets["2d"], start_frame=-later)
     pairs = stereocal.match(rig, primary, secondary.assign(frame=secondary["frame"] + later))

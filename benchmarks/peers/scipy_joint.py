@@ -94,7 +94,7 @@ class Joint:
 def solve(dataset: Pair) -> Solution:
     """One `least_squares`, method `trf`, finite differences, robust loss."""
     begin, inliers = opencv.estimate(dataset)
-    trusted = dataset.changed(correspondences=dataset.correspondences.where(inliers))
+    trusted = dataset.where(inliers)
     joint = Joint(trusted, begin)
     found = least_squares(
         joint.residuals,

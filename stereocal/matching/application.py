@@ -30,7 +30,6 @@ from stereocal.matching.views import PAIRS, Views, views_of
 from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Pose
-from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import PlacedCamera, PlacedCameras, Rig, SeveralCameras
 from stereocal.system.csv_text import unquoted, without_apostrophes
@@ -300,15 +299,14 @@ def agreement(pairs: pd.DataFrame) -> str | None:
     return None
 
 
-def points_by_camera(data: Pair | Recording) -> dict[str, pd.DataFrame]:
+def points_by_camera(recording: Recording) -> dict[str, pd.DataFrame]:
     """The object's points as a table of each camera that sees any; `target` is passed through and
     not used for matching."""
-    recording = data.recording if isinstance(data, Pair) else data
     targets = np.array(recording.object.names)[recording.target]
-    u, v = recording.points.T
+    u, v = recording.recorded_points.T
     table = pd.DataFrame({"frame": recording.frame, "u": u, "v": v, "target": targets})
-    if isinstance(data, Pair) and data.correspondences.has_times:
-        table["time_frame"] = np.tile(data.correspondences.time_frame, 2)
+    if recording.time_frame is not None:
+        table["time_frame"] = recording.time_frame
     table = table.iloc[np.lexsort([recording.target, recording.frame])]
     of = recording.camera[table.index]
     return {name: table[of == k] for k, name in enumerate(recording.cameras) if (of == k).any()}

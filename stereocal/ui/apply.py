@@ -74,7 +74,7 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
     form = PointsForm(
         store,
         {which: camera and camera.image_size[1] for which, camera in cameras.items()},
-        project.dataset,
+        None if (data := project.dataset) is None else data.recording,
         is_rig=False,
     )
     form.take()

@@ -25,7 +25,6 @@ from stereocal.projects.application import CLICKED_IN, Asked, ProjectApplication
 from stereocal.projects.clicks import ProjectClicks
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import camera_in_words
@@ -56,7 +55,7 @@ class PointsForm:
     store: ProjectApplication
     heights: Mapping[str, int | None]
     """By camera, rows of its images, if known."""
-    data: Pair | Recording | None
+    data: Recording | None
     """Its own points can be chosen."""
     is_rig: bool
     """Of three cameras or more."""

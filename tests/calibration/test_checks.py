@@ -46,10 +46,10 @@ class TestPoints:
         with pytest.raises(StereocalError, match=r"4 pairs of points"):
             calibrate(few)
         rows = SOUND.correspondences
-        one = SOUND.changed(correspondences=rows.where(np.arange(len(rows)) == 3))
+        one = SOUND.where(np.arange(len(rows)) == 3)
         with pytest.raises(StereocalError, match="1 pair of points"):
             check_enough_points(one)
-        five = SOUND.changed(correspondences=rows.where(np.arange(len(rows)) < 5))
+        five = SOUND.where(np.arange(len(rows)) < 5)
         check_enough_points(five)
 
     @pytest.mark.parametrize("which", ["primary", "secondary"])
@@ -119,7 +119,7 @@ class TestExchangedTargets:
 
 def test_no_bars_for_the_3d_method() -> None:
     rows = SOUND.correspondences
-    only_A = SOUND.changed(correspondences=rows.where(np.array(rows.target) == 0))
+    only_A = SOUND.where(np.array(rows.target) == 0)
     with pytest.raises(StereocalError, match="both targets"):
         reconstruction_problem(only_A)
     with pytest.raises(StereocalError, match="both targets"):

@@ -59,7 +59,7 @@ compare_inputs(refined).inputs, accuracy_map(refined, size=5)
 forecasts = forecast_files(found).of_files({})
 rig, rows = found.parameters("2d", None, forecasts["2d"]), dataset.correspondences
 midpoints(rig, np.stack([rows.primary, rows.secondary], axis=1), 0.2)
-sample = sample_frames(*points_by_camera(dataset).values())
+sample = sample_frames(*points_by_camera(dataset.recording).values())
 frames = [NO_NAMES.samples(*own)[0] for own in sample]
 nearest_errors(rig, frames, (0.0, float("inf"))), choose_threshold(rig, frames)
 image = read_photograph(data / "photographs" / "primary" / "0001.jpg")

@@ -100,7 +100,7 @@ def with_one_target_missing(dataset: Pair, frames: int) -> Pair:
     """The same, but the first `frames` frames have no target B."""
     rows = dataset.correspondences
     lost = (rows.target == 1) & np.isin(rows.frame, rows.frames[:frames])
-    return dataset.changed(correspondences=rows.where(~lost))
+    return dataset.where(~lost)
 
 
 @pytest.mark.parametrize("missing", [0, 12])

@@ -49,7 +49,7 @@ def late() -> RigParameters:
 
 
 def test_tables_on_disk_are_the_same(late: RigParameters, tmp_path: Path) -> None:
-    points = points_by_camera(moving(LATE))
+    points = points_by_camera(moving(LATE).recording)
     tables = {}
     for which, table in points.items():
         table.to_csv(tmp_path / f"{which}.csv", index=False)
@@ -176,7 +176,7 @@ def test_new_bars_are_taken_as_they_were_counted(later: int) -> None:
 
 
 def _tables(later: int, first: int = 300, last: int = 420) -> list[pd.DataFrame]:
-    points = points_by_camera(_bars(first, last)).values()
+    points = points_by_camera(_bars(first, last).recording).values()
     one, other = (own[["frame", "u", "v"]] for own in points)
     return [one, other.assign(frame=other["frame"] + later)]
 

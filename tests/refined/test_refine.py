@@ -109,14 +109,14 @@ def test_bars_in_a_small_part_of_the_images_are_not_fitted_with_depths_reversed(
 def test_single_targets_and_no_bar_at_all() -> None:
     data = rig.dataset(40, 0.2)
     rows = data.correspondences
-    mixed = data.changed(correspondences=rows.where((rows.target == 0) | (rows.frame % 2 == 0)))
+    mixed = data.where((rows.target == 0) | (rows.frame % 2 == 0))
     found = refine(mixed)
     assert found.degrees_of_freedom.tolist() == [1, 3] * 20
     assert np.isnan(found.points_m[0, 1]).all()
     assert turned(found.pose, rig.RIG) < 5 * np.sqrt(
         np.diag(found.covariance)[pose_places(1)][:3].sum()
     )
-    alone = refine(data.changed(correspondences=rows.where(rows.target == 0)))
+    alone = refine(data.where(rows.target == 0))
     assert "object" not in alone.unknowns.names
     # Without a bar the baseline is what was typed.
     assert alone.pose.baseline == pytest.approx(rig.BASELINE_M, rel=1e-3)
