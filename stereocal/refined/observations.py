@@ -10,9 +10,6 @@ from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
-MOTION, VARIANCE, DISTANCE = slice(4, 7), 7, 8
-"""Columns of `_columns`, after pixels and rays."""
-
 
 @dataclass(frozen=True, eq=False)
 class Observations:
@@ -47,29 +44,39 @@ class Observations:
             rows: mask (n,) of the points; all if None.
         """
         known = recording if rows is None else recording.where(rows)
-        frames, images = known.images(_columns(known))
+        frames, images = known.images(np.hstack([known.points, known.rays]))
         of_rows = np.nonzero(np.isfinite(images[..., 0]).sum(axis=2) > 1)
         part, place = known.object.parts_of(*of_rows)
         _, first = np.unique(part, return_index=True)
         kept, frame_of = np.unique(of_rows[0][first], return_inverse=True)
-        units = np.full((len(first), 2, *images.shape[2:]), np.nan)
-        units[part, place] = images[of_rows]
-        targets = np.full((len(first), 2), -1)
+        n = len(first)
+
+        def by_unit(images: FloatArray) -> FloatArray:
+            found = np.full((n, 2, *images.shape[2:]), np.nan)
+            found[part, place] = images[of_rows]
+            return found
+
+        targets = np.full((n, 2), -1)
         targets[part, place] = of_rows[1]
-        variances = np.ones((len(frames), images.shape[1]))
-        variances[of_rows] = np.nanmean(images[of_rows][..., VARIANCE], axis=1)
-        stated = known.object.distance(*targets.T)
+        motion, variances = np.empty((0, 2, images.shape[2], 3)), np.ones(images.shape[:2])
+        if moving:
+            motion = np.nan_to_num(by_unit(known.images(_motion(known))[1]))
+        if known.motion is not None:
+            of_images = known.images(np.nan_to_num(known.motion[:, 2:], nan=1.0))[1]
+            variances[of_rows] = np.nanmean(of_images[of_rows], axis=(1, 2))
+        distances = known.object.distance(*targets.T)
         if known.distance_m is not None and known.object.names == TARGETS:
-            own = np.fmax.reduce(units[..., DISTANCE], axis=(1, 2))
-            stated = np.where(np.isfinite(own), own, stated)
+            own = by_unit(known.images(known.distance_m[:, None])[1])
+            stated = np.fmax.reduce(own, axis=(1, 2, 3))
+            distances = np.where(np.isfinite(stated), stated, distances)
         return cls(
             frames[kept],
             frame_of,
             targets,
-            np.ascontiguousarray(units[..., :2]),
-            np.ascontiguousarray(units[..., 2:4]),
-            np.nan_to_num(units[..., MOTION])[: len(first) if moving else 0],
-            np.where(targets[:, 1] < 0, np.nan, stated),
+            by_unit(images[..., :2]),
+            by_unit(images[..., 2:]),
+            motion,
+            np.where(targets[:, 1] < 0, np.nan, distances),
             lenses_of_cameras(*known.cameras.values()),
             known.object.longest_m,
             variances[kept],
@@ -86,21 +93,13 @@ class Observations:
         return len(self.frame_of) > len(self.frames)
 
 
-def _columns(recording: Recording) -> FloatArray:
-    """(n, 9): of each point its pixel, its ray, its velocity in pixels per frame and the frame from
-    which a drift counts, the variance of its position, and the stated length of its bar."""
-    n = len(recording.frame)
-    motion = np.full((n, 3), np.nan) if recording.motion is None else recording.motion
+def _motion(recording: Recording) -> FloatArray:
+    """(n, 3): of each point its velocity in pixels per frame, 0 where it is not known, and the
+    frame from which a drift counts."""
     late = np.array([name in recording.offsets for name in recording.cameras])[recording.camera]
     reference = next(iter(recording.offsets.values()), TimeOffset()).reference
-    lengths = np.full(n, np.nan) if recording.distance_m is None else recording.distance_m
-    return np.column_stack(
-        [
-            recording.points,
-            recording.rays,
-            motion[:, :2],
-            np.where(late, recording.times - reference, 0.0),
-            np.nan_to_num(motion[:, 2], nan=1.0),
-            lengths,
-        ]
-    )
+    motion = np.zeros((len(recording.frame), 3))
+    if recording.motion is not None:
+        motion[:, :2] = np.nan_to_num(recording.motion[:, :2])
+    motion[late, 2] = recording.times[late] - reference
+    return motion
