@@ -10,8 +10,8 @@ OFFSETS = {name: TimeOffset(frames) for name, frames in LATE.items()}
 
 
 def test_points_of_late_cameras_are_where_they_were_in_step() -> None:
-    """Against the truth; measured: 0.02 px at most, where the wand moves by 15 px a frame. As
-    recorded, they are 2 to 26 px away."""
+    """Against the truth; measured: 0.003 px at most, where the wand moves by 6 to 11 px a frame. As
+    recorded, they are 0.5 to 13 px away."""
     _, in_step = wave_wand(1, np.zeros(3), 60, noise_px=0.0)
     _, recorded = wave_wand(1, np.array([0.0, *LATE.values()]), 60, noise_px=0.0)
     shifted = recorded.shifted(OFFSETS)
@@ -19,12 +19,9 @@ def test_points_of_late_cameras_are_where_they_were_in_step() -> None:
     frames, images = shifted.where(shifted.usable).images()
     apart = np.linalg.norm(images - true[frames], axis=3)
     assert np.isfinite(apart).mean() > 0.8
-    assert (
-        np.nanmax(apart)
-        < 0.05
-        < 1.0
-        < np.nanmedian(np.linalg.norm(recorded.images()[1] - true, axis=3)[..., 1:])
-    )
+    assert np.nanmax(apart) < 0.01
+    as_recorded = np.linalg.norm(recorded.images()[1] - true, axis=3)
+    assert np.nanmin(as_recorded[..., 1:]) > 0.3
     assert shifted.sha256 == recorded.sha256
     assert shifted.usable[shifted.camera == 0].all() and not shifted.usable.all()
 
