@@ -17,7 +17,7 @@ from stereocal.detection.balls import find_balls
 from stereocal.detection.target import Balls, Sighting, parse_target
 from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames
-from stereocal.frames.pairing import Pair
+from stereocal.frames.pairing import PhotographPair
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
@@ -124,7 +124,7 @@ def scene(
     pairs, truth = [], {}
     seen: dict[str, Sighting] = {}
     for number, ends in enumerate(place_bars(RIG, rng, SCENE, BAR_M, (1.4, 4.0)).ends_m):
-        pairs.append(Pair(number, f"p{number}", f"s{number}"))
+        pairs.append(PhotographPair(number, f"p{number}", f"s{number}"))
         blur, gloss = float(rng.uniform(0.7, 2.0)), float(rng.choice([0.0, 0.5]))
         for k, (name, pose) in enumerate(((f"p{number}", HERE), (f"s{number}", RIG.pose))):
             there = pose.apply(ends)

@@ -16,7 +16,7 @@ from stereocal.detection.detect import Detection, detect_targets
 from stereocal.detection.target import BAR
 from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames
-from stereocal.frames.pairing import Pair
+from stereocal.frames.pairing import PhotographPair
 from stereocal.rig.camera import Camera
 from stereocal.simulation.simulate import field_rig
 from stereocal.system.array_types import FloatArray
@@ -65,7 +65,7 @@ def detected(seed: int, number: int) -> tuple[Found, Truth, list[float]]:
 
 def labelled(found: Found, cameras: tuple[Camera, Camera]) -> list[Frame]:
     """The frames of the detections."""
-    pairs = [Pair(frame, f"primary {frame}", f"secondary {frame}") for frame in found[0]]
+    pairs = [PhotographPair(frame, f"primary {frame}", f"secondary {frame}") for frame in found[0]]
     seen = {f"primary {frame}": one.sighting for frame, one in found[0].items()}
     seen |= {f"secondary {frame}": one.sighting for frame, one in found[1].items()}
     return label_frames(pairs, seen, cameras, BAR)

@@ -21,7 +21,7 @@ from stereocal.detection.target import Balls, Sighting, Spot, Target
 from stereocal.frames.choosing import choose_boards
 from stereocal.frames.epipolar_labels import FrameLabels, decide_labels
 from stereocal.frames.frame import Centre, CentrePair, Frame
-from stereocal.frames.pairing import Pair
+from stereocal.frames.pairing import PhotographPair
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.tracks import interpolate
 from stereocal.system.array_types import FloatArray
@@ -50,7 +50,7 @@ def points_by_photograph(
 
 
 def label_frames(
-    pairs: Sequence[Pair],
+    pairs: Sequence[PhotographPair],
     seen: Mapping[str, Sighting],
     cameras: tuple[Camera, Camera],
     target: Target,
@@ -87,7 +87,7 @@ def label_frames(
 
 
 def _labelled(
-    pairs: Sequence[Pair],
+    pairs: Sequence[PhotographPair],
     seen: Mapping[str, Sighting],
     cameras: tuple[Camera, Camera],
     target: Target,
@@ -129,7 +129,7 @@ def _at_primary(centres: Mapping[int, FloatArray], late: float) -> dict[int, Flo
 
 
 def _frame(
-    pair: Pair,
+    pair: PhotographPair,
     both: tuple[Sighting, Sighting],
     named: bool,
     decided: tuple[bool, FrameLabels] | None,

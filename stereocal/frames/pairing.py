@@ -21,7 +21,7 @@ MAXIMUM_DIGITS = 15
 
 
 @dataclass(frozen=True)
-class Pair:
+class PhotographPair:
     """Two photographs of one moment."""
 
     frame: int
@@ -29,16 +29,16 @@ class Pair:
     secondary: str
 
 
-def pairs_of(moments: Moments, first: str, second: str) -> tuple[Pair, ...]:
+def pairs_of(moments: Moments, first: str, second: str) -> tuple[PhotographPair, ...]:
     """The photographs of two cameras."""
     return tuple(
-        Pair(frame, files[first], files[second])
+        PhotographPair(frame, files[first], files[second])
         for frame, files in moments.items()
         if first in files and second in files
     )
 
 
-def moments_of(pairs: Iterable[Pair]) -> Moments:
+def moments_of(pairs: Iterable[PhotographPair]) -> Moments:
     """The photographs of two cameras as of a rig."""
     return {p.frame: {CAMERAS[0]: p.primary, CAMERAS[1]: p.secondary} for p in pairs}
 
@@ -119,7 +119,7 @@ class Pairing:
     """By which a search found them."""
 
     @property
-    def pairs(self) -> tuple[Pair, ...]:
+    def pairs(self) -> tuple[PhotographPair, ...]:
         """The photographs of two cameras that belong together."""
         return pairs_of(self.moments, *CAMERAS)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.frames.pairing import Pair
+from stereocal.frames.pairing import PhotographPair
 from stereocal.frames.proposal import Choice, propose
 from stereocal.projects.files import StoredFile
 from stereocal.rig.camera import CAMERAS
@@ -20,7 +20,7 @@ _TIFF = b"II*\0", b"MM\0*"
 class PairRow:
     """A pair in the table, and whether to use it."""
 
-    pair: Pair
+    pair: PhotographPair
     use: bool = True
 
 

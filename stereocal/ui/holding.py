@@ -26,7 +26,7 @@ from stereocal.detection.target import (
 from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.frames.frame import Centre, CentrePair
-from stereocal.frames.pairing import Pair
+from stereocal.frames.pairing import PhotographPair
 from stereocal.intrinsics.held_object import HeldObject, Patterns, held_object, spread
 from stereocal.intrinsics.proposed_board import ProposedBoard
 from stereocal.projects.files import StoredFile
@@ -49,7 +49,7 @@ MARKER_PART = "board_marker_part"
 UNDECIDED = "What you hold is not clear from the first photographs: choose it."
 
 
-def _show_proposal(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
+def _show_proposal(store: ProjectPhotographs, pairs: Sequence[PhotographPair]) -> None:
     """The proposal with its picture, until the user has said what is held.
 
     It is made when both cameras' photographs are there, and again when they change.
@@ -82,7 +82,7 @@ def ask_if_bar(project: Project) -> None:
         button("Yes, a bar", "held_bar", _kind(project).set, "bar2x2")
 
 
-def _look(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
+def _look(store: ProjectPhotographs, pairs: Sequence[PhotographPair]) -> None:
     """Make the proposal, unless it was made from these photographs."""
     project, files, first = store.project, store.photographs, spread(pairs)
     names = [[getattr(pair, which) for pair in first] for which in ("primary", "secondary")]
@@ -105,7 +105,7 @@ def _look(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
     st.rerun()  # what stands above depends on it
 
 
-def _told(held: HeldObject, pairs: Sequence[Pair]) -> dict[str, Any]:
+def _told(held: HeldObject, pairs: Sequence[PhotographPair]) -> dict[str, Any]:
     """The proposal as it is stored: its kind, its sentence, and a frame to draw it in."""
     first, second = held.seen
     seen = [(p.primary in first) + (p.secondary in second) for p in pairs]
@@ -214,7 +214,7 @@ def holds_board(project: Project) -> bool:
     return held_kind(project) == BOARD
 
 
-def first_pairs(pairs: Sequence[Pair]) -> list[Pair]:
+def first_pairs(pairs: Sequence[PhotographPair]) -> list[PhotographPair]:
     """Three of the pairs: the first, one from the middle, the last."""
     return [pairs[at] for at in sorted({0, len(pairs) // 2, len(pairs) - 1})] if pairs else []
 
@@ -227,7 +227,9 @@ def held_target(project: Project) -> Target:
         return BAR
 
 
-def ask_what_is_held(store: ProjectPhotographs, pairs: Sequence[Pair], fold: bool) -> Target | None:
+def ask_what_is_held(
+    store: ProjectPhotographs, pairs: Sequence[PhotographPair], fold: bool
+) -> Target | None:
     """The proposal, and the controls.
 
     Args:
@@ -267,7 +269,7 @@ def _unfinished(project: Project) -> bool:
     return "," not in colours and colours != BRIGHT
 
 
-def _ask_colours(store: ProjectPhotographs, pair: Pair | None, fold: bool) -> None:
+def _ask_colours(store: ProjectPhotographs, pair: PhotographPair | None, fold: bool) -> None:
     """A photograph to click the balls in, and their colours to type."""
     project, field = store.project, _colours(store.project)
     if unfinished := _unfinished(project):

@@ -10,7 +10,7 @@ from functools import partial
 import pandas as pd
 import streamlit as st
 
-from stereocal.frames.pairing import Alone, Pair, short_names
+from stereocal.frames.pairing import Alone, PhotographPair, short_names
 from stereocal.frames.proposal import Proposal, Way
 from stereocal.frames.slips import find_slip
 from stereocal.projects.pair_rows import PairRow
@@ -173,14 +173,14 @@ def _button(shown: Field, label: str, how: str) -> None:
     button(label, f"pairs_show_{how}", shown.set, how, type="tertiary")
 
 
-def _show_item(store: ProjectPhotographs, ask: bool, item: Pair | Alone) -> None:
+def _show_item(store: ProjectPhotographs, ask: bool, item: PhotographPair | Alone) -> None:
     """Two photographs, or one without a partner.
 
     Args:
         ask: offer to leave either photograph out.
     """
     names: tuple[str | None, str | None]
-    if isinstance(item, Pair):
+    if isinstance(item, PhotographPair):
         names = item.primary, item.secondary
         alt = f"Both photographs of frame {item.frame}"
     else:
@@ -260,7 +260,7 @@ def table_of(rows: Sequence[PairRow]) -> pd.DataFrame:
 def edited_rows(table: pd.DataFrame) -> list[PairRow]:
     """The edited pairs, without incomplete rows."""
     return [
-        PairRow(Pair(int(frame), str(primary), str(secondary)), use is not False)
+        PairRow(PhotographPair(int(frame), str(primary), str(secondary)), use is not False)
         for use, frame, primary, secondary in table[list(COLUMNS)].itertuples(index=False)
         if pd.notna(frame) and pd.notna(primary) and pd.notna(secondary)
     ]

@@ -8,7 +8,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.frames.all_cameras import Found
 from stereocal.frames.frame import Frame
-from stereocal.frames.pairing import Pair, Pairing
+from stereocal.frames.pairing import Pairing, PhotographPair
 from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
@@ -145,7 +145,9 @@ def _keep_boards(store: ProjectPhotographs, lenses: str | None, found: Found, di
     holding.settle(store.project)
 
 
-def _show_first(store: ProjectPhotographs, pairs: Sequence[Pair], pattern: BoardPattern) -> None:
+def _show_first(
+    store: ProjectPhotographs, pairs: Sequence[PhotographPair], pattern: BoardPattern
+) -> None:
     """Some of the photographs with the corners of this board, for a yes."""
     files = store.photographs
     with st.spinner("Looking at the first photographs ..."):
@@ -160,19 +162,19 @@ def _show_first(store: ProjectPhotographs, pairs: Sequence[Pair], pattern: Board
     )
 
 
-def _show_pair(store: ProjectPhotographs, pair: Pair, *corners: FloatArray) -> None:
+def _show_pair(store: ProjectPhotographs, pair: PhotographPair, *corners: FloatArray) -> None:
     alt = f"Both photographs of frame {pair.frame} with the corners of the board"
     st.image(thumbnail(store, (pair.primary, pair.secondary), corners), width="stretch", alt=alt)
 
 
-def _show_found(store: ProjectPhotographs, pairs: Sequence[Pair]) -> None:
+def _show_found(store: ProjectPhotographs, pairs: Sequence[PhotographPair]) -> None:
     """All pairs with the corners in use, doubtful ones first."""
     dataset = readable(lambda: store.project.dataset)
     if dataset is None:
         return
     rows, doubtful = dataset.correspondences, store.doubtful_boards
 
-    def show(pair: Pair) -> None:
+    def show(pair: PhotographPair) -> None:
         own = rows.frame == pair.frame
         _show_pair(store, pair, rows.primary[own], rows.secondary[own])
         state = "found" if pair.frame not in doubtful else "doubtful" if own.any() else "refused"

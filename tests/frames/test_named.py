@@ -13,7 +13,7 @@ from stereocal.detection.target import BRIGHT, Balls, Sighting, Spot, Target, pa
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import EXCHANGED, label_frames, without_still
-from stereocal.frames.pairing import Pair
+from stereocal.frames.pairing import PhotographPair
 from stereocal.rig.camera import Camera
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.resources import ROOT
@@ -65,12 +65,12 @@ def test_what_does_not_fit_the_others_is_doubtful(tmp_path: Path) -> None:
     assert "secondary/0004.png: " in mirrored[3].reason
 
 
-def seen_exactly(frames: int) -> tuple[list[Pair], dict[str, Sighting]]:
+def seen_exactly(frames: int) -> tuple[list[PhotographPair], dict[str, Sighting]]:
     """The true image points of bars, as if they had been detected."""
     rng = np.random.default_rng(5)
     pairs, seen = [], {}
     for number, ends in enumerate(place_bars(RIG, rng, frames, BAR_M, (1.2, 2.0)).ends_m, 1):
-        pairs.append(Pair(number, f"p{number}", f"s{number}"))
+        pairs.append(PhotographPair(number, f"p{number}", f"s{number}"))
         for name, ends_seen in ((f"p{number}", ends), (f"s{number}", RIG.pose.apply(ends))):
             (u, v), (x, y) = RIG.primary.project(ends_seen) + rng.normal(0.0, 0.05, (2, 2))
             seen[name] = Sighting((Spot(u, v, 0.05, 9.0), Spot(x, y, 0.05, 9.0)), "")

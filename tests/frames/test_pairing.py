@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from stereocal.frames.pairing import Pair, Pairing, number_pairs, pair_names
+from stereocal.frames.pairing import Pairing, PhotographPair, number_pairs, pair_names
 from stereocal.frames.proposal import Choice, propose
 from stereocal.system.array_types import FloatArray
 from stereocal.system.taken import Source, Taken
@@ -41,12 +41,12 @@ STYLES = {
 FRAMES = st.sets(st.integers(0, 9999), min_size=1, max_size=12)
 
 
-def made(style: str, frames: set[int]) -> list[Pair]:
+def made(style: str, frames: set[int]) -> list[PhotographPair]:
     first, second = STYLES[style]
-    return [Pair(n, first.format(n=n), second.format(n=n)) for n in sorted(frames)]
+    return [PhotographPair(n, first.format(n=n), second.format(n=n)) for n in sorted(frames)]
 
 
-def names_of(pairs: list[Pair], seed: int = 1) -> list[str]:
+def names_of(pairs: list[PhotographPair], seed: int = 1) -> list[str]:
     names = [name for pair in pairs for name in (pair.primary, pair.secondary)]
     random.Random(seed).shuffle(names)
     return names

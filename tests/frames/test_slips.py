@@ -6,7 +6,7 @@ import pytest
 from stereocal.detection.target import BAR
 from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames
-from stereocal.frames.pairing import Pair
+from stereocal.frames.pairing import PhotographPair
 from stereocal.frames.slips import find_slip
 from tests.frames.test_labelling import CAMERAS, bars, sighting
 from tests.further import further
@@ -31,7 +31,7 @@ def in_order(
     }
     if lost is not None:
         names[lost[0]].pop(lost[1])
-    pairs = [Pair(i, *both) for i, both in enumerate(zip(*names, strict=False), start=1)]
+    pairs = [PhotographPair(i, *both) for i, both in enumerate(zip(*names, strict=False), start=1)]
     frames = label_frames(pairs, found, CAMERAS, BAR)
     none = ((None, None), (None, None))
     return [Frame(f.frame, f.files, none, "refused") if f.frame in unseen else f for f in frames]
