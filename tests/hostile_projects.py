@@ -57,7 +57,8 @@ FILES = {
 def dataset() -> Pair:
     """A small one."""
     rows = correspondences(FRAMES, 0.1)
-    return Recording.of_two("small", PRIMARY, SECONDARY, rows, BASELINE_M, BAR_M).pair(*CAMERAS)
+    known = Recording.of_two("small", PRIMARY, SECONDARY, BASELINE_M, BAR_M)
+    return known.holding(rows).pair(*CAMERAS)
 
 
 def dataset_zip() -> bytes:

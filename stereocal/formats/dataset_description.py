@@ -15,7 +15,7 @@ from stereocal.formats.camera_file import read_camera
 from stereocal.network.frame_rates import RATES
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.measured_lengths import check_length, check_lengths, check_uncertainty
-from stereocal.rig.recording import CameraPair, Recording
+from stereocal.rig.recording import NO_POINTS, CameraPair, Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.json_text import read_json
 from stereocal.system.names import check_camera_names, label_of
@@ -100,7 +100,7 @@ class Description:
 
     def recording(self, lens_model: LensModel | None) -> Recording:
         """The recording that it describes, still without points."""
-        cameras, none = self.cameras(lens_model), np.empty(0, dtype=np.int64)
+        cameras = self.cameras(lens_model)
         if self.is_recording:
             rigid_object, sigma = _object(self), self.optional_length("baseline_sigma_m")
             baselines = _baselines(self, cameras)
@@ -110,7 +110,7 @@ class Description:
             self.name,
             cameras,
             rigid_object,
-            *(none, none, none, np.empty((0, 2)), np.empty(0)),
+            *NO_POINTS,
             baselines_m=baselines,
             baseline_sigma_m=sigma,
             notes=str(self.entries.get("notes", "")),

@@ -103,6 +103,5 @@ def images_in_table(path: Path, label: str, rig: RigParameters) -> NewImages:
             "matched points without the column target."
         )
     rows = read_table(path.read_bytes(), label).strict(label)
-    empty, baseline = rows.of_frames([]), rig.pose.baseline
-    known = Recording.of_two(label, rig.primary, rig.secondary, empty, baseline, length)
+    known = Recording.of_two(label, rig.primary, rig.secondary, rig.pose.baseline, length)
     return images_of_bars(known.with_pairs(rows).pair(*CAMERAS), rig)

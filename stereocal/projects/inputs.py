@@ -84,7 +84,6 @@ class Inputs:
             self.name or name,
             self._known("primary", primary),
             self._known("secondary", secondary),
-            rows.of_frames([]),
             None if self.baseline_free else self.baseline_m or 0.0,
             rigid_object.longest_m if rigid_object else self.target_distance_m or 0.0,
             self.baseline_sigma_m,

@@ -28,6 +28,9 @@ from stereocal.system.numbers import count
 from stereocal.system.tables import LARGEST_WHOLE, refuse_missing
 
 CameraPair = tuple[str, str]
+_NO_ROWS = np.empty(0, dtype=np.int64)
+NO_POINTS = _NO_ROWS, _NO_ROWS, _NO_ROWS, np.empty((0, 2)), np.empty(0)
+"""The columns of a recording that has none yet."""
 COLUMNS = ("frame", "camera", "target", "points", "sigma_px")
 OF_TABLES = ("distance_m", "known_points_m", "time_frame", "source", "line")
 """Columns that `correspondences.csv` may have; its two points of a row have the same values."""
@@ -255,29 +258,27 @@ class Recording(TableAnswer):
         name: str,
         primary: Camera,
         secondary: Camera,
-        rows: Correspondences,
         baseline_m: float | None,
         target_distance_m: float,
         baseline_sigma_m: float | None = None,
         target_distance_sigma_m: float | None = None,
         notes: str = "",
     ) -> "Recording":
-        """The recording of a primary and a secondary camera.
+        """The recording of a bar by a primary and a secondary camera, still without points:
+        `holding` and `with_pairs` add them, with the object that they are of.
 
         Args:
             baseline_m: as measured, or found where `baseline_sigma_m` is infinite; None: not yet.
-            target_distance_m: of the bar; of an object, its longest distance.
         """
         sigmas = baseline_sigma_m, target_distance_sigma_m
         if baseline_m is None:
             sigmas = np.inf, target_distance_sigma_m
         check_lengths(1.0 if baseline_m is None else baseline_m, target_distance_m, *sigmas)
-        rigid_object = rows.rigid_object or RigidObject.bar(target_distance_m)
         return cls(
-            name=name,
-            cameras=dict(zip(CAMERAS, (primary, secondary), strict=True)),
-            object=replace(rigid_object, sigma_m=target_distance_sigma_m),
-            **_of_two(rows),
+            name,
+            dict(zip(CAMERAS, (primary, secondary), strict=True)),
+            RigidObject.bar(target_distance_m, target_distance_sigma_m),
+            *NO_POINTS,
             baselines_m={} if baseline_m is None else {CAMERAS: baseline_m},
             baseline_sigma_m=sigmas[0],
             notes=notes,

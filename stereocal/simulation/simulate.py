@@ -157,7 +157,8 @@ def observe(
     )
     lengths = nominal.baseline_m, nominal.target_distance_m
     cameras = nominal.primary, nominal.secondary
-    return Recording.of_two(name, *cameras, rows, *lengths, notes=notes).pair(*CAMERAS)
+    known = Recording.of_two(name, *cameras, *lengths, notes=notes)
+    return known.holding(rows).pair(*CAMERAS)
 
 
 def lens_off_by(camera: Camera, focal: float, centre_px: tuple[float, float]) -> Camera:

@@ -109,7 +109,8 @@ class TestExchangedTargets:
         rows = Correspondences.from_arrays(
             np.repeat(np.arange(15), 2), ["A", "B"] * 15, primary, secondary
         )
-        return Recording.of_two("short", PRIMARY, SECONDARY, rows, 0.4, BAR_M).pair(*CAMERAS)
+        known = Recording.of_two("short", PRIMARY, SECONDARY, 0.4, BAR_M)
+        return known.holding(rows).pair(*CAMERAS)
 
     def test_in_one_frame(self) -> None:
         check_in_front(self.data(None), self.pose)

@@ -136,8 +136,8 @@ def test_a_point_beyond_75_degrees_is_named() -> None:
         model="fisheye",
     )
     with pytest.raises(StereocalError, match="more than 75 degrees from its axis"):
-        Recording.of_two("x", half, half, rows, 1.0, 0.4).pair(*CAMERAS)
-    empty = Recording.of_two("x", half, half, rows.of_frames([]), 1.0, 0.4)
+        Recording.of_two("x", half, half, 1.0, 0.4).holding(rows).pair(*CAMERAS)
+    empty = Recording.of_two("x", half, half, 1.0, 0.4)
     with pytest.raises(StereocalError, match="check its camera file"):
         empty.with_pairs(rows)
 

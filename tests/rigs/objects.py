@@ -47,6 +47,5 @@ def recorded(
     rows = rows if seen is None else rows.where(np.asarray(seen).ravel())
     lengths = known_rig.BASELINE_M, stated.longest_m
     cameras = known_rig.PRIMARY, known_rig.SECONDARY
-    return Recording.of_two("object", *cameras, rows, *lengths, 0.003, stated.sigma_m).pair(
-        *CAMERAS
-    )
+    known = Recording.of_two("object", *cameras, *lengths, 0.003, stated.sigma_m)
+    return known.holding(rows).pair(*CAMERAS)

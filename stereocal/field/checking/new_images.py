@@ -185,5 +185,5 @@ def images_of_matches(
     rows = Correspondences.from_arrays(
         np.arange(len(order)), "A" * len(order), primary[order], secondary[order]
     )
-    of_rig = Recording.of_two(name, rig.primary, rig.secondary, rows, rig.pose.baseline, 1.0)
-    return NewImages(of_rig.pair(*CAMERAS), frames[order], 0, notes)
+    known = Recording.of_two(name, rig.primary, rig.secondary, rig.pose.baseline, 1.0)
+    return NewImages(known.holding(rows).pair(*CAMERAS), frames[order], 0, notes)

@@ -176,8 +176,8 @@ def planned_dataset(plan: Plan, pixels: FloatArray) -> Pair:
     rows = Correspondences.from_arrays(
         np.repeat(np.arange(1, frames + 1), 2), "AB" * frames, pixels[:, :2], pixels[:, 2:]
     )
-    known = plan.name, plan.primary, plan.secondary, rows, plan.baseline_m, plan.bar_m
-    return Recording.of_two(*known).pair(*CAMERAS)
+    known = plan.name, plan.primary, plan.secondary, plan.baseline_m, plan.bar_m
+    return Recording.of_two(*known).holding(rows).pair(*CAMERAS)
 
 
 def plan_settings(plan: Plan) -> RefineSettings:

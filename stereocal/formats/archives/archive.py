@@ -89,11 +89,8 @@ class Archive:
             notes += ("The baseline is a result of the other program, not a measurement.",)
         elif baseline_m == np.inf:
             baseline = None
-        none = self.correspondences.of_frames([])
         cameras = self.primary, self.secondary
-        known = Recording.of_two(
-            name, *cameras, none, baseline, distance, sigma, notes=" ".join(notes)
-        )
+        known = Recording.of_two(name, *cameras, baseline, distance, sigma, notes=" ".join(notes))
         return known.with_pairs(self.correspondences).pair(*CAMERAS)
 
 
