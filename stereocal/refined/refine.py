@@ -151,8 +151,7 @@ class RefinedResult:
     def fit_of(self, dataset: Pair, rows: BoolArray | None = None) -> RobustFit:
         """The fit of some points with the parameters and the noise of this one."""
         moving = self.settings.time_offset or self.settings.time_drift
-        both = None if rows is None else np.tile(rows, 2)
-        seen = Observations.of(dataset.recording, moving, both)
+        seen = Observations.of(dataset.recording, moving, dataset.of_both(rows))
         found = RobustFit(seen, self.unknowns, self.settings, self.at.R, np.empty((0, 4)))
         return found.take(self.p, self.sigma_px.value, self.scatter_m.value)
 
@@ -353,7 +352,7 @@ def _of_rig(
     values = to_free @ (np.array(known.q) - fit.unknowns.origin)
     fit.take(values, fit.sigma_px, fit.scatter)
     if rows is not None and not rows.all():
-        seen = Observations.of(dataset.recording, False, np.tile(~rows, 2))
+        seen = Observations.of(dataset.recording, False, dataset.of_both(~rows))
         others = RobustFit(seen, fit.unknowns, settings, fit.begin.R, fit.baselines)
         others.take(values, fit.sigma_px, fit.scatter)
         H, g, _ = others.equations([np.arange(len(others.frames))])

@@ -156,11 +156,8 @@ class RobustFit:
             rows: mask (n,) of the rows to fit; all if None.
         """
         late = settings.time_offset, settings.time_drift
-        both = None if rows is None else np.tile(rows, 2)
-        seen, lenses = (
-            Observations.of(dataset.recording, any(late), both),
-            lenses_of(dataset, settings),
-        )
+        seen = Observations.of(dataset.recording, any(late), dataset.of_both(rows))
+        lenses = lenses_of(dataset, settings)
         bar = distance_sigma_m(dataset, settings) / dataset.target_distance_m
         length_sigma = bar if seen.has_lengths else 0.0
         baselines = measured_baseline(dataset, settings)

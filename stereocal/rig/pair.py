@@ -215,6 +215,10 @@ class Pair(TableAnswer):
         """The table of points, as in `correspondences.csv`."""
         return self.correspondences.to_dataframe()
 
+    def of_both(self, rows: BoolArray | None) -> BoolArray | None:
+        """(2 n,): which points of the recording a mask (n,) chooses; None: all."""
+        return None if rows is None else np.tile(rows, 2)
+
     def where(self, rows: BoolArray) -> "Pair":
         """The pair with some of its points, by a mask (n,)."""
         return Pair(self.recording.where(np.tile(rows, 2)))
@@ -224,10 +228,8 @@ class Pair(TableAnswer):
         return self.where(np.isin(self.correspondences.frame, np.asarray(frames)))
 
     def changed(self, **given: Unpack[Stated]) -> "Pair":
-        """The pair with something stated otherwise.
-
-        A bar gets the stated length, an object of other points is scaled to it.
-        """
+        """The pair with something stated otherwise. The length is a bar's: another object has its
+        own."""
         cameras = given.get("primary", self.primary), given.get("secondary", self.secondary)
         own = replace(self.recording, cameras=dict(zip(self.names, cameras, strict=True)))
         if "correspondences" in given:
@@ -368,10 +370,6 @@ class Pair(TableAnswer):
 
 
 def _of_length(known: RigidObject, longest_m: float, sigma_m: float | None) -> RigidObject:
-    """The object with this longest distance and its standard error."""
-    if known.names == TARGETS:
-        return RigidObject.bar(longest_m, sigma_m)
-    if longest_m == known.longest_m:
-        return replace(known, sigma_m=sigma_m)
-    points = known.points * (longest_m / known.longest_m)
-    return RigidObject(known.names, points, sigma_m)
+    """The object with this standard error, and a bar with this length."""
+    is_bar = known.names == TARGETS
+    return RigidObject.bar(longest_m, sigma_m) if is_bar else replace(known, sigma_m=sigma_m)
