@@ -29,6 +29,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.small_steps import step_between
 from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import TARGETS, Correspondences
 from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import RigidObject
@@ -41,7 +42,7 @@ TURN_RAD = float(np.radians(0.2))
 METHODS: tuple[Method, ...] = ("2d", "3d", "refined")
 FIGURES = ("mean_reprojection_px", "median_error_3d", "p95_error_3d", "fcp_reprojection")
 FREE_LENS = LensPrior(np.inf, np.inf)
-FREE = RefineSettings(primary=FREE_LENS, secondary=FREE_LENS, baseline_sigma_m=np.inf)
+FREE = RefineSettings(lenses=dict.fromkeys(CAMERAS, FREE_LENS), baseline_sigma_m=np.inf)
 
 
 def recording(name: str) -> Pair:

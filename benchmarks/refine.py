@@ -24,12 +24,12 @@ from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.refined.refine import refine
+from stereocal.refined.refine import fit_from, refine
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.small_steps import FACTOR, moved, pose_at, step_between
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import EACH, LENS, OWN, Cameras
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
@@ -39,8 +39,7 @@ SIGMA_PX, SCATTER_M = 0.2, 0.001
 TURNS = 9
 PRIMARY, SECONDARY = LENS, EACH + LENS
 SETTINGS = RefineSettings(
-    primary=LensPrior(0.003, 5.0),
-    secondary=LensPrior(0.003, 5.0),
+    lenses=dict.fromkeys(CAMERAS, LensPrior(0.003, 5.0)),
     baseline_sigma_m=0.005,
     distance_sigma_m=0.0005,
     sigma_px=SIGMA_PX,
@@ -207,7 +206,7 @@ def ratios(frames: int) -> None:
     rng = np.random.default_rng(frames)
     data = stated(random_scene(rng, frames), rng, Misjudged())
     start = calibrate_essential(data.rays, data.baseline_m).pose
-    begin = RobustFit.of_pair(data, start, SETTINGS)
+    begin = fit_from(data, start, SETTINGS)
     others: dict[str, tuple[Afternoon | Kept, float]] = {
         "no places": (Afternoon(data, begin), 4.0),
         "places kept": (Kept(data, begin, start), 0.01),

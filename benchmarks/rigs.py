@@ -30,12 +30,12 @@ from stereocal.formats.dataset_files import read_recording
 from stereocal.matching.view_groups import ViewFitter
 from stereocal.network.about_rig import AboutRig
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigFit, RigSettings
 from stereocal.network.fuse import Fused, fuse
 from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.refined.observations import Observations
-from stereocal.refined.unknowns import DEFAULT_DISTANCE, LensPrior
+from stereocal.refined.robust import RobustFit
+from stereocal.refined.unknowns import DEFAULT_DISTANCE, LensPrior, RefineSettings
 from stereocal.refined.views import EACH
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
@@ -48,9 +48,9 @@ LENS = LensPrior(*LENS_ERRORS)
 OF_POSE, OF_LENS = 6, 3
 
 
-def settings(truth: SimulatedRig) -> RigSettings:
+def settings(truth: SimulatedRig) -> RefineSettings:
     """What is stated: the lenses to their errors."""
-    return RigSettings(lenses=dict.fromkeys(truth.cameras, LENS))
+    return RefineSettings(lenses=dict.fromkeys(truth.cameras, LENS))
 
 
 def truth(rigs: int, cameras: int, frames: int) -> None:
@@ -80,7 +80,7 @@ def scipy(rigs: int, cameras: int, frames: int) -> None:
             continue
         began = time.perf_counter()
         fused = fused_pairs(rig, settings(scene))
-        fit = RigFit(rig.recording, fused.poses, settings(scene))
+        fit = RobustFit.of(rig.recording, fused.poses, settings(scene))
         free = fused.unknowns.named(fused.p)
         fit.start_at(free, rig.fit.sigma_px)
         fit.run()
@@ -102,9 +102,9 @@ def scipy(rigs: int, cameras: int, frames: int) -> None:
     )
 
 
-def fused_pairs(rig: RigCalibration, settings: RigSettings | None = None) -> Fused:
+def fused_pairs(rig: RigCalibration, settings: RefineSettings | None = None) -> Fused:
     """The pairs of a rig fused, from where its joint fit began."""
-    return fuse(rig.recording, list(rig.pairs.fits.values()), settings or RigSettings())
+    return fuse(rig.recording, list(rig.pairs.fits.values()), settings or RefineSettings())
 
 
 def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list[Camera]]:

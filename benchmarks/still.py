@@ -22,13 +22,12 @@ from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings
 from stereocal.network.result import RigCalibration
 from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.small_steps import lens_places
-from stereocal.refined.unknowns import LensPrior
+from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import EACH
 from stereocal.rig.recording import Recording
 from stereocal.system.array_types import BoolArray
@@ -84,7 +83,7 @@ def rigs_still(rigs: int, seed: int) -> None:
         at = int(frames[int(len(frames) * rng.uniform(0.3, 0.7))])
         turned = bumped_from(replace(truth, recording=recording), name, 0.2, at)
         for what, each in (("still", recording), ("turned", turned)):
-            warnings = calibrate_rig(each, RigSettings(time_offsets=False)).warnings
+            warnings = calibrate_rig(each, late=False).warnings
             moved[what] += any("moved" in warning for warning in warnings)
     print(f"rigs: moved of {rigs}: {dict(moved)}")
 
@@ -119,8 +118,8 @@ def _halves(recording: Recording) -> list[BoolArray]:
 
 def _calibrated(recording: Recording) -> RigCalibration:
     lenses = dict.fromkeys(recording.cameras, FREE)
-    settings = RigSettings(lenses, baseline_sigma_m=np.inf, time_offsets=False)
-    return calibrate_rig(recording, settings)
+    settings = RefineSettings(lenses, baseline_sigma_m=np.inf)
+    return calibrate_rig(recording, settings, late=False)
 
 
 def differences(one: RigCalibration, other: RigCalibration) -> tuple[Z, Z]:

@@ -13,7 +13,7 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.library.calibrations import calibrate
 from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.simulation.simulate import place_bars
 from stereocal.verdict.forecast import TOLERANCE, Verdict, forecast_files
 from tests.rigs.population import population
@@ -55,7 +55,7 @@ def one_rig(case: Case, frames: int, seed: int) -> tuple[Verdict, bool]:
     if case.off.focal:
         settings = case.off.settings()
         lens = LensPrior(case.off.focal / case.too_sure, case.off.centre_px / case.too_sure)
-        settings = replace(settings, primary=lens, secondary=lens)
+        settings = replace(settings, lenses=dict.fromkeys(CAMERAS, lens))
     calibration = calibrate(dataset, CalibrationSettings(), refined=settings)
     forecast = forecast_files(calibration)
     files = forecast.files

@@ -6,9 +6,10 @@ from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 
-HELD = RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS)
+HELD = RefineSettings(lenses=dict.fromkeys(CAMERAS, FIXED_LENS))
 
 
 def essential(dataset: Pair) -> Solution:

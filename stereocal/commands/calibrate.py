@@ -25,12 +25,12 @@ from stereocal.evaluation.evaluate import MOST_RUNS, EvaluationSettings
 from stereocal.formats.dataset_description import DESCRIPTION
 from stereocal.formats.evaluation_files import validation_in_summary
 from stereocal.formats.inputs import read_input
-from stereocal.network.fit import RigSettings
 from stereocal.network.to_calibrate import in_step
 from stereocal.paper_kit.kit import paper_kit
 from stereocal.refined.parameter_file import errors_of_set
 from stereocal.refined.results import Calibration
 from stereocal.refined.stated_inputs import undetectable_errors
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import question_about_units, rig_in_words, word_of
 from stereocal.rig.recording import Recording
@@ -110,13 +110,10 @@ def _all(recording: Recording, parsed: argparse.Namespace) -> None:
             raise StereocalError(f"{option} {OF_SEARCHES}.")
     with naming(str(parsed.dataset)):
         recording = in_step(recording)
-    rig = RigSettings(
-        baseline_sigma_m=parsed.baseline_sigma,
-        time_offsets=parsed.time_offset or parsed.time_drift or None,
-        time_drifts=bool(parsed.time_drift),
-    )
+    rig = RefineSettings(baseline_sigma_m=parsed.baseline_sigma, time_drift=bool(parsed.time_drift))
+    late = parsed.time_offset or parsed.time_drift or None
     searches = replace(settings_from(parsed, None), time_offset=False) if parsed.pairs else None
-    calibrate_all(recording, rig, parsed.out, searches)
+    calibrate_all(recording, rig, late, parsed.out, searches)
 
 
 def _lines_of(found: Run) -> list[str]:

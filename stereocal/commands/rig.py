@@ -11,7 +11,6 @@ from stereocal.commands.options import PAIRS, finish, questions, recording_from
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import rig_report
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.pair_of_rig import Sets, files_of_sets, refined_set, sets_of_pairs
 from stereocal.network.rig_file import RIG, rig_file
@@ -53,22 +52,26 @@ def run(parsed: argparse.Namespace) -> None:
             "give one data set, a folder or a zip with dataset.json of format 2."
         )
     recording = recording_from(parsed, parsed.inputs[0])
-    settings = RigSettings(
-        baseline_sigma_m=parsed.baseline_sigma, time_offsets=parsed.time_offset or None
-    )
+    settings = RefineSettings(baseline_sigma_m=parsed.baseline_sigma)
+    late = parsed.time_offset or None
     searches = CalibrationSettings() if parsed.pairs else None
-    calibrate_all(recording, settings, parsed.out, searches)
+    calibrate_all(recording, settings, late, parsed.out, searches)
 
 
 def calibrate_all(
-    recording: Recording, settings: RigSettings, out: Path, searches: CalibrationSettings | None
+    recording: Recording,
+    settings: RefineSettings,
+    late: bool | None,
+    out: Path,
+    searches: CalibrationSettings | None,
 ) -> None:
     """Calibrate, write rig.json, report.html and the pairs' files, print the answer.
 
     Args:
+        late: as of `calibrate_rig`.
         searches: of the paper's two sets of every pair; None: without these.
     """
-    rig = rig_file(with_bar("steps", partial(calibrate_rig, recording, settings)))
+    rig = rig_file(with_bar("steps", partial(calibrate_rig, recording, settings, late)))
     sets_of = refined_set if searches is None else partial(paper_sets, searches)
     sets, notes = with_bar("pairs", partial(sets_of_pairs, recording, rig, sets_of=sets_of))
     of_pairs = {**rig.about.pairs}

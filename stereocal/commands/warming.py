@@ -29,7 +29,7 @@ from stereocal.matching.matching import match_points
 from stereocal.matching.view_groups import ViewFitter, match_views
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.rig_file import rig_file
-from stereocal.refined.robust import RobustFit
+from stereocal.refined.refine import fit_from
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
@@ -145,7 +145,7 @@ def _use_refined() -> None:
     """The refined method for two cameras and more, evaluation, forecast and matching."""
     scene, both = _recordings()
     # Without a search for a start, which the other part compiles meanwhile.
-    RobustFit.of_pair(both[0], scene.rig.pose, RefineSettings()).run()
+    fit_from(both[0], scene.rig.pose, RefineSettings()).run()
     calibration = calibrate(both[0], refined=RefineSettings())
     assert calibration.refined is not None
     forecast_files(calibration, draws=FEW_DRAWS)

@@ -25,7 +25,6 @@ from stereocal.formats.exchange.exchange import export
 from stereocal.library.drawing import draw, of_figures
 from stereocal.network.baseline import with_baseline_found
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.network.to_calibrate import in_step, pair_to_calibrate
@@ -342,6 +341,6 @@ def rig(
     Raises:
         StereocalError: a camera, its file or its points contradict the others; it says which.
     """
-    settings = RigSettings(baseline_sigma_m=baseline_sigma_m, time_offsets=time_offsets)
-    found = rig_file(calibrate_rig(recording, settings))
+    settings = RefineSettings(baseline_sigma_m=baseline_sigma_m)
+    found = rig_file(calibrate_rig(recording, settings, time_offsets))
     return answering(CalibratedRig, found)

@@ -12,7 +12,6 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.network.baseline import with_baseline_found
 from stereocal.network.diagnosis import camera_warnings, moved_in_words, refuse_poor_fit
-from stereocal.network.fit import RigSettings
 from stereocal.network.free_distortion import better_held_out, lenses_with_distortion
 from stereocal.network.fuse import Fused, PairFit, fuse
 from stereocal.network.held_out import fitted_to
@@ -31,27 +30,32 @@ from stereocal.network.screening import rows_of, wrong_images
 from stereocal.network.wrong_inputs import check_inputs, contradicting_lengths, find_wrong_input
 from stereocal.refined.movement import MovedError, movement
 from stereocal.refined.refine import refine
-from stereocal.refined.screening import WIDE_LENGTH_PRIOR, screened
+from stereocal.refined.screening import WIDE_LENGTH_PRIOR, WIDE_LENS, screened
 from stereocal.refined.time_offset import DRIFTING
-from stereocal.refined.unknowns import LensPrior
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.geometry import AT_ORIGIN
 from stereocal.rig.lengths_in_words import question_about_units
 from stereocal.rig.recording import Recording
 from stereocal.system.numbers import count
 from stereocal.system.tasks import Progress
 
-WIDE_LENS = LensPrior(0.05, 50.0)
 MOST_MISFIT = 400.0
 """Growth of a pair's chi-square by being fused above which it contradicts the others: one of its
 lengths or lenses is another than theirs. Sound pairs of a real recording: 2 to 5."""
 
 
 def calibrate_rig(
-    recording: Recording, settings: RigSettings | None = None, progress: Progress | None = None
+    recording: Recording,
+    settings: RefineSettings | None = None,
+    late: bool | None = None,
+    progress: Progress | None = None,
 ) -> RigCalibration:
     """Calibrate all cameras of a recording together.
 
     Args:
+        settings: except whether time offsets are unknowns; a drift is one where they are.
+        late: whether each camera may be out of step by some frames; None: where that is
+            significant.
         progress: called with the steps done, and those in all.
     """
     if recording.distance_m is not None or recording.time_frame is not None:
@@ -62,7 +66,7 @@ def calibrate_rig(
     refuse_same_points(recording)
     check_numbering(recording)
     try:
-        rig = _calibrated(recording, settings or RigSettings(), progress)
+        rig = _calibrated(recording, settings or RefineSettings(), late, progress)
         refuse_poor_fit(rig)
     except MovedError:
         raise
@@ -89,23 +93,24 @@ def _question(rig: RigCalibration) -> str:
 
 
 def _calibrated(
-    recording: Recording, settings: RigSettings, progress: Progress | None
+    recording: Recording, settings: RefineSettings, late: bool | None, progress: Progress | None
 ) -> RigCalibration:
     """The rig, however well it fits."""
-    if len(recording.cameras) == 2 and not settings.time_offsets:
+    if len(recording.cameras) == 2 and not late:
         alone = _of_two(recording, settings)
         if alone is not None:
             return alone
-    pairs = calibrate_pairs(recording, settings, progress)
+    pairs = calibrate_pairs(recording, settings, late, progress)
     if pairs.out_of_step:
-        late, in_step = (replace(settings, time_offsets=asked) for asked in (True, False))
-        found = _calibrated(recording, late, progress)
-        return found if found.out_of_step else _calibrated(recording, in_step, progress)
+        found = _calibrated(recording, settings, True, progress)
+        return found if found.out_of_step else _calibrated(recording, settings, False, progress)
+    drifting = bool(late) and settings.time_drift
+    settings = replace(settings, time_offset=bool(late), time_drift=drifting)
     return _of_pairs(recording, pairs, settings, progress)
 
 
 def _of_pairs(
-    recording: Recording, pairs: Pairs, settings: RigSettings, progress: Progress | None
+    recording: Recording, pairs: Pairs, settings: RefineSettings, progress: Progress | None
 ) -> RigCalibration:
     """The rig, from its pairs."""
     if not pairs.fits:
@@ -121,7 +126,11 @@ def _of_pairs(
     kept = recording.of_cameras(names)
     pairs, fused = _consistent(kept, pairs, settings)
     noise = float(np.median([fit.noise_px for fit in pairs.fits.values()]))
-    wide = replace(settings, lenses=dict.fromkeys(names, WIDE_LENS), object_sigma=WIDE_LENGTH_PRIOR)
+    wide = replace(
+        settings,
+        lenses=dict.fromkeys(kept.labels, WIDE_LENS),
+        distance_sigma_m=WIDE_LENGTH_PRIOR * kept.object.longest_m,
+    )
     report = progress or (lambda *_: None)
     steps = len(pairs.fits) + len(pairs.failed) + FURTHER_STEPS
     report(steps - 2, steps)
@@ -138,7 +147,7 @@ def _of_pairs(
     good = ~rows_of(kept, wrong) & ~np.isin(kept.frame, out)
     report(steps - 1, steps)
 
-    def fitted(start: Start, settings: RigSettings) -> RigCalibration:
+    def fitted(start: Start, settings: RefineSettings) -> RigCalibration:
         fit, offsets = joint_fit(kept.where(good), start, settings)
         left_out = tuple(sorted({*out.tolist(), *fit.frames[fit.outlying].tolist()}))
         warnings = tuple(camera_warnings(fit))
@@ -147,8 +156,8 @@ def _of_pairs(
         )
 
     rig = fitted(replace(start, noise_px=screening.sigma_px), settings)
-    if settings.time_offsets:
-        drifting = replace(settings, time_drifts=True)
+    if settings.time_offset:
+        drifting = replace(settings, time_drift=True)
         with suppress(StereocalError):  # else the cameras have no drift that can be fitted
             tried = fitted(Start.of(rig.fit, rig.shifts), drifting)
             if any(abs(own.drift) > DRIFTING * own.drift_sigma for own in tried.offsets):
@@ -160,7 +169,7 @@ def _of_pairs(
     return rig
 
 
-def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration | None:
+def _of_two(recording: Recording, settings: RefineSettings) -> RigCalibration | None:
     """A rig of two cameras: the refined set of their pair, with its screening; None if they are out
     of step."""
     (pair,), bars = recording.pairs, shared_bars(recording)
@@ -178,7 +187,9 @@ def _of_two(recording: Recording, settings: RigSettings) -> RigCalibration | Non
     return RigCalibration(fit, pairs, (), left_out, {}, shifts, warnings)
 
 
-def _consistent(recording: Recording, pairs: Pairs, settings: RigSettings) -> tuple[Pairs, Fused]:
+def _consistent(
+    recording: Recording, pairs: Pairs, settings: RefineSettings
+) -> tuple[Pairs, Fused]:
     """The pairs without those that contradict the others, worst first, and the others fused."""
     names, failed = list(recording.cameras), dict(pairs.failed)
     fits = {pair: fit for pair, fit in pairs.fits.items() if {*pair} <= {*names}}

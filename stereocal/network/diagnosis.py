@@ -7,15 +7,15 @@ import numpy as np
 
 from stereocal.calibration.methods import POOR_LENGTH
 from stereocal.errors import StereocalError
-from stereocal.network.fit import RigFit, RigSettings
 from stereocal.network.judge import CONTRADICTED
 from stereocal.network.likely_cause import heads_in_words
 from stereocal.network.pairs import MOST_NOISE
 from stereocal.network.result import RigCalibration
 from stereocal.refined.movement import Movement
+from stereocal.refined.robust import RobustFit
 from stereocal.refined.small_steps import lens_places
 from stereocal.refined.stated_inputs import moved_length
-from stereocal.refined.unknowns import lens_prior
+from stereocal.refined.unknowns import RefineSettings, lenses_of
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.system.numbers import rounded
 
@@ -48,7 +48,7 @@ def refuse_poor_fit(rig: RigCalibration) -> None:
     raise StereocalError(f"The cameras do not fit together: {seen}. {cause}")
 
 
-def camera_warnings(fit: RigFit) -> list[str]:
+def camera_warnings(fit: RobustFit) -> list[str]:
     """What to check, of a joint fit that has ended."""
     beyond = filter(None, [beyond_in_words(fit.recording.beyond_view)])
     if not fit.is_determined:
@@ -57,10 +57,10 @@ def camera_warnings(fit: RigFit) -> list[str]:
     return [*beyond, *heads, *_lens_warnings(fit), *_baseline_warnings(fit)]
 
 
-def _baseline_warnings(fit: RigFit) -> list[str]:
+def _baseline_warnings(fit: RobustFit) -> list[str]:
     """Measured baselines that the rig leaves by more than their uncertainty."""
     names, poses = list(fit.recording.cameras), fit.poses
-    stated = fit.rig_settings.baseline_sigma_m or fit.recording.baseline_sigma_m
+    stated = fit.settings.baseline_sigma_m or fit.recording.baseline_sigma_m
     warnings = (
         moved_length(
             f"The baseline {names[int(first)]}-{names[int(second)]}",
@@ -74,7 +74,7 @@ def _baseline_warnings(fit: RigFit) -> list[str]:
     return list(filter(None, [*warnings, _exchanged(fit)]))
 
 
-def _exchanged(fit: RigFit) -> str:
+def _exchanged(fit: RobustFit) -> str:
     """Which two cameras, exchanged, have the measured baselines, if those of the rig are far off:
     lenses that are alike do not tell whose points are whose."""
     names, measured, sigma = list(fit.recording.cameras), fit.baselines[:, 2], fit.baselines[:, 3]
@@ -101,11 +101,12 @@ def _exchanged(fit: RigFit) -> str:
     )
 
 
-def _lens_warnings(fit: RigFit) -> list[str]:
+def _lens_warnings(fit: RobustFit) -> list[str]:
     """Cameras whose files the images contradict, by focal length or centre."""
     found = list[str]()
-    for number, (name, camera) in enumerate(fit.recording.cameras.items()):
-        prior = lens_prior(camera, fit.rig_settings.lenses.get(name))
+    priors = lenses_of(fit.recording, fit.settings).values()
+    cameras = zip(fit.recording.cameras.items(), priors, strict=True)
+    for number, ((name, camera), prior) in enumerate(cameras):
         if not (0 < prior.focal < np.inf and 0 < prior.centre_px < np.inf):
             continue
         fitted, stated = fit.q[lens_places(number)], camera.lens_values
@@ -126,7 +127,7 @@ def _lens_warnings(fit: RigFit) -> list[str]:
     return found
 
 
-def moved_in_words(found: Movement, names: Sequence[str], settings: RigSettings) -> str:
+def moved_in_words(found: Movement, names: Sequence[str], settings: RefineSettings) -> str:
     """What to do about a camera that moved.
 
     Args:
@@ -138,5 +139,5 @@ def moved_in_words(found: Movement, names: Sequence[str], settings: RigSettings)
         if len(names) == 1
         else f"A camera {seems}, and it cannot be told which: {' or '.join(names)}"
     )
-    step = "" if settings.time_offsets else OUT_OF_STEP
+    step = "" if settings.time_offset else OUT_OF_STEP
     return f"{which}. Calibrate with the frames before it, or after it, alone.{step}"

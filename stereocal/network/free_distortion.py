@@ -14,7 +14,7 @@ from scipy.special import chdtrc
 
 from stereocal.network.result import RigCalibration
 from stereocal.refined.small_steps import lens_places
-from stereocal.refined.unknowns import FIXED, LensPrior, lens_prior
+from stereocal.refined.unknowns import FIXED, LensPrior, lenses_of
 
 OF_LENS = 4
 """Of k1 among a lens's unknowns."""
@@ -30,10 +30,10 @@ def lenses_with_distortion(rig: RigCalibration) -> dict[str, LensPrior]:
     """Priors of the lenses with k1 and k2 uncertain, by camera, where nothing is stated of them;
     empty where the images agree with the stated ones."""
     fit, found, places = rig.fit, dict[str, LensPrior](), list[int]()
-    for number, (name, camera) in enumerate(rig.recording.cameras.items()):
-        prior = lens_prior(camera, fit.rig_settings.lenses.get(name))
+    priors, cameras = lenses_of(rig.recording, fit.settings), rig.recording.cameras.values()
+    for number, (camera, (label, prior)) in enumerate(zip(cameras, priors.items(), strict=True)):
         if camera.uncertainty is None and not any(prior.distortion) and prior.focal > FIXED:
-            found[name] = replace(prior, distortion=DEFAULT_DISTORTION)
+            found[label] = replace(prior, distortion=DEFAULT_DISTORTION)
             places += lens_places(number)[OF_LENS : OF_LENS + 2]
     if not (found and fit.is_determined):
         return {}

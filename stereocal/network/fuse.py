@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.network.fit import RigSettings, unknowns_of_rig
 from stereocal.refined.refine import RefinedResult
 from stereocal.refined.small_steps import (
     FACTOR,
@@ -23,7 +22,7 @@ from stereocal.refined.small_steps import (
     step_between,
     turned,
 )
-from stereocal.refined.unknowns import Unknowns
+from stereocal.refined.unknowns import RefineSettings, Unknowns, unknowns_of
 from stereocal.refined.views import EACH, LENS, TIME, TRANSLATION, Cameras
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair, Recording
@@ -102,11 +101,11 @@ def chained(cameras: Sequence[str], pairs: Iterable[PairFit]) -> list[Pose]:
     return [poses[name] for name in cameras]
 
 
-def fuse(recording: Recording, pairs: Sequence[PairFit], settings: RigSettings) -> Fused:
+def fuse(recording: Recording, pairs: Sequence[PairFit], settings: RefineSettings) -> Fused:
     """Fuse pairs, which must reach all cameras of a recording; the best first."""
     numbers = {name: number for number, name in enumerate(recording.cameras)}
     poses = chained(list(numbers), pairs)
-    unknowns = unknowns_of_rig(recording, poses, settings)
+    unknowns = unknowns_of(recording, poses, settings)
     R = np.array([pose.R for pose in poses])
     M, p = unknowns.M, np.zeros(len(unknowns.names))
     # Rotations are in R after a step, and the factor of lengths begins each step at its origin.

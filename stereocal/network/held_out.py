@@ -14,8 +14,8 @@ from typing import Literal
 
 import numpy as np
 
-from stereocal.network.fit import RigFit
 from stereocal.refined.observations import Observations
+from stereocal.refined.robust import RobustFit
 from stereocal.refined.small_steps import with_lens
 from stereocal.refined.views import Cameras, fit_points
 from stereocal.rig.clusters import evenly_divided
@@ -80,7 +80,7 @@ def relative_length_errors(points: FloatArray, distances: FloatArray) -> FloatAr
     return np.asarray(found[np.isfinite(found)])
 
 
-def seen_by_others(fit: RigFit, seen: Observations, units: IntArray) -> FloatArray:
+def seen_by_others(fit: RobustFit, seen: Observations, units: IntArray) -> FloatArray:
     """(n, c): distances, in pixels, of the images of points from where the other cameras see the
     point; NaN where fewer than two of them do."""
     shape = -1, seen.pixels.shape[2], 2
@@ -98,7 +98,7 @@ def seen_by_others(fit: RigFit, seen: Observations, units: IntArray) -> FloatArr
     return apart
 
 
-def held_out(fit: RigFit, by: Groups) -> HeldOut | None:
+def held_out(fit: RobustFit, by: Groups) -> HeldOut | None:
     """The errors with frames drawn at random left out (`frames`), or with whole runs of frames that
     follow each other left out (`runs`); None for fewer than `FEWEST`, or if a fit fails.
 
@@ -113,15 +113,16 @@ def held_out(fit: RigFit, by: Groups) -> HeldOut | None:
     return _errors(fit, np.random.default_rng(SEED).permutation(count) % PARTS)
 
 
-def fitted_to(fit: RigFit, frames: IntArray, near: bool) -> RigFit | None:
+def fitted_to(fit: RobustFit, frames: IntArray, near: bool) -> RobustFit | None:
     """A fit of some frames from the end of one; None if it fails.
 
     Args:
         near: begin with the frames that `fit` leaves out, and its noise. Not where these are in
             question: frames after a camera moved by 2 degrees are left out so, and stay it.
     """
-    settings = replace(fit.rig_settings, time_offsets=False)  # the points are in step already
-    again = RigFit(fit.recording.where(np.isin(fit.recording.frame, frames)), fit.poses, settings)
+    settings = replace(fit.settings, time_offset=False, time_drift=False)  # they are in step
+    rows = np.isin(fit.recording.frame, frames)
+    again = RobustFit.of(fit.recording.where(rows), fit.poses, settings)
     known = fit.unknowns.named(fit.p)
     if near:
         again.start_near(known, fit.sigma_px, fit.scatter)
@@ -130,7 +131,7 @@ def fitted_to(fit: RigFit, frames: IntArray, near: bool) -> RigFit | None:
     return again if again.run() else None
 
 
-def _errors(fit: RigFit, parts: IntArray) -> HeldOut | None:
+def _errors(fit: RobustFit, parts: IntArray) -> HeldOut | None:
     """The errors of all parts (f,) of the used frames; None if a fit fails."""
     seen, used = fit.seen, fit.used
     pixels, lengths, apart = list[FloatArray](), list[FloatArray](), list[FloatArray]()

@@ -7,7 +7,8 @@ from itertools import compress
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.network.fit import RigFit, RigSettings
+from stereocal.refined.robust import RobustFit
+from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
@@ -31,35 +32,35 @@ class Start:
     noise_px: float
 
     @classmethod
-    def of(cls, fit: RigFit, offsets: Sequence[TimeOffset]) -> "Start":
+    def of(cls, fit: RobustFit, offsets: Sequence[TimeOffset]) -> "Start":
         """Where another ended, with the offsets that its points have been shifted by."""
         late = {
             f"{name} time {what}": value
-            for name, own in zip(fit.recording.cameras, offsets, strict=True)
+            for name, own in zip(fit.recording.labels, offsets, strict=True)
             for what, value in (("offset", own.frames), ("drift", own.drift))
         }
         return cls(fit.poses, {**fit.unknowns.named(fit.p), **late}, fit.sigma_px)
 
 
 def joint_fit(
-    recording: Recording, start: Start, settings: RigSettings
-) -> tuple[RigFit, tuple[TimeOffset, ...]]:
+    recording: Recording, start: Start, settings: RefineSettings
+) -> tuple[RobustFit, tuple[TimeOffset, ...]]:
     """The fit, and by how many frames each camera is late."""
-    keys = [f"{name} time {what}" for what in ("offset", "drift") for name in recording.cameras]
+    keys = [f"{name} time {what}" for what in ("offset", "drift") for name in recording.labels]
     p, reference = dict(start.values), float(np.round(recording.frame.mean()))
     late = np.array([p.pop(name, 0.0) for name in keys])
     poses, noise_px = start.poses, start.noise_px
     for _ in range(MOST_ROUNDS):
         shifted = recording
-        if settings.time_offsets:
+        if settings.time_offset:
             offsets = dict(zip(recording.cameras, _offsets(late, reference), strict=True))
             shifted = recording.shifted(offsets)
             shifted = shifted.where(shifted.usable)
-        fit = RigFit(shifted, poses, settings)
+        fit = RobustFit.of(shifted, poses, settings)
         fit.start_at(p, noise_px)
         if not fit.run():
             raise StereocalError(NO_RIG)
-        if not settings.time_offsets:
+        if not settings.time_offset:
             break
         values = fit.unknowns.named(fit.p)
         free = [key in values for key in keys]

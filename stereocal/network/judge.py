@@ -33,7 +33,6 @@ from stereocal.calibration.readings import (
 )
 from stereocal.calibration.wrong_inputs import SCALED, PoseFit, essential_fit, suspects
 from stereocal.errors import StereocalError
-from stereocal.network.fit import RigFit, RigSettings
 from stereocal.network.fuse import PairFit, chained
 from stereocal.network.pairs import (
     FEWEST_BARS,
@@ -44,8 +43,9 @@ from stereocal.network.pairs import (
     shared_bars,
 )
 from stereocal.refined.refine import RefinedResult, refine
+from stereocal.refined.robust import RobustFit
 from stereocal.refined.small_steps import with_lens
-from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.refined.unknowns import LensPrior, RefineSettings, of_two
 from stereocal.rig.camera import Camera, same_lens
 from stereocal.rig.geometry import AT_ORIGIN, Pose, on_their_heads
 from stereocal.rig.recording import CameraPair, Recording
@@ -136,7 +136,7 @@ class Judge:
         names: Sequence[str],
         about: Sequence[str],
         known: Iterable[PairFit] = (),
-        fit: RigFit | None = None,
+        fit: RobustFit | None = None,
         out_of_step: bool = False,
     ) -> None:
         """Of some cameras of a recording.
@@ -363,7 +363,7 @@ def noise_of(
         if len(reached(names, [pair.pair for pair in pairs])) < len(names):
             return Noise()
         free, held = replace(recording, baselines_m={}), _held(recording.object.longest_m)
-        fit = RigFit(free, chained(names, pairs), RigSettings(lenses=lenses), held=held)
+        fit = RobustFit.of(free, chained(names, pairs), replace(held, lenses=lenses))
         least = min(pair.noise_px for pair in pairs)
         fit.start_at({}, least)
         if fit.run() and fit.is_determined:
@@ -376,7 +376,7 @@ def noise_of(
 
 
 def _noise_left(
-    fit: RefinedResult | RigFit,
+    fit: RefinedResult | RobustFit,
     sigma_px: float,
     poses: Sequence[Pose],
     largest_px: float,
@@ -439,9 +439,8 @@ def _fit_of_pair(
     if near.pose is not None:  # so that a baseline that is wrong hinders no reading
         dataset = dataset.changed(baseline_m=near.scale * dataset.baseline_m)
         start = Pose(near.pose.R, near.scale * near.pose.T)
-    primary, secondary = map(lenses.get, pair)
     held = _held(dataset.target_distance_m)
-    return refine(dataset, replace(held, primary=primary, secondary=secondary), start)
+    return refine(dataset, replace(held, lenses=of_two(lenses, pair)), start)
 
 
 def _one_file(recording: Recording, group: Group) -> Iterator[Way]:

@@ -7,7 +7,6 @@ from itertools import combinations
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.network.fit import RigSettings
 from stereocal.network.fuse import PairFit
 from stereocal.refined.free_baseline import with_rough_baseline
 from stereocal.refined.movement import Movement
@@ -16,7 +15,7 @@ from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.screening import wide_settings
 from stereocal.refined.time_offset import fit_time_offset
 from stereocal.refined.two_recordings import movement_of_pair
-from stereocal.refined.unknowns import RefineSettings
+from stereocal.refined.unknowns import RefineSettings, of_two
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import FEWEST_TO_PLACE
@@ -97,11 +96,15 @@ def pairs_worth_a_fit(recording: Recording) -> list[CameraPair]:
 
 
 def calibrate_pairs(
-    recording: Recording, settings: RigSettings, progress: Progress | None = None
+    recording: Recording,
+    settings: RefineSettings,
+    late: bool | None = None,
+    progress: Progress | None = None,
 ) -> Pairs:
     """Calibrate every pair that shares enough bars, or until one is out of step unasked.
 
     Args:
+        late: as of `calibrate_rig`.
         progress: called with the pairs done, and those in all.
     """
     bars = shared_bars(recording)
@@ -113,11 +116,11 @@ def calibrate_pairs(
         if progress is not None:
             progress(number, len(worth) + FURTHER_STEPS)
         try:
-            fits[pair] = _fit(recording, pair, settings)
+            fits[pair] = _fit(recording, pair, settings, late)
         except StereocalError as error:
             failed[pair] = str(error)
             continue
-        if settings.time_offsets is None and fits[pair].dataset.time_offset is not None:
+        if late is None and fits[pair].dataset.time_offset is not None:
             return Pairs(bars, {}, out_of_step=True)
     noises = [fit.sigma_px.value for fit in fits.values()]
     limit = max(MOST_NOISE * float(np.median(noises)) if noises else 0.0, LEAST_NOISE_PX)
@@ -138,27 +141,26 @@ def calibrate_pairs(
 
 
 def pair_problem(
-    recording: Recording, pair: CameraPair, settings: RigSettings
+    recording: Recording, pair: CameraPair, settings: RefineSettings
 ) -> tuple[Pair, RefineSettings]:
     """The data of a pair, and what is stated of its lenses and lengths."""
     dataset = recording.pair(*pair)
-    if settings.baseline_sigma_m is not None and not dataset.baseline_is_free:
-        dataset = dataset.changed(baseline_sigma_m=settings.baseline_sigma_m)
-    primary, secondary = (settings.lenses.get(name) for name in pair)
-    priors = RefineSettings(primary=primary, secondary=secondary)
-    if settings.object_sigma is not None:
-        priors = replace(priors, distance_sigma_m=settings.object_sigma * dataset.target_distance_m)
-    return dataset, priors
+    priors = replace(
+        settings, lenses=of_two(settings.lenses, pair), time_offset=False, time_drift=False
+    )
+    return dataset, replace(priors, baseline_sigma_m=None) if dataset.baseline_is_free else priors
 
 
-def _fit(recording: Recording, pair: CameraPair, settings: RigSettings) -> RefinedResult:
+def _fit(
+    recording: Recording, pair: CameraPair, settings: RefineSettings, late: bool | None
+) -> RefinedResult:
     """The robust refined set of a pair; in step if that was asked for, or if it is out of step."""
     dataset, priors = pair_problem(recording, pair, settings)
     dataset = with_rough_baseline(dataset)
-    if settings.time_offsets:
+    if late:
         in_step = fit_time_offset(dataset, wide_settings(dataset)).fit
         return refine(dataset, priors) if in_step is None else in_step
-    if settings.time_offsets is None:
+    if late is None:
         return with_offset_if_out_of_step(dataset, priors)[0]
     return refine(dataset, priors)
 

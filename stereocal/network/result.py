@@ -8,7 +8,6 @@ from itertools import combinations
 import numpy as np
 
 from stereocal.network.about_rig import Gap, Loop, ThirdCamera
-from stereocal.network.fit import RigFit
 from stereocal.network.held_out import (
     Groups,
     HeldOut,
@@ -21,6 +20,7 @@ from stereocal.network.pairs import Pairs
 from stereocal.network.screening import WrongImage
 from stereocal.refined.design_effect import design_effect
 from stereocal.refined.out_of_step import SIGNIFICANT, SMALLEST
+from stereocal.refined.robust import RobustFit
 from stereocal.refined.small_steps import rig_of, with_lens
 from stereocal.refined.views import DRIFT, EACH, TIME
 from stereocal.rig.camera import Camera
@@ -36,7 +36,7 @@ from stereocal.system.array_types import FloatArray
 class RigCalibration:
     """A rig, with its data and how it was found."""
 
-    fit: RigFit
+    fit: RobustFit
     """The joint fit of the sound images of the cameras that are connected."""
     pairs: Pairs
     wrong: tuple[WrongImage, ...]

@@ -12,13 +12,13 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.network.about_rig import AboutRig, PairOfRig, RigFigures
-from stereocal.network.fit import object_sigma
 from stereocal.network.fuse import pair_covariance
 from stereocal.network.pairs import pair_name
 from stereocal.network.result import RigCalibration, third_cameras
 from stereocal.refined.length_in_metres import BarKnown, p95_of_factor
 from stereocal.refined.parameter_file import covariance_entry
 from stereocal.refined.small_steps import lens_places
+from stereocal.refined.unknowns import length_sigma
 from stereocal.refined.views import DRIFT, EACH, TIME, TRANSLATION
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
@@ -324,7 +324,7 @@ def rig_file(rig: RigCalibration) -> RigFile:
 
 
 def _figures_of(rig: RigCalibration) -> RigFigures:
-    fit, settings = rig.fit, rig.fit.rig_settings
+    fit, settings = rig.fit, rig.fit.settings
     known = len(rig.length_errors) > 0
     found = RigFigures(
         reprojection_px=float(np.sqrt(np.nanmean(np.square(rig.reprojection_px)))),
@@ -340,7 +340,7 @@ def _figures_of(rig: RigCalibration) -> RigFigures:
     if scatter is None:
         return found
     of_object = p95_of_factor(float(fit.q[-1]), rig.covariance[-1, -1])
-    sigma, is_stated = object_sigma(rig.recording, settings)
+    sigma, is_stated = length_sigma(rig.recording, settings)
     return replace(
         found,
         metric_error_p95=math.hypot(scatter, of_object),

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.network.fit import RigFit
 from stereocal.refined.observations import Observations
 from stereocal.refined.robust import RobustFit
 from stereocal.rig.recording import Recording
@@ -39,7 +38,7 @@ class _Trial:
     """Without this one; -1 without all; -2 with the ends of each known length exchanged."""
 
 
-def wrong_images(fit: RigFit) -> list[WrongImage]:
+def wrong_images(fit: RobustFit) -> list[WrongImage]:
     """What is wrong in the outlying frames of a fit, where exactly one image can be."""
     seen, names = fit.seen, list(fit.recording.cameras)
     wrong: list[WrongImage] = []
@@ -80,7 +79,7 @@ def rows_of(recording: Recording, wrong: Sequence[WrongImage]) -> BoolArray:
     return wrong_rows
 
 
-def _fitting(fit: RigFit, trials: list[_Trial]) -> list[bool]:
+def _fitting(fit: RobustFit, trials: list[_Trial]) -> list[bool]:
     """Which trials the parameters of a fit explain, with a contradiction left to find."""
     if not trials:
         return []

@@ -12,7 +12,6 @@ from stereocal.calibration.checks import LARGEST_SCALE_ERROR
 from stereocal.calibration.corrections import fitting_px
 from stereocal.calibration.wrong_inputs import MINIMUM_BARS, essential_fit, inconsistency_message
 from stereocal.errors import StereocalError
-from stereocal.network.fit import RigFit
 from stereocal.network.fuse import PairFit
 from stereocal.network.judge import (
     CERTAIN_GAIN,
@@ -24,6 +23,7 @@ from stereocal.network.judge import (
     noise_of,
 )
 from stereocal.network.pairs import pairs_worth_a_fit, reached
+from stereocal.refined.robust import RobustFit
 from stereocal.rig.camera import one_file_in_words
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
@@ -34,7 +34,7 @@ MOST_CAMERAS = 4
 
 def check_inputs(
     recording: Recording,
-    fit: RigFit | None = None,
+    fit: RobustFit | None = None,
     pairs: Collection[PairFit] = (),
     out_of_step: bool = False,
 ) -> list[str]:
@@ -88,12 +88,12 @@ def nothing_fits(dataset: Pair) -> str:
     )
 
 
-def _fits(fit: RigFit, best_pair_px: float) -> bool:
+def _fits(fit: RobustFit, best_pair_px: float) -> bool:
     """Whether all cameras together leave noise, with lengths and lenses as they are stated."""
     scatter = fit.scatter / fit.recording.object.longest_m
     largest = largest_noise(fit.recording, best_pair_px)
     noise = Noise(fit.sigma_px, largest, fit.prior_cost)
-    return noise.fits and scatter < HELD_LENGTHS and not fit.rig_settings.lenses
+    return noise.fits and scatter < HELD_LENGTHS and not fit.settings.lenses
 
 
 def contradicting_lengths(recording: Recording) -> str:
@@ -112,7 +112,7 @@ def contradicting_lengths(recording: Recording) -> str:
 def _judges(
     recording: Recording,
     known: Collection[PairFit] = (),
-    fit: RigFit | None = None,
+    fit: RobustFit | None = None,
     out_of_step: bool = False,
 ) -> Iterator[Judge]:
     """Of groups of cameras that share bars; of large ones, each of one camera."""

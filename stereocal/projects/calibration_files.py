@@ -38,7 +38,7 @@ def _without(kind: type, names: Collection[str]) -> Any:
     )
 
 
-_REFINED = _without(RefinedResult, ["dataset"])
+_REFINED = _without(RefinedResult, ["dataset", "settings"])
 _SCREENING = _without(Screening, ["full_dataset", "fit"])
 
 
@@ -66,7 +66,8 @@ def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> byt
         "screening": _named(screening, _SCREENING)
         | {"time_offset": screening.full_dataset.time_offset},
         **{name: getattr(calibration, name) for name in STORED},
-        "refined": calibration.refined and _named(calibration.refined, _REFINED),
+        "refined": (found := calibration.refined)
+        and {**_named(found, _REFINED), "settings": found.settings.to_json()},
     }
     return pack(content)
 
@@ -118,9 +119,11 @@ def unpack_calibration(
         if data["refined"] is None:
             return found
         stored = of_plain(data["refined"], _REFINED)
+        settings = RefineSettings.from_json(data["refined"]["settings"])
         if len(stored.information) != OF_PAIR:  # earlier versions had other unknowns
-            return _refined_again(found, stored.settings, stored.pose)
-        return replace(found, refined=RefinedResult(dataset=found.fitted, **vars(stored)))
+            return _refined_again(found, settings, stored.pose)
+        refined = RefinedResult(dataset=found.fitted, settings=settings, **vars(stored))
+        return replace(found, refined=refined)
 
 
 def _refined_again(

@@ -16,7 +16,7 @@ import numpy as np
 
 from stereocal.refined.robust import RobustFit
 from stereocal.refined.small_steps import OF_PAIR, lens_places
-from stereocal.refined.unknowns import RefineSettings, Unknowns, lens_prior
+from stereocal.refined.unknowns import RefineSettings, Unknowns, lens_prior, lenses_of
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.pair import Pair
@@ -80,7 +80,8 @@ def lenses_without(dataset: Pair, settings: RefineSettings) -> dict[str, FloatAr
     Empty where a lens has another uncertainty than that of its boards.
     """
     found: dict[str, FloatArray] = {}
-    stated = (dataset.primary, settings.primary), (dataset.secondary, settings.secondary)
+    priors = lenses_of(dataset.recording, settings).values()
+    stated = zip(dataset.recording.cameras.values(), priors, strict=True)
     for number, (camera, prior) in enumerate(stated):
         known = camera.uncertainty
         if known is None or not known.without or prior != lens_prior(camera, None):

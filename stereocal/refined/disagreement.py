@@ -39,6 +39,7 @@ from stereocal.refined.unknowns import (
     distance_sigma_m,
     free_distortion,
     lens_prior,
+    lenses_of,
 )
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS
 from stereocal.system.array_types import FloatArray
@@ -143,12 +144,12 @@ def compare_inputs(result: RefinedResult) -> InputComparison:
 def _with_its_noise(result: RefinedResult) -> RefinedResult:
     """The result of a solve whose noise, unless given, was estimated with wide priors."""
     settings, dataset = result.settings, result.dataset
+    lenses = lenses_of(dataset.recording, settings)
     wide = replace(
         settings,
-        primary=_widened(lens_prior(dataset.primary, settings.primary)),
-        secondary=_widened(lens_prior(dataset.secondary, settings.secondary)),
+        lenses={label: _widened(prior) for label, prior in lenses.items()},
         baseline_sigma_m=WIDER * baseline_sigma_m(dataset, settings),
-        distance_sigma_m=WIDER * distance_sigma_m(dataset, settings),
+        distance_sigma_m=WIDER * distance_sigma_m(dataset.recording, settings),
     )
     try:
         noise = refine(dataset, wide, result.pose, result.rows, near=result)
@@ -285,7 +286,8 @@ def _sigma_stated(result: RefinedResult, key: str) -> bool:
         return (settings.baseline_sigma_m or dataset.baseline_sigma_m) is not None
     if key == "distance":
         return (settings.distance_sigma_m or dataset.target_distance_sigma_m) is not None
-    camera, given = (getattr(of, key.split()[0]) for of in (dataset, settings))
+    which = key.split()[0]
+    camera, given = getattr(dataset, which), settings.lenses.get(which)
     if key.endswith("distortion"):
         return any(lens_prior(camera, given).distortion)
     # The settings of a result have explicit lens priors: the default ones were not stated.
@@ -304,9 +306,9 @@ def _freed(result: RefinedResult, key: str) -> RefineSettings:
         "centre": {"centre_px": np.inf},
         "distortion": {"distortion": free_distortion(camera)},
     }
-    lens = replace(lens_prior(camera, getattr(result.settings, which)), **priors[part])
-    change = {which: lens}
-    return replace(result.settings, **change)
+    lenses = lenses_of(result.dataset.recording, result.settings)
+    lenses[which] = replace(lenses[which], **priors[part])
+    return replace(result.settings, lenses=lenses)
 
 
 def _accused(

@@ -78,7 +78,7 @@ def _distances(fit: RefinedResult) -> list[_Distance]:
     points = np.full((len(rows.frames), len(rows.names), 3), np.nan)
     at = np.searchsorted(rows.frames, rows.frame)
     points[at, rows.target] = fit.rig.reconstruct(rows.primary, rows.secondary)
-    sigma_m, distances = distance_sigma_m(fit.dataset, fit.settings), []
+    sigma_m, distances = distance_sigma_m(fit.dataset.recording, fit.settings), []
     for a, b in combinations(range(len(rows.names)), 2):
         stated = rows.rigid_object.distance(a, b)
         logs = np.log(np.linalg.norm(points[:, a] - points[:, b], axis=1) / stated)

@@ -15,6 +15,8 @@ from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 class Observations:
     """Units of two points (`views`): a bar is one, the placing of an object several."""
 
+    recording: Recording
+    """Of the points."""
     frames: IntArray
     """(f,): the frame numbers, ascending."""
     frame_of: IntArray
@@ -70,6 +72,7 @@ class Observations:
             stated = np.fmax.reduce(own, axis=(1, 2, 3))
             distances = np.where(np.isfinite(stated), stated, distances)
         return cls(
+            known,
             frames[kept],
             frame_of,
             targets,

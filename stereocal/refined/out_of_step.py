@@ -21,7 +21,7 @@ from stereocal.refined.time_offset import (
     apparent_offset,
     drifting,
     first_value,
-    fit_from,
+    fit_in_step,
     offset_note,
     usable_after,
 )
@@ -103,7 +103,7 @@ def _fit_with_offset(
     """The fit with the time offset, from a first value that is searched for if None."""
     reference = dataset.correspondences.mean_time
     start = start or first_value(dataset, reference)
-    return drifting(dataset, fit_from(dataset, replace(settings, time_offset=True), *start))
+    return drifting(dataset, fit_in_step(dataset, replace(settings, time_offset=True), *start))
 
 
 def _is_certain(fit: RefinedResult) -> bool:

@@ -274,7 +274,7 @@ def refine(
     The time offset is an unknown only where the motion of the points is known, after
     `Pair.shifted` (see `time_offset.bring_into_step`).
     """
-    settings = settings_for(dataset, settings or RefineSettings())
+    settings = settings_for(dataset.recording, settings or RefineSettings())
     if settings.of_rig is not None:
         return _of_rig(dataset, settings, settings.of_rig, rows)
     started = clock()
@@ -300,6 +300,14 @@ def refine(
         )
     _check_lengths(result)
     return result
+
+
+def fit_from(
+    dataset: Pair, start: Pose, settings: RefineSettings, rows: BoolArray | None = None
+) -> RobustFit:
+    """The fit of a pair from an initial pose, of all rows or of those of a mask (n,)."""
+    poses = AT_ORIGIN, start
+    return RobustFit.of(dataset.recording, poses, settings, dataset.of_both(rows))
 
 
 def _result(
@@ -346,7 +354,7 @@ def _of_rig(
     With some of the rows only, what the pair's images of the others said is taken out of it, to
     first order.
     """
-    fit = RobustFit.of_pair(dataset, known.pose, settings, rows)
+    fit = fit_from(dataset, known.pose, settings, rows)
     M, to_free = fit.unknowns.M, np.linalg.pinv(fit.unknowns.M)
     A = inverse_of(to_free @ np.array(known.covariance) @ to_free.T)
     values = to_free @ (np.array(known.q) - fit.unknowns.origin)
@@ -383,7 +391,7 @@ def _check_lengths(result: RefinedResult) -> None:
     settings, dataset = result.settings, result.dataset
     baseline, bar = dataset.baseline_m, dataset.target_distance_m
     factors = result.pose.baseline / baseline, result.bar_factor
-    sigmas = baseline_sigma_m(dataset, settings), distance_sigma_m(dataset, settings)
+    sigmas = baseline_sigma_m(dataset, settings), distance_sigma_m(dataset.recording, settings)
     whats = "baseline", "distance between the targets"
     for what, factor, sigma, stated in zip(whats, factors, sigmas, (baseline, bar), strict=True):
         most = max(LARGEST_FACTOR, 1.0 + MOST_SIGMAS * sigma / stated)
@@ -410,7 +418,7 @@ def _solves(
     both with depths reversed, where that fits nearly as well.
     """
     if near is not None:
-        solve, noise = RobustFit.of_pair(dataset, near.pose, settings, rows), near.sigma_px.value
+        solve, noise = fit_from(dataset, near.pose, settings, rows), near.sigma_px.value
         ended = near.unknowns.named(near.p)
         if solve.unknowns.names == near.unknowns.names and solve.start_near(
             ended, noise, near.scatter_m.value
@@ -436,7 +444,7 @@ def _solves(
         cosines = [pose.T @ it.T / (pose.baseline * it.baseline) for it in apart]
         (apart if max(cosines, default=0.0) < ALIKE else alike).append(pose)
     for at, pose in enumerate(apart + alike, 1):
-        yield RobustFit.of_pair(dataset, pose, settings, rows), at >= len(apart)
+        yield fit_from(dataset, pose, settings, rows), at >= len(apart)
 
 
 def depth_reversed(pose: Pose, rays: FloatArray) -> Pose | None:

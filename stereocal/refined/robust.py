@@ -32,20 +32,18 @@ from stereocal.refined.noise import (
     unit_freedom,
 )
 from stereocal.refined.observations import Observations
-from stereocal.refined.small_steps import poses_in, step_between, turned
+from stereocal.refined.small_steps import pose_at, poses_in, step_between, turned
 from stereocal.refined.unknowns import (
     RefineSettings,
     Unknowns,
-    distance_sigma_m,
     inverse_of,
-    lenses_of,
-    measured_baseline,
+    length_sigma,
+    measured_baselines,
     unknowns_of,
 )
 from stereocal.refined.views import EACH, LENS, OWN, TRANSLATION, Cameras, Units
-from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.rig.geometry import AT_ORIGIN, Pose
-from stereocal.rig.pair import Pair
+from stereocal.rig.geometry import Pose
+from stereocal.rig.recording import Recording
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 ASSUMED_PX = 0.5
@@ -147,30 +145,29 @@ class RobustFit:
         self.begun: tuple[Cameras, FloatArray, BoolArray] | None = None
 
     @classmethod
-    def of_pair(
-        cls, dataset: Pair, start: Pose, settings: RefineSettings, rows: BoolArray | None = None
+    def of(
+        cls,
+        recording: Recording,
+        poses: Sequence[Pose],
+        settings: RefineSettings,
+        rows: BoolArray | None = None,
     ) -> "RobustFit":
-        """The fit of a data set from an initial pose.
+        """The fit of a recording from first poses.
 
         Args:
-            rows: mask (n,) of the rows to fit; all if None.
+            poses: `camera_from_reference` of each camera.
+            rows: mask (n,) of the points to fit; all if None.
         """
-        late = settings.time_offset, settings.time_drift
-        seen = Observations.of(dataset.recording, any(late), dataset.of_both(rows))
-        lenses = lenses_of(dataset, settings)
-        bar = distance_sigma_m(dataset, settings) / dataset.target_distance_m
-        length_sigma = bar if seen.has_lengths else 0.0
-        baselines = measured_baseline(dataset, settings)
-        if not len(baselines) and not 0.0 < length_sigma < np.inf:
+        moving = settings.time_offset or settings.time_drift
+        seen = Observations.of(recording, moving, rows)
+        baselines = measured_baselines(recording, settings)
+        unknowns = unknowns_of(recording, poses, settings, seen.has_lengths)
+        has_length = seen.has_lengths and np.isfinite(length_sigma(recording, settings)[0])
+        if not (len(baselines) or has_length):
             raise StereocalError(
                 "Nothing fixes the scale: give the baseline or the bar a finite uncertainty."
             )
-        cameras: dict[str, Camera] = dict(
-            zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True)
-        )
-        poses = AT_ORIGIN, start
-        unknowns = unknowns_of(cameras, poses, lenses, length_sigma, late)
-        return cls(seen, unknowns, settings, np.array([each.R for each in poses]), baselines)
+        return cls(seen, unknowns, settings, np.array([pose.R for pose in poses]), baselines)
 
     def set_limits(self, unknowns: int) -> None:
         """Set the chi-squares above which frames (f,) are outliers, for a number of unknowns, and
@@ -233,9 +230,20 @@ class RobustFit:
         return self._placed(self.p)[2]
 
     @property
-    def R(self) -> FloatArray:
-        """(c, 3, 3): their rotations."""
-        return self.at.R
+    def poses(self) -> list[Pose]:
+        """`camera_from_reference` of each camera."""
+        at = self.at
+        return [pose_at(at, number) for number in range(len(at.R))]
+
+    @property
+    def recording(self) -> Recording:
+        """What is fitted, with the stated cameras."""
+        return self.seen.recording
+
+    @property
+    def is_determined(self) -> bool:
+        """Whether all that was solved for is a number with an error."""
+        return bool(np.isfinite(self.q).all()) and self.at_end.determined(self.H)
 
     def _measured(self) -> tuple[FloatArray, FloatArray, float]:
         """Normal equations (Q, Q) and (Q,) of the measured baselines, and their cost."""

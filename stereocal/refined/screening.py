@@ -33,7 +33,7 @@ from stereocal.rig.pair import Pair
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
-WIDE = RefineSettings(primary=LensPrior(0.05, 50.0), secondary=LensPrior(0.05, 50.0))
+WIDE_LENS = LensPrior(0.05, 50.0)
 WIDE_LENGTH_PRIOR = 0.1
 """Standard deviation of baseline and bar in the screening, relative."""
 
@@ -206,8 +206,8 @@ def enough_frames(dataset: Pair) -> bool:
 
 def wide_settings(dataset: Pair) -> RefineSettings:
     """The settings of the screening's fit, with wide priors."""
-    return replace(
-        WIDE,
+    return RefineSettings(
+        lenses=dict.fromkeys(dataset.recording.labels, WIDE_LENS),
         baseline_sigma_m=WIDE_LENGTH_PRIOR * dataset.baseline_m,
         distance_sigma_m=WIDE_LENGTH_PRIOR * dataset.target_distance_m,
     )

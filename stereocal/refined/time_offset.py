@@ -15,8 +15,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.refined.design_effect import design_effect
-from stereocal.refined.refine import RefinedResult, median_residual, refine, robust_pose
-from stereocal.refined.robust import RobustFit
+from stereocal.refined.refine import RefinedResult, fit_from, median_residual, refine, robust_pose
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
@@ -95,7 +94,7 @@ def fit_time_offset(dataset: Pair, settings: RefineSettings, near: float | None 
         )
         return InStep(None, note)
     known = None if near is None else (TimeOffset(near, reference=reference), None)
-    fit = fit_from(dataset, settings, *(known or first_value(dataset, reference)))
+    fit = fit_in_step(dataset, settings, *(known or first_value(dataset, reference)))
     measured = fit.time_offset
     if not measured.sigma < MAXIMUM_SIGMA:
         note = (
@@ -141,7 +140,7 @@ def drifting(dataset: Pair, fit: RefinedResult) -> RefinedResult:
     """The fit with a drift of the offset, if that is significant; else as it is."""
     offset = fit.dataset.time_offset
     assert offset is not None
-    found = fit_from(dataset, replace(fit.settings, time_drift=True), offset, fit.pose)
+    found = fit_in_step(dataset, replace(fit.settings, time_drift=True), offset, fit.pose)
     own = found.time_offset
     return found if abs(own.drift) > DRIFTING * own.drift_sigma else fit
 
@@ -167,7 +166,7 @@ def first_value(dataset: Pair, reference: float) -> tuple[TimeOffset, Pose | Non
     return offset, pose and Pose(pose.R, dataset.baseline_m * pose.T)
 
 
-def fit_from(
+def fit_in_step(
     dataset: Pair, settings: RefineSettings, offset: TimeOffset, pose: Pose | None
 ) -> RefinedResult:
     """Interpolate and fit until the remaining offset is small against its standard error."""
@@ -229,7 +228,7 @@ def apparent_offset(fit: RefinedResult) -> MeasuredOffset | None:
         sigma_px=fit.sigma_px.value,
         scatter_m=fit.scatter_m.value,
     )
-    solve = RobustFit.of_pair(recorded, fit.pose, settings, fit.rows)
+    solve = fit_from(recorded, fit.pose, settings, fit.rows)
     names = solve.unknowns.names
     known = {**fit.unknowns.named(fit.p), TIME_OFFSET: 0.0, TIME_DRIFT: 0.0}
     solve.take(np.array([known[name] for name in names]), fit.sigma_px.value, fit.scatter_m.value)

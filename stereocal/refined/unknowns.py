@@ -1,7 +1,7 @@
 """The unknowns of the refined method, their priors, and its settings."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -10,10 +10,11 @@ from scipy.spatial.transform import Rotation
 from stereocal.errors import StereocalError
 from stereocal.refined.small_steps import FACTOR, OF_PAIR, cameras_at, lens_places
 from stereocal.refined.views import DRIFT, EACH, LENS, TIME, TRANSLATION
-from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, CameraName
+from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.measured_lengths import check_uncertainty
 from stereocal.rig.pair import Pair
+from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.array_types import FloatArray
 from stereocal.system.settings import Settings
 
@@ -98,25 +99,25 @@ FREE_FISHEYE = (0.3, 0.3, 0.3, 0.3)
 class RefineSettings(Settings):
     """Settings of the refined method. An uncertainty of 0 holds the value fixed."""
 
-    primary: LensPrior | None = None
-    """None: the camera's own uncertainty if it has one, else 1 % and 10 px."""
-    secondary: LensPrior | None = None
+    lenses: Mapping[str, LensPrior] = field(default_factory=dict)
+    """By camera (`Recording.labels`). Others: the camera's own uncertainty if it has one, else 1 %
+    and 10 px."""
     baseline_sigma_m: float | None = None
-    """None: the data set's value if it has one, else 1 % of the baseline."""
+    """Of each measured baseline. None: the recording's value if it has one, else 1 % of it."""
     distance_sigma_m: float | None = None
-    """Standard deviation of the measured bar length, common to all frames. None: the data set's
-    value if it has one, else 0.1 %."""
+    """Standard deviation of the length of the bar, of an object of its longest distance, common to
+    all frames. None: the recording's value if it has one, else 0.1 %."""
     sigma_px: float | None = None
     """Noise of an image coordinate. None: estimated from the residuals."""
     scatter_m: float | None = None
     """Scatter of the bar's length from frame to frame. None: estimated from the residuals."""
     loss: Literal["robust", "squares"] = "robust"
     """`squares` uses every frame with full weight."""
-    free_distortion: tuple[CameraName, ...] = ()
+    free_distortion: tuple[str, ...] = ()
     """Cameras whose k1, k2, p1 and p2 are estimated from the images, whatever is stated."""
     time_offset: bool = False
-    """Whether the time offset between the cameras is an unknown, for points that have been shifted
-    in time."""
+    """Whether the time offset of each camera but the first is an unknown, for points that have been
+    shifted in time."""
     time_drift: bool = False
     """Whether its drift is one too."""
     maximum_steps: int = 60
@@ -134,15 +135,21 @@ class RefineSettings(Settings):
             raise StereocalError("sigma_px is 0: it must be above 0.")
         if self.loss not in ("robust", "squares"):
             raise StereocalError(f'The loss "{self.loss}" is unknown: robust or squares.')
-        if not set(self.free_distortion) <= set(CAMERAS):
-            raise StereocalError("free_distortion names a camera that is not primary or secondary.")
         if self.maximum_steps < 1:
             raise StereocalError("maximum_steps must be at least 1.")
+
+    def to_json(self) -> dict[str, Any]:
+        """As of `Settings`, with the lenses under the labels of their cameras."""
+        own = super().to_json()
+        lenses = own.pop("lenses")
+        return {**dict.fromkeys(CAMERAS), **lenses, **own}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """As of `Settings`; earlier versions had `rest`, of a pair of a rig: it is made again."""
-        return super().from_json({key: value for key, value in data.items() if key != "rest"})
+        lenses = {key: data[key] for key in CAMERAS if data.get(key) is not None}
+        rest = {key: value for key, value in data.items() if key not in (*CAMERAS, "rest")}
+        return super().from_json({"lenses": lenses, **rest})
 
 
 Block = tuple[list[tuple[str, float, list[int]]], FloatArray | None]
@@ -207,24 +214,18 @@ def inverse_of(A: FloatArray, least: float = 1e-15) -> FloatArray:
 
 
 def unknowns_of(
-    cameras: Mapping[str, Camera],
-    poses: Sequence[Pose],
-    lenses: Mapping[str, LensPrior],
-    length_sigma: float,
-    late: tuple[bool, bool] = (False, False),
+    recording: Recording, poses: Sequence[Pose], settings: RefineSettings, has_lengths: bool = True
 ) -> Unknowns:
-    """The unknowns of cameras; the first is the reference and has no pose.
+    """The unknowns of a recording; the first camera is the reference and has no pose.
 
     Args:
         poses: `camera_from_reference` of each camera, where the fit begins.
-        lenses: priors by camera.
-        length_sigma: standard deviation of the factor of the lengths.
-        late: whether the time offsets of the cameras, and their drifts, are unknowns.
+        has_lengths: whether any length is known; if not, their factor is held fixed.
     """
-    origin = cameras_at([*cameras.values()], poses).q
+    origin = cameras_at([*recording.cameras.values()], poses).q
     blocks: list[Block] = []
     focal_lengths: list[int] = []
-    for number, name in enumerate(cameras):
+    for number, (name, lens) in enumerate(lenses_of(recording, settings).items()):
         first, places = EACH * number, lens_places(number)
         focal_lengths += places[:2]
         if number:
@@ -234,14 +235,15 @@ def unknowns_of(
                 for i, axis in enumerate("xyz")
             ]
             blocks.append((turns + shifts, None))
-        blocks.append(lens_block(name, lenses[name], places))
-        offset, drift = (bool(number) * asked for asked in late)
+        blocks.append(lens_block(name, lens, places))
+        offset, drift = (bool(number) * it for it in (settings.time_offset, settings.time_drift))
         times = [
             (f"{name} time offset", WIDE_TIME * offset, [first + TIME]),
             (f"{name} time drift", WIDE_DRIFT * drift, [first + DRIFT]),
         ]
         blocks.append((times, None))
-    blocks.append(([("object", length_sigma, [len(origin) + FACTOR])], None))
+    sigma, _ = length_sigma(recording, settings)
+    blocks.append(([("object", sigma * has_lengths, [len(origin) + FACTOR])], None))
     return free_parameters(blocks, origin, focal_lengths)
 
 
@@ -330,15 +332,21 @@ def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
     )
 
 
-def settings_for(dataset: Pair, settings: RefineSettings) -> RefineSettings:
-    """The settings with what the data set says of its lenses and its timing."""
-    known: dict[str, Any] = {}
-    for which in CAMERAS:
-        camera = getattr(dataset, which)
-        known[which] = lens_prior(camera, getattr(settings, which))
-        if which in settings.free_distortion:
-            known[which] = replace(known[which], distortion=free_distortion(camera))
-    if dataset.time_offset is None:
+def settings_for(recording: Recording, settings: RefineSettings) -> RefineSettings:
+    """The settings with what the recording says of its lenses and its timing.
+
+    Raises:
+        StereocalError: `free_distortion` names a camera that there is not.
+    """
+    if not set(settings.free_distortion) <= set(recording.labels):
+        named = " or ".join(recording.labels)
+        raise StereocalError(f"free_distortion names a camera that is not {named}.")
+    lenses = lenses_of(recording, settings)
+    for label, camera in zip(recording.labels, recording.cameras.values(), strict=True):
+        if label in settings.free_distortion:
+            lenses[label] = replace(lenses[label], distortion=free_distortion(camera))
+    known: dict[str, Any] = {"lenses": lenses}
+    if not recording.offsets:
         known |= {"time_offset": False, "time_drift": False}
     return replace(settings, **known)
 
@@ -348,6 +356,33 @@ def free_distortion(camera: Camera) -> tuple[float, float, float, float]:
     return FREE_FISHEYE if camera.is_fisheye else FREE_DISTORTION
 
 
+def lenses_of(recording: Recording, settings: RefineSettings) -> dict[str, LensPrior]:
+    """The priors of the lenses, by camera (`Recording.labels`)."""
+    cameras = zip(recording.labels, recording.cameras.values(), strict=True)
+    return {label: lens_prior(camera, settings.lenses.get(label)) for label, camera in cameras}
+
+
+def of_two(lenses: Mapping[str, LensPrior], pair: CameraPair) -> dict[str, LensPrior]:
+    """Those of two of more cameras, by their labels."""
+    return {
+        label: lenses[name] for label, name in zip(CAMERAS, pair, strict=True) if name in lenses
+    }
+
+
+def length_sigma(recording: Recording, settings: RefineSettings) -> tuple[float, bool]:
+    """Standard deviation of the measured length, a fraction, and whether it was stated."""
+    for stated in (settings.distance_sigma_m, recording.object.sigma_m):
+        if stated is not None:
+            return stated / recording.object.longest_m, True
+    return DEFAULT_DISTANCE, False
+
+
+def distance_sigma_m(recording: Recording, settings: RefineSettings) -> float:
+    """The same in m."""
+    held = recording.object
+    return _first(settings.distance_sigma_m, held.sigma_m, DEFAULT_DISTANCE * held.longest_m)
+
+
 def baseline_sigma_m(dataset: Pair, settings: RefineSettings) -> float:
     """Standard deviation of the measured baseline, with the defaults of `RefineSettings`."""
     return _first(
@@ -355,29 +390,17 @@ def baseline_sigma_m(dataset: Pair, settings: RefineSettings) -> float:
     )
 
 
-def distance_sigma_m(dataset: Pair, settings: RefineSettings) -> float:
-    """Standard deviation of the measured bar, with the defaults of `RefineSettings`."""
-    return _first(
-        settings.distance_sigma_m,
-        dataset.target_distance_sigma_m,
-        DEFAULT_DISTANCE * dataset.target_distance_m,
-    )
-
-
-def lenses_of(dataset: Pair, settings: RefineSettings) -> dict[str, LensPrior]:
-    """The priors of the lenses of both cameras."""
-    return {
-        which: lens_prior(getattr(dataset, which), getattr(settings, which)) for which in CAMERAS
-    }
-
-
-def measured_baseline(dataset: Pair, settings: RefineSettings) -> FloatArray:
-    """The measured baseline of a pair, as `adjustment.add_baselines` takes it; none if it is
-    free. One that is held has the uncertainty `HELD_BASELINE`."""
-    sigma, length = baseline_sigma_m(dataset, settings), dataset.baseline_m
-    if np.isinf(sigma):
-        return np.empty((0, 4))
-    return np.array([[0.0, 1.0, length, max(sigma, HELD_BASELINE * length)]])
+def measured_baselines(recording: Recording, settings: RefineSettings) -> FloatArray:
+    """The measured baselines, as `adjustment.add_baselines` takes them; without those that are
+    free. Those that are held have the uncertainty `HELD_BASELINE`."""
+    numbers = {name: number for number, name in enumerate(recording.cameras)}
+    stated, rows = (settings.baseline_sigma_m, recording.baseline_sigma_m), []
+    for (first, second), length in recording.baselines_m.items():
+        sigma = _first(*stated, DEFAULT_BASELINE * length)
+        if np.isfinite(sigma):
+            held = max(sigma, HELD_BASELINE * length)
+            rows.append((numbers[first], numbers[second], length, held))
+    return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 
 def check_stated(settings: RefineSettings, dataset: Pair) -> None:

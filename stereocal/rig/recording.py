@@ -95,6 +95,12 @@ class Recording(TableAnswer):
         check_camera_names(self.cameras)
 
     @property
+    def labels(self) -> tuple[str, ...]:
+        """What settings and files call the cameras: two are the primary and the secondary, more go
+        by their names."""
+        return CAMERAS if len(self.cameras) == 2 else tuple(self.cameras)
+
+    @property
     def answer(self) -> list[str]:
         seen = np.bincount(self.camera, minlength=len(self.cameras)).tolist()
         by_camera = zip(self.cameras, seen, strict=True)

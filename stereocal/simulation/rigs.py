@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.network.fit import RigSettings
-from stereocal.refined.unknowns import LensPrior
+from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
@@ -37,9 +36,9 @@ class SimulatedRig:
     """(frames, targets, 3): true, in the reference's frame."""
 
     @property
-    def settings(self) -> RigSettings:
+    def settings(self) -> RefineSettings:
         """With the uncertainties of the nominal lenses."""
-        return RigSettings(lenses=dict.fromkeys(self.cameras, LensPrior(*LENS_ERRORS)))
+        return RefineSettings(lenses=dict.fromkeys(self.cameras, LensPrior(*LENS_ERRORS)))
 
 
 def simulated_rig(

@@ -5,7 +5,6 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.figures import rig_report
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.network.pair_of_rig import files_of_sets, sets_of_pairs
 from stereocal.network.rig_file import RIG, RigFile, rig_file
@@ -38,8 +37,8 @@ def rig_work(project: Project, time_offsets: bool) -> jobs.PageWork:
         recording = store.read()
         if recording is None:
             raise StereocalError("This project holds no recording of several cameras.")
-        settings = RigSettings(time_offsets=time_offsets or None)
-        found = rig_file(calibrate_rig(recording, settings, job.progress))
+        late = time_offsets or None
+        found = rig_file(calibrate_rig(recording, late=late, progress=job.progress))
         sets, notes = sets_of_pairs(recording, found)
         project.keep_settings({NOTES: notes})
         store.keep_rig(found.dumps(), pack_zip(files_of_sets(sets)))

@@ -35,6 +35,7 @@ from stereocal.refined.disagreement import compare_inputs
 from stereocal.verdict.forecast import forecast_files
 from stereocal.refined.uncertainty import accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
+from stereocal.rig.camera import CAMERAS
 
 def compiled():
     return {
@@ -53,7 +54,7 @@ calibrate(dataset.of_frames(dataset.correspondences.frames[:3]))
 evaluate_runs(dataset, EvaluationSettings(refined=RefineSettings()), 0, [0])
 evaluate_runs(dataset, EvaluationSettings(), 0, [0])
 count_set(dataset, found.methods["2d"].pose)
-refine(dataset, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS))
+refine(dataset, RefineSettings(lenses=dict.fromkeys(CAMERAS, FIXED_LENS)))
 refined = refine(dataset, RefineSettings())
 compare_inputs(refined).inputs, accuracy_map(refined, size=5)
 forecasts = forecast_files(found).of_files({})

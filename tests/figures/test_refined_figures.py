@@ -22,6 +22,7 @@ from stereocal.refined.disagreement import ACCUSED, compare_inputs
 from stereocal.refined.refine import refine
 from stereocal.refined.uncertainty import Plane, accuracy_map
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
+from stereocal.rig.camera import CAMERAS
 from tests.figures.every_figure import refined_field
 from tests.files import encoded
 from tests.intrinsics.test_intrinsics import FEW, usual
@@ -124,6 +125,6 @@ def test_the_table_of_inputs_says_stated_and_estimated() -> None:
     assert float(value) == pytest.approx(float(baseline.estimate[0]), abs=float(sigma))
     assert float(sigma) == pytest.approx(float(baseline.sigma[0]), rel=0.1) and unit == "m"
     held = compare_inputs(
-        refine(FIELD, RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS))
+        refine(FIELD, RefineSettings(lenses=dict.fromkeys(CAMERAS, FIXED_LENS)))
     ).inputs
     assert "held as stated" in set(one_set.disagreement_table(held)["Estimated"])

@@ -16,7 +16,6 @@ from stereocal.frames.video.extract import VideoSettings, by_themselves, extract
 from stereocal.frames.video.sound import heard_later
 from stereocal.intrinsics.board_order import orders_of
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings
 from stereocal.refined.out_of_step import with_offset_if_out_of_step
 from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
@@ -204,6 +203,6 @@ def test_videos_of_three_cameras_become_a_recording(
     capsys.readouterr()
     recording = read_recording(tmp_path)
     assert np.isfinite(recording.images()[1]).all(axis=(1, 2, 3)).sum() > 60
-    late = calibrate_rig(recording, RigSettings()).time_offsets
+    late = calibrate_rig(recording).time_offsets
     for found, start_s in zip(late, (0.0, START_S, THIRD_S), strict=True):
         assert found == pytest.approx(start_s / STEP_S - round(start_s / STEP_S), abs=0.02)

@@ -90,7 +90,7 @@ def test_measured_baselines_give_the_scale() -> None:
     truth = simulated(4)
     measured = {("c1", "c3"): float(np.linalg.norm(truth.poses["c3"].T))}
     recording = replace(truth.recording, baselines_m=measured, baseline_sigma_m=0.0002)
-    loose = replace(truth.settings, object_sigma=0.05)
+    loose = replace(truth.settings, distance_sigma_m=0.05 * recording.object.longest_m)
     rig, at = calibrate_rig(recording, loose), 2 * EACH + TRANSLATION
     assert rig.poses["c3"].baseline == pytest.approx(measured["c1", "c3"], abs=0.001)
     # without it, the object's length is known to 5 % only, and so is the scale

@@ -3,9 +3,8 @@
 import numpy as np
 
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings
 from stereocal.network.result import RigCalibration
-from stereocal.refined.unknowns import FIXED_LENS
+from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
@@ -52,7 +51,7 @@ def held_out_px(rig: RigCalibration, test: Recording) -> float:
 
 
 def test_three_fisheyes_are_as_good_as_with_the_true_lenses() -> None:
-    known = RigSettings(lenses=dict.fromkeys(LENSES, FIXED_LENS))
+    known = RefineSettings(lenses=dict.fromkeys(LENSES, FIXED_LENS))
     ratios, z = [], []
     for seed in (0, 1, 2):
         rig = calibrate_rig(wand_seen(seed, 60, True))

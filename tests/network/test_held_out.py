@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings
 from stereocal.network.held_out import frame_errors, point_fits, relative_length_errors
 from stereocal.network.in_words import rig_errors_in_words, rig_sentence
 from stereocal.network.result import RigCalibration
 from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.refined.robust import RobustFit
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import simulated_rig
 from stereocal.system.numbers import rounded
@@ -19,7 +19,7 @@ from tests.rigs.moving_wand import stated_over_true, wave_wand
 
 def errors_on(rig: RigCalibration, recording: Recording) -> tuple[float, float]:
     """Reprojection error and 95 % of the length errors on other frames."""
-    fit = type(rig.fit)(recording, rig.fit.poses, rig.fit.rig_settings)
+    fit = RobustFit.of(recording, rig.fit.poses, rig.fit.settings)
     points, residuals = point_fits(rig.fit.at, fit.seen)
     px = frame_errors(residuals, fit.frame_of, len(fit.frames))
     lengths = np.abs(relative_length_errors(points, fit.seen.distances))
@@ -66,7 +66,7 @@ def test_images_are_as_far_off_in_a_further_recording_as_is_said() -> None:
     Measured, 32 halves: 0.6 to 1.2 times, median 1.0; what the covariance says is a seventh."""
     _, recording = wave_wand(301, np.zeros(4), 200, 0.2)
     first = recording.frame < 100
-    rig = calibrate_rig(recording.where(first), RigSettings(time_offsets=False))
+    rig = calibrate_rig(recording.where(first), late=False)
     assert all(0.7 < ratio < 1.4 for ratio in stated_over_true(rig, recording.where(~first)))
     assert f"within {rounded(rig.image_px[rig.weakest])} px" in rig_sentence(rig_file(rig))
 
@@ -76,11 +76,11 @@ def test_a_distortion_that_the_images_contradict_is_fitted() -> None:
     seeds: 0.21 with the true one, 0.21 to 0.22 fitted, 0.24 to 0.26 with the wrong one held."""
     truth, recording = wave_wand(5, np.zeros(3), 150)
     true = truth.cameras["c2"].distortion
-    settings, held_out = RigSettings(time_offsets=False), []
+    held_out = list[float]()
     for k1 in (0.0, 0.05):
         lens = replace(truth.cameras["c2"], distortion=true + np.array([k1, 0.0, 0.0, 0.0]))
         cameras = {**recording.cameras, "c2": lens}
-        rig = calibrate_rig(replace(recording, cameras=cameras), settings)
+        rig = calibrate_rig(replace(recording, cameras=cameras), late=False)
         assert (rig.cameras["c2"].distortion[0] == lens.distortion[0]) == (k1 == 0.0)
         assert rig.further is not None
         held_out.append(rig.further.errors.reprojection_px)

@@ -16,10 +16,11 @@ from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.refined.parameter_file import of_file
 from stereocal.refined.refine import refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.camera import CAMERAS
 from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
 
 STATED = LensPrior(*LENS_ERRORS)
-PAIR_SETTINGS = RefineSettings(STATED, STATED)
+PAIR_SETTINGS = RefineSettings(dict.fromkeys(CAMERAS, STATED))
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +49,9 @@ def test_a_length_in_metres_has_the_error_of_the_object(truth: SimulatedRig) -> 
     """Known to 0.1 % if nothing is stated, 0.5 % if it is: 1.96 of that and the scatter."""
     told = []
     for sigma in (None, 0.005):
-        settings = replace(truth.settings, object_sigma=sigma)
         bare = replace(truth.recording, object=replace(truth.recording.object, sigma_m=None))
+        sigma_m = None if sigma is None else sigma * bare.object.longest_m
+        settings = replace(truth.settings, distance_sigma_m=sigma_m)
         file = rig_file(calibrate_rig(bare, settings))
         figures = file.about.figures
         assert figures is not None and figures.metric_error_p95 is not None

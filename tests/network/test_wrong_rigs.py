@@ -11,7 +11,6 @@ from stereocal.calibration.corrections import with_pixels
 from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fit import RigSettings
 from stereocal.network.in_words import rig_notes, rig_sentence
 from stereocal.network.judge import fewer_points, noise_of
 from stereocal.network.pair_of_rig import data_of_pair
@@ -185,7 +184,7 @@ def test_a_bumped_camera_is_named(degrees: float) -> None:
 def test_frames_of_a_waved_wand_count_for_less_where_lenses_are_off() -> None:
     """The autocorrelation of the residuals alone does not show it: the design effect was 1."""
     _, recording = wave_wand(1, np.zeros(4), 150, misfit_px=0.2)
-    rig = calibrate_rig(recording, RigSettings(time_offsets=False))
+    rig = calibrate_rig(recording, late=False)
     assert not rig.clusters.has_runs
     assert rig.design_effect > 1.5
 
@@ -251,7 +250,7 @@ def test_cameras_that_face_each_other() -> None:
 def test_cameras_out_of_step_have_their_offsets(asked: bool | None) -> None:
     late = np.array([0.0, 0.3, -0.2])
     _, recording = wave_wand(6, late, 120)
-    rig = calibrate_rig(recording, RigSettings(time_offsets=asked))
+    rig = calibrate_rig(recording, late=asked)
     errors = rig_file(rig).standard_errors
     for name, own, true in zip(rig.names, rig.time_offsets, late, strict=True):
         assert own == pytest.approx(true, abs=0.02)

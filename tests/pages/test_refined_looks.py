@@ -6,7 +6,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.project import Project, packed_table
-from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lens_prior
+from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lenses_of
 from stereocal.rig.pair import Pair
 from stereocal.ui.forms import refine_settings
 from tests.pages.stored_projects import (
@@ -112,9 +112,9 @@ def test_typed_numbers_stand_after_f5_and_reach_the_refined_method(
     dataset = read(project)
     settings = refine_settings(project, dataset)
     assert baseline_sigma_m(dataset, settings) == pytest.approx(0.0035)
-    prior = lens_prior(dataset.secondary, settings.secondary)
+    prior = lenses_of(dataset.recording, settings)["secondary"]
     assert (prior.focal, prior.centre_px) == pytest.approx((0.004, 6.0))
-    assert lens_prior(dataset.primary, settings.primary).focal == DEFAULT_FOCAL
+    assert lenses_of(dataset.recording, settings)["primary"].focal == DEFAULT_FOCAL
 
     tab = again(app, "data")
     assert tab.selectbox(key="baseline_m_known").value == "Typed"

@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 from stereocal.refined import distortion, views
 from stereocal.refined.adjustment import add_baselines
 from stereocal.refined.distortion import lens_terms
-from stereocal.refined.robust import RobustFit
+from stereocal.refined.refine import fit_from
 from stereocal.refined.small_steps import moved, rig_at, step_between
 from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.refined.views import DISTORTION, DRIFT, EACH, OWN, TIME, Cameras
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
 from tests import known_rig as rig
@@ -121,8 +121,10 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
     """The places are eliminated; SciPy keeps them: 5 frames, 13 + 30 unknowns."""
     data = rig.dataset(5, 0.3)
     lens = LensPrior(0.01, 10.0)
-    priors = RefineSettings(lens, lens, sigma_px=0.3, scatter_m=0.001, loss="squares")
-    solve = RobustFit.of_pair(data, rig.RIG, priors)
+    priors = RefineSettings(
+        dict.fromkeys(CAMERAS, lens), sigma_px=0.3, scatter_m=0.001, loss="squares"
+    )
+    solve = fit_from(data, rig.RIG, priors)
     begin, (measured, sigma_m) = solve.at, solve.baselines[0, 2:]
     assert solve.run()
     start_at = solve.begin._replace(q=begin.q)  # turns about the same axes
@@ -155,7 +157,7 @@ def test_the_result_is_scipys_of_the_whole_problem() -> None:
 
 def test_left_out_frames_have_no_say() -> None:
     data = rig.dataset(10, 0.2)
-    solve = RobustFit.of_pair(data, rig.RIG, RefineSettings())
+    solve = fit_from(data, rig.RIG, RefineSettings())
     sides = []
     for limits in (np.where(np.arange(10) < 6, np.inf, 0.0), np.full(6, np.inf)):
         n = len(limits)
@@ -198,6 +200,6 @@ def test_a_second_start_is_left_only_where_it_is_known_to_lead_to_the_first(
 ) -> None:
     """Plain least squares have fitted nothing when they begin: two starts are not alike then."""
     settings = RefineSettings(loss=loss)
-    first, second = (RobustFit.of_pair(rig.dataset(20, 0.2), rig.RIG, settings) for _ in range(2))
+    first, second = (fit_from(rig.dataset(20, 0.2), rig.RIG, settings) for _ in range(2))
     assert first.run()
     assert second.run([first]) == is_followed

@@ -8,6 +8,7 @@ from stereocal.refined.disagreement import compare_inputs
 from stereocal.refined.parameter_file import of_file, refined_parameters
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from tests.further import further
@@ -74,7 +75,7 @@ def test_the_file_states_the_covariance_with_its_design_effect() -> None:
 @pytest.mark.parametrize(("seeds", "most"), [(7, 1), *further((20, 3))])
 def test_runs_accuse_no_sound_input(seeds: int, most: int) -> None:
     lens = LensPrior(0.001, 1.0)
-    settings = RefineSettings(primary=lens, secondary=lens)
+    settings = RefineSettings(lenses=dict.fromkeys(CAMERAS, lens))
     accused = 0
     for seed in range(seeds):
         _, data = waved(np.random.default_rng([seed, 77]), 150, 15, EXACT, alike_px=0.3)

@@ -11,7 +11,7 @@ from stereocal.refined.refine import refine
 from stereocal.refined.small_steps import lens_places
 from stereocal.refined.stated_inputs import advice_on, moved_lengths, undetectable_errors
 from stereocal.refined.unknowns import FIXED_LENS, LensPrior, RefineSettings
-from stereocal.rig.camera import Camera, CameraName, LensUncertainty
+from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensUncertainty
 from tests import known_rig as rig
 from tests.fisheye_rig import fisheye
 from tests.further import further
@@ -41,7 +41,7 @@ def test_sound_rigs_are_not_accused(rigs: int, most: int) -> None:
 
 def test_what_is_fixed_or_free_is_not_tested() -> None:
     data = rig.dataset(25, 0.2)
-    settings = RefineSettings(FIXED_LENS, FIXED_LENS, baseline_sigma_m=np.inf)
+    settings = RefineSettings(dict.fromkeys(CAMERAS, FIXED_LENS), baseline_sigma_m=np.inf)
     items = compare_inputs(refine(data, settings)).inputs
     distortions = {"primary distortion", "secondary distortion"}
     assert {item.key for item in items} == {"distance", *distortions}
@@ -65,7 +65,7 @@ def test_a_measured_length_that_the_fit_leaves_is_said() -> None:
     data = rig.dataset(25, 0.05)
     assert moved_lengths(compare_inputs(refine(data)).inputs) == ""
     long = data.changed(baseline_m=1.015 * data.baseline_m, target_distance_sigma_m=1e-5)
-    lenses = RefineSettings(primary=LensPrior(1e-4, 0.1), secondary=LensPrior(1e-4, 0.1))
+    lenses = RefineSettings(lenses=dict.fromkeys(CAMERAS, LensPrior(1e-4, 0.1)))
     result = refine(long, lenses)
     told = moved_lengths(compare_inputs(result).inputs)
     fitted = result.pose.baseline
@@ -80,7 +80,7 @@ def test_what_nobody_stated_is_asked_for() -> None:
     for word in ("baseline", "distance", "focal length", "image centre", "mm", "px"):
         assert word in asked
     stated_all = data.changed(baseline_sigma_m=0.002, target_distance_sigma_m=0.0005)
-    settings = RefineSettings(primary=LensPrior(0.003, 5.0), secondary=LensPrior(0.003, 5.0))
+    settings = RefineSettings(lenses=dict.fromkeys(CAMERAS, LensPrior(0.003, 5.0)))
     items = compare_inputs(refine(stated_all, settings)).inputs
     assert undetectable_errors(items) == ""
     assert all(item.sigma_stated for item in items if not item.key.endswith("distortion"))

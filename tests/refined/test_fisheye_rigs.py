@@ -10,10 +10,11 @@ from stereocal.refined.parameter_file import refined_parameters
 from stereocal.refined.refine import refine
 from stereocal.refined.small_steps import pose_places, rig_at, step_between
 from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from tests.fisheye_rig import recording
 
-KNOWN = RefineSettings(primary=FIXED_LENS, secondary=FIXED_LENS)
+KNOWN = RefineSettings(lenses=dict.fromkeys(CAMERAS, FIXED_LENS))
 
 
 @pytest.mark.parametrize("field_of_view_deg", [90.0, 120.0, 150.0])

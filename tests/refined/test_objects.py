@@ -9,6 +9,7 @@ from stereocal.refined.parameter_file import of_file
 from stereocal.refined.refine import refine
 from stereocal.refined.screening import screen
 from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import RigidObject
 from tests import known_rig
@@ -16,7 +17,7 @@ from tests.further import further
 from tests.rigs.mistakes import misplaced
 from tests.rigs.objects import BOARD, WAND, recorded
 
-EXACT_LENSES = RefineSettings(primary=LensPrior(0, 0), secondary=LensPrior(0, 0))
+EXACT_LENSES = RefineSettings(lenses=dict.fromkeys(CAMERAS, LensPrior(0, 0)))
 
 
 def angles_off(data: Pair) -> tuple[np.ndarray, np.ndarray]:

@@ -135,7 +135,8 @@ def test_a_held_baseline_is_a_very_certain_one(number: int) -> None:
 
 def test_fixed_stays_fixed_and_apart_comes_apart() -> None:
     data = rig.dataset(25, 0.2)
-    found = refine(data, RefineSettings(FIXED_LENS, LensPrior(apart=True), 0.0, 0.0))
+    lenses = {"primary": FIXED_LENS, "secondary": LensPrior(apart=True)}
+    found = refine(data, RefineSettings(lenses, 0.0, 0.0))
     np.testing.assert_array_equal(found.primary.K, data.primary.K)
     assert found.pose.baseline == pytest.approx(rig.BASELINE_M, rel=1e-6)
     assert found.bar_factor == 1.0

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from stereocal.network.fit import RigFit
 from stereocal.network.held_out import seen_by_others
 from stereocal.network.result import RigCalibration
+from stereocal.refined.robust import RobustFit
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import IMAGE_SIZE, WAND, SimulatedRig, recording_of, simulated_rig
 from stereocal.system.array_types import FloatArray
@@ -55,7 +55,7 @@ def wave_wand(
 def stated_over_true(rig: RigCalibration, rest: Recording) -> list[float]:
     """Of each camera: within how many px half of its images are said to lie of where the others see
     the point, over what the rest of the recording shows."""
-    seen = RigFit(rest.of_cameras(rig.names), rig.fit.poses, rig.fit.rig_settings).seen
+    seen = RobustFit.of(rest.of_cameras(rig.names), rig.fit.poses, rig.fit.settings).seen
     apart = seen_by_others(rig.fit, seen, np.arange(len(seen.frame_of)))
     true = {name: own[np.isfinite(own)] for name, own in zip(rig.names, apart.T, strict=True)}
     return [rig.image_px[name] / float(np.median(own)) for name, own in true.items() if len(own)]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
@@ -31,7 +32,7 @@ class Misjudged:
     def settings(self) -> RefineSettings:
         """What an experimenter who knows these figures would set."""
         lens = LensPrior(self.focal, self.centre_px)
-        return RefineSettings(lens, lens, self.baseline_m, self.bar_m)
+        return RefineSettings(dict.fromkeys(CAMERAS, lens), self.baseline_m, self.bar_m)
 
 
 def random_scene(rng: np.random.Generator, frames: int = FRAMES, margin_px: float = 20.0) -> Scene:
@@ -131,7 +132,7 @@ def held_out(dataset: Pair, frames: int) -> tuple[Pair, Pair]:
 
 def fixed_lenses(settings: RefineSettings) -> RefineSettings:
     """The same with both lenses held."""
-    return replace(settings, primary=LensPrior(0.0, 0.0), secondary=LensPrior(0.0, 0.0))
+    return replace(settings, lenses=dict.fromkeys(CAMERAS, LensPrior(0.0, 0.0)))
 
 
 def spoiled(

@@ -17,7 +17,7 @@ from stereocal.field.planning.plan import Plan, common_points, sees
 from stereocal.refined import uncertainty
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.small_steps import baseline_direction, rig_at
-from stereocal.refined.unknowns import LensPrior, RefineSettings, measured_baseline
+from stereocal.refined.unknowns import LensPrior, RefineSettings, measured_baselines
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.pair import Pair
@@ -80,7 +80,7 @@ class ExpectedFit:
         the first word of an unknown's name (primary, secondary, object), and of the baseline."""
         unknowns = self.result.unknowns
         factors = np.array([better.get(name.split()[0], 1.0) for name in unknowns.names])
-        sigma = measured_baseline(self.result.dataset, self.result.settings)[0, 3]
+        sigma = measured_baselines(self.result.dataset.recording, self.result.settings)[0, 3]
         along = baseline_direction(self.result.at) @ unknowns.M / sigma
         of_baseline = np.outer(along, along)
         others = (unknowns.precision - of_baseline) / np.outer(factors, factors)
@@ -185,8 +185,7 @@ def plan_settings(plan: Plan) -> RefineSettings:
     own = plan.uncertainty
     lens = LensPrior(own.focal, own.centre_px)
     return RefineSettings(
-        primary=lens,
-        secondary=lens,
+        lenses=dict.fromkeys(CAMERAS, lens),
         baseline_sigma_m=own.baseline_m,
         distance_sigma_m=own.bar_m,
         sigma_px=plan.noise_px,
