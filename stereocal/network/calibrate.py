@@ -8,32 +8,20 @@ import numpy as np
 
 from stereocal.calibration.board_numbering import check_numbering
 from stereocal.calibration.checks import refuse_same_points
-from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.network.baseline import with_baseline_found
 from stereocal.network.diagnosis import camera_warnings, moved_in_words, refuse_poor_fit
 from stereocal.network.free_distortion import better_held_out, lenses_with_distortion
-from stereocal.network.fuse import Fused, PairFit, fuse
+from stereocal.network.fuse import Fused, fuse
 from stereocal.network.held_out import fitted_to
 from stereocal.network.joint_fit import NO_RIG, Start, joint_fit
-from stereocal.network.pairs import (
-    FEWEST_BARS,
-    FURTHER_STEPS,
-    Pairs,
-    calibrate_pairs,
-    pair_problem,
-    reached,
-    shared_bars,
-)
+from stereocal.network.pairs import FEWEST_BARS, FURTHER_STEPS, Pairs, calibrate_pairs, reached
 from stereocal.network.result import RigCalibration
 from stereocal.network.screening import rows_of, wrong_images
 from stereocal.network.wrong_inputs import check_inputs, contradicting_lengths, find_wrong_input
 from stereocal.refined.movement import MovedError, movement
-from stereocal.refined.refine import refine
-from stereocal.refined.screening import WIDE_LENGTH_PRIOR, WIDE_LENS, screened
+from stereocal.refined.screening import WIDE_LENGTH_PRIOR, WIDE_LENS
 from stereocal.refined.time_offset import DRIFTING
 from stereocal.refined.unknowns import RefineSettings
-from stereocal.rig.geometry import AT_ORIGIN
 from stereocal.rig.lengths_in_words import question_about_units
 from stereocal.rig.recording import Recording
 from stereocal.system.numbers import count
@@ -96,10 +84,6 @@ def _calibrated(
     recording: Recording, settings: RefineSettings, late: bool | None, progress: Progress | None
 ) -> RigCalibration:
     """The rig, however well it fits."""
-    if len(recording.cameras) == 2 and not late:
-        alone = _of_two(recording, settings)
-        if alone is not None:
-            return alone
     pairs = calibrate_pairs(recording, settings, late, progress)
     if pairs.out_of_step:
         found = _calibrated(recording, settings, True, progress)
@@ -167,24 +151,6 @@ def _of_pairs(
         rig = better_held_out(rig, fitted(Start.of(rig.fit, rig.shifts), freed))
     report(steps, steps)
     return rig
-
-
-def _of_two(recording: Recording, settings: RefineSettings) -> RigCalibration | None:
-    """A rig of two cameras: the refined set of their pair, with its screening; None if they are out
-    of step."""
-    (pair,), bars = recording.pairs, shared_bars(recording)
-    dataset, priors = pair_problem(recording, pair, settings)
-    screening = screened(with_baseline_found(dataset), CalibrationSettings())
-    if screening.shift is not None:
-        return None
-    refined = refine(screening.dataset, priors)
-    pairs = Pairs(bars, {pair: PairFit.of(pair, refined)})
-    kept = recording.where(~np.isin(recording.frame, screening.left_out))
-    start = Start([AT_ORIGIN, refined.pose], {}, refined.sigma_px.value)
-    fit, shifts = joint_fit(kept, start, settings)
-    left_out = tuple(sorted({*screening.left_out, *fit.frames[fit.outlying].tolist()}))
-    warnings = tuple(camera_warnings(fit))
-    return RigCalibration(fit, pairs, (), left_out, {}, shifts, warnings)
 
 
 def _consistent(
