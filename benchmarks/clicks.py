@@ -21,7 +21,8 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun
 from tools.photographs.flight_sample import LENGTH_M
 
 SAMPLES = Path(__file__).parents[1] / "sample_data"
@@ -115,7 +116,7 @@ def answer(store: ProjectClicks, how: ClickMeasure, footage: Footage, click: Cli
 
 
 def main() -> None:
-    sets = Run(read_dataset(SAMPLES / "field")).sets
+    sets = Answer(PairRun(read_dataset(SAMPLES / "field"))).sets
     flights, how = Flights.before_the_field(), ClickMeasure(sets["2d"], sets["refined"])
     for noise_px in (1.0, 0.3):
         lengths(flights, how, noise_px)

@@ -42,7 +42,7 @@ from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.simulate import observe
 from stereocal.system.array_types import FloatArray
 from stereocal.verdict.forecast import forecast_files
-from stereocal.workflow import Run
+from stereocal.workflow.pair_run import PairRun
 from tests.fisheye_rig import NOISE_PX
 from tests.fisheye_rig import recording as recording_of_bars
 from tests.lens import AtOnce
@@ -189,7 +189,7 @@ def judged(
     data: Pair, primary: FloatArray, secondary: FloatArray, length_m: float
 ) -> tuple[Estimate, float]:
     """The forecast, and the truth on pixels (2 n, 2) of the ends of bars, one after the other."""
-    calibration = Run(data).calibration
+    calibration = PairRun(data).calibration
     found = calibration.refined
     assert found is not None
     rig = found.apply(data)

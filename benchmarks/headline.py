@@ -22,7 +22,8 @@ from stereocal.evaluation.summary import Estimate
 from stereocal.simulation.simulate import Scene, place_bars
 from stereocal.system.array_types import FloatArray
 from stereocal.system.executors import engine
-from stereocal.workflow import Run, usual_frames
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun, usual_frames
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 
 NOISES_PX = (0.005, 0.02, 0.1)
@@ -33,7 +34,7 @@ FRAMES = (25, 8, 12)
 """Of the rigs that are validated: few show the most of what chance does."""
 
 
-def run_of(number: int, frames: int = 25) -> tuple[Scene, Run, Misjudged]:
+def run_of(number: int, frames: int = 25) -> tuple[Scene, PairRun, Misjudged]:
     """A simulated rig, calibrated as stated."""
     rng = np.random.default_rng([number, 58])
     known = BARS[number // len(NOISES_PX) % 2]
@@ -43,10 +44,10 @@ def run_of(number: int, frames: int = 25) -> tuple[Scene, Run, Misjudged]:
     if known != BARS[0]:
         data = data.changed(target_distance_sigma_m=off.bar_m)
     settings = replace(off.settings(), baseline_sigma_m=None, distance_sigma_m=None)
-    return scene, Run(data, CalibrationSettings(), settings), off
+    return scene, PairRun(data, CalibrationSettings(), settings), off
 
 
-def errors_in_metres(run: Run, scene: Scene, noise_px: float, number: int) -> FloatArray:
+def errors_in_metres(answer: Answer, scene: Scene, noise_px: float, number: int) -> FloatArray:
     """(n,): relative errors of the true lengths of fresh bars, by the recommended file."""
     rng = np.random.default_rng([number, 59])
     fresh = place_bars(scene.rig, rng, FRESH, BAR_M, DEPTHS_M, 20.0)
@@ -55,7 +56,7 @@ def errors_in_metres(run: Run, scene: Scene, noise_px: float, number: int) -> Fl
         camera.project(at) + noise_px * rng.standard_normal((len(at), 2))
         for camera, at in zip(cameras, fresh.points_m, strict=True)
     ]
-    file = run.sets[run.recommendation.measure.method]
+    file = answer.sets[answer.recommendation.measure.method]
     ends = file.reconstruct(*pixels).reshape(-1, 2, 3)
     return np.asarray(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / BAR_M - 1.0)
 
@@ -65,10 +66,11 @@ def metres(rigs: int) -> None:
     within: dict[tuple[float, float], list[tuple[float, float, float]]] = {}
     for number in range(rigs):
         scene, run, off = run_of(number)
-        found = run.recommendation.measure
+        answer = Answer(run)
+        found = answer.recommendation.measure
         said, scatter = found.metric_p95.best(True), found.length_p95.best(True)
         assert isinstance(said, Estimate) and isinstance(scatter, Estimate)
-        errors = np.abs(errors_in_metres(run, scene, off.noise_px, number))
+        errors = np.abs(errors_in_metres(answer, scene, off.noise_px, number))
         row = float(np.mean(errors <= said.value)), float(np.mean(errors <= scatter.value))
         cell = within.setdefault((off.bar_m / BAR_M, off.noise_px), [])
         cell.append((*row, said.value))
@@ -99,10 +101,11 @@ def real(draws: int) -> None:
             rest = data.of_frames(np.setdiff1d(data.correspondences.frames, quarter))
             bar = data.target_distance_m * (1.0 + known * rng.normal())
             sigma = known * data.target_distance_m
-            run = Run(rest.changed(target_distance_m=bar, target_distance_sigma_m=sigma))
+            asked = rest.changed(target_distance_m=bar, target_distance_sigma_m=sigma)
+            answer = Answer(PairRun(asked))
             test = data.of_frames(quarter)
-            found = run.recommendation.measure
-            file = run.sets[found.method]
+            found = answer.recommendation.measure
+            file = answer.sets[found.method]
             rows = test.correspondences
             ends = file.reconstruct(rows.primary, rows.secondary)[rows.bars]
             lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
@@ -127,7 +130,7 @@ def agree(rigs: int) -> None:
         frames = usual_frames(len(run.calibration.screening.dataset.correspondences.frames))
         settings = EvaluationSettings(run.settings, 100, frames, refined=run.refined)
         with engine() as executor:
-            found = run.validate(settings, executor).recommendation
+            found = Answer(run, run.validate(settings, executor)).recommendation
         if found.contradiction:
             said.append(number)
             print(f"  rig {number}: {found.contradiction}")

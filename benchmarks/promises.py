@@ -37,7 +37,7 @@ from stereocal.refined.screening import screen
 from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import Scene, observe
 from stereocal.verdict.forecast import forecast_files
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
 from tests.rigs.culprits import KINDS, bars_of, lit, sound, waved
 from tests.rigs.pair_mistakes import MISTAKES, Mistake
 from tests.rigs.population import figures_on
@@ -64,13 +64,13 @@ def further(scene: Scene, kind: str, number: int, bars: int = FURTHER) -> Scene:
     return bars_of(KINDS[kind], scene.rig, np.random.default_rng([number, 99]), bars)
 
 
-def error_of(scene: Scene, kind: str, number: int, run: Run) -> float:
+def error_of(scene: Scene, kind: str, number: int, answer: Answer) -> float:
     """`error_of_files` on further bars."""
     fresh = further(scene, kind, number)
     cameras = scene.rig.primary, scene.rig.secondary
     pixels = [camera.project(at) for camera, at in zip(cameras, fresh.points_m, strict=True)]
     ends = np.stack(pixels, axis=1).reshape(-1, 2, 2, 2)
-    return error_of_files(run, scene.rig, ends, scene.bar_length_m)
+    return error_of_files(answer, scene.rig, ends, scene.bar_length_m)
 
 
 def wrong(row: str, numbers: range, mistakes: list[str], say: bool) -> None:

@@ -30,7 +30,8 @@ from stereocal.refined.small_steps import pose_places
 from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun
 from tests.rigs.mistakes import Change
 from tests.rigs.pair_mistakes import MISTAKES as OF_PAIRS
 from tests.rigs.pair_mistakes import Mistake
@@ -43,9 +44,9 @@ OF_RIGS: Mapping[str, Change] = {
 """Those that need no truth."""
 
 
-def far_from(truth: Pose, sigma_rad: float, run: Run) -> float:
+def far_from(truth: Pose, sigma_rad: float, answer: Answer) -> float:
     """How far the file to measure with is from that of the sound recording."""
-    pose = run.sets[run.recommendation.measure.method].pose
+    pose = answer.sets[answer.recommendation.measure.method].pose
     turn = Rotation.from_matrix(pose.R @ truth.R.T).magnitude() / sigma_rad
     return float(max(turn, abs(pose.baseline / truth.baseline - 1.0) / MOST_BASELINE * MOST))
 
@@ -54,11 +55,11 @@ def of_pair(data: Pair, asked: argparse.Namespace) -> None:
     """Each kind of mistake in each part of a recording of two cameras."""
     for part in np.array_split(data.correspondences.frames, asked.parts):
         own = data.of_frames(part)
-        sound = Run(own)
+        sound = Answer(PairRun(own))
         said = said_of(partial(run_data, own), None)
         print(f"  frames {part[0]} to {part[-1]}, sound: {said.accusations or 'nothing accused'}")
         pose = sound.sets[sound.recommendation.measure.method].pose
-        sigma = float(np.sqrt(np.diag(sound.refined_set.covariance)[pose_places(1)][:3].sum()))
+        sigma = float(np.sqrt(np.diag(sound.run.refined_set.covariance)[pose_places(1)][:3].sum()))
         error = partial(far_from, pose, sigma)
         for name, mistake in OF_PAIRS.items():
             if mistake.change is not None and name in (asked.mistake or OF_PAIRS):
@@ -71,7 +72,7 @@ def run_data(data: Pair) -> Pair:
 
 
 def _of_pair(
-    name: str, mistake: Mistake, data: Pair, error: Callable[[Run], float], say: bool
+    name: str, mistake: Mistake, data: Pair, error: Callable[[Answer], float], say: bool
 ) -> None:
     assert mistake.change is not None
     begun, change = time.process_time(), mistake.change

@@ -11,7 +11,8 @@ from stereocal.network.baseline import with_baseline_found
 from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun
 
 MOST, MOST_BASELINE = 3.0, 0.05
 """A file is wrong if its 95 % length error is more than so many times what it states, or its
@@ -41,7 +42,7 @@ class Said:
     is_cautioned: bool = False
 
 
-def said_of(make: Callable[[], Pair], error: Callable[[Run], float] | None) -> Said:
+def said_of(make: Callable[[], Pair], error: Callable[[Answer], float] | None) -> Said:
     """All that `calibrate` says of a recording.
 
     Args:
@@ -49,23 +50,24 @@ def said_of(make: Callable[[], Pair], error: Callable[[Run], float] | None) -> S
         error: of the files, over what they state; None where the truth is not known.
     """
     try:
-        run = Run(with_baseline_found(make()))
+        run = PairRun(with_baseline_found(make()))
+        answer = Answer(run)
         accused = [item for item in run.inputs if item.accused]
         notes = (
             *filter(None, [run.screening.time_note]),
             *run.calibration.warnings,
-            run.recommendation.caution,
+            answer.recommendation.caution,
             *(f"{item.key} {' '.join(item.rivals)} {item.advice}" for item in accused),
         )
-        of_files = error and error(run)
+        of_files = error and error(answer)
     except StereocalError as found:
         return Said(str(found).lower(), True, (str(found),))
     accusing = tuple(note for note in notes if note and not note.startswith(ALWAYS))
-    caution = bool(run.recommendation.caution)
+    caution = bool(answer.recommendation.caution)
     return Said(" ".join(notes).lower(), False, accusing, of_files, caution)
 
 
-def error_of_files(run: Run, truth: Rig, ends: FloatArray, length_m: float) -> float:
+def error_of_files(answer: Answer, truth: Rig, ends: FloatArray, length_m: float) -> float:
     """The true 95 % length error of the file to measure with, over the upper end of the stated; at
     least the error of its baseline over `MOST_BASELINE`, times `MOST`.
 
@@ -73,13 +75,13 @@ def error_of_files(run: Run, truth: Rig, ends: FloatArray, length_m: float) -> f
         ends: (n, 2, 2, 2): by bar and end, the pixels in both cameras.
         length_m: of the bars.
     """
-    file = run.sets[run.recommendation.measure.method]
+    file = answer.sets[answer.recommendation.measure.method]
     rig = Rig(file.primary, file.secondary, file.pose)
     with np.errstate(invalid="ignore"):
         one, other = (rig.reconstruct(ends[:, k, 0], ends[:, k, 1]) for k in (0, 1))
     errors = np.abs(np.linalg.norm(one - other, axis=1) / length_m - 1.0)
     off = float(abs(rig.pose.baseline / truth.pose.baseline - 1.0) / MOST_BASELINE * MOST)
-    stated = run.recommendation.measure.length_p95.forecast
+    stated = answer.recommendation.measure.length_p95.forecast
     if stated is None or not np.isfinite(stated.high):
         return off
     return float(max(np.nanpercentile(errors, 95) / stated.high, off))

@@ -28,7 +28,8 @@ from stereocal.intrinsics.stereo_boards import found_of
 from stereocal.network.baseline import with_baseline_found
 from stereocal.rig.camera import Camera
 from stereocal.rig.pair import Pair
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun
 from tests.rigs.board_mistakes import MISTAKES
 from tests.rigs.board_pairs import (
     BoardPair,
@@ -51,7 +52,7 @@ def said_of(pair: BoardPair, make: Callable[[], Pair] | None = None) -> Said:
     return said_of_dataset(make or (lambda: pair.dataset), error)
 
 
-def _error(pair: BoardPair, run: Run) -> float:
+def _error(pair: BoardPair, answer: Answer) -> float:
     """`error_of_files` on the diagonals of further boards."""
     assert pair.truth is not None
     rng, corners = np.random.default_rng(5), true_corners(pair.board, 0.0)
@@ -60,7 +61,7 @@ def _error(pair: BoardPair, run: Run) -> float:
     seen = [images_of(pair.truth, pose, corners) for pose in placings]
     ends = np.stack([each[[0, -1]] for each in seen if each is not None])
     length = float(np.linalg.norm(corners[-1] - corners[0]))
-    return error_of_files(run, pair.truth, ends, length)
+    return error_of_files(answer, pair.truth, ends, length)
 
 
 def spoiled(name: str, pairs: Iterable[tuple[int, BoardPair]], say: bool) -> None:
@@ -104,7 +105,7 @@ def late(asked: argparse.Namespace) -> None:
     trials = asked.trials
     for frames in (0.0, 0.3, 0.7):
         found = [
-            Run(with_baseline_found(waved(n, frames).dataset)).screening.shift
+            PairRun(with_baseline_found(waved(n, frames).dataset)).screening.shift
             for n in range(asked.first, asked.first + trials)
         ]
         right = [it for it in found if it and abs(it.frames - frames) < 4.0 * it.sigma]

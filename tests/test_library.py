@@ -18,7 +18,7 @@ import plotly.graph_objects as go
 import pytest
 
 import stereocal
-from stereocal.library.calibrations import CalibrationRun, Look
+from stereocal.library.calibrations import CalibratedRig, CalibrationRun, Look
 from stereocal.matching.application import points_by_camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.answers import MOST_LINES, Answer, answering
@@ -78,7 +78,9 @@ def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 @pytest.fixture(scope="module")
 def run() -> CalibrationRun:
-    return stereocal.calibrate(stereocal.read(ROOT / "sample_data" / "field"))
+    found = stereocal.calibrate(stereocal.read(ROOT / "sample_data" / "field"))
+    assert isinstance(found, CalibrationRun)
+    return found
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))])
@@ -114,10 +116,13 @@ def test_a_validation_reaches_recommendation_and_sets(run: CalibrationRun) -> No
 def test_a_rig_is_calibrated_matched_and_checked() -> None:
     recording = stereocal.read(ROOT / "sample_data" / "rig")
     assert isinstance(recording, stereocal.Recording)
-    with pytest.raises(stereocal.StereocalError, match=r"3 cameras.*stereocal\.rig"):
-        stereocal.calibrate(recording)
+    with pytest.raises(stereocal.StereocalError, match=r"3 cameras.*recording\.pair"):
+        stereocal.calibrate(recording, refined=None)
     some = recording.where(recording.frame % 12 == 0)
     found = stereocal.rig(some)
+    alike = stereocal.calibrate(some)
+    assert isinstance(alike, CalibratedRig)
+    assert np.array_equal(alike.covariance, found.covariance)
     assert len(repr(found).splitlines()) <= MOST_LINES
     assert "<table" in found._repr_html_()
     tracks = stereocal.match(found, points_by_camera(some))

@@ -14,7 +14,7 @@ from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.system.resources import ROOT
-from stereocal.workflow import Run
+from stereocal.workflow.pair_run import PairRun
 from tests.rig.test_pair import check_same
 
 SAMPLES = ROOT / "sample_data"
@@ -30,7 +30,7 @@ def in_the_soak(*names: str) -> list[object]:
 def check(dataset: Pair) -> None:
     """One frame is left out, and others where they contradict the rest."""
     left_out = int(dataset.correspondences.frames[1])
-    found = Run(dataset, CalibrationSettings(frames_left_out=(left_out,))).calibration
+    found = PairRun(dataset, CalibrationSettings(frames_left_out=(left_out,))).calibration
     assert found.refined is not None
     named = {method: found.parameters(method).inputs["sha256"] for method in FILE_METHODS}
     assert named == dict.fromkeys(FILE_METHODS, dataset.sha256)

@@ -23,7 +23,7 @@ from stereocal.commands.options import (
 from stereocal.errors import StereocalError, naming
 from stereocal.evaluation.evaluate import MOST_RUNS, EvaluationSettings
 from stereocal.formats.dataset_description import DESCRIPTION
-from stereocal.formats.evaluation_files import validation_in_summary
+from stereocal.formats.evaluation_files import Evaluation, validation_in_summary
 from stereocal.formats.inputs import read_input
 from stereocal.network.to_calibrate import in_step
 from stereocal.paper_kit.kit import paper_kit
@@ -39,7 +39,9 @@ from stereocal.system.numbers import count
 from stereocal.verdict.file_figures import stated_in
 from stereocal.verdict.in_words import digits, listed, refuse_unknown_frames
 from stereocal.verdict.recommendation import frames_to_come, in_percent
-from stereocal.workflow import Run, usual_frames
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun, usual_frames
+from stereocal.workflow.run import Run
 
 OPTIONS: Options = {
     "dataset": "folder or zip with dataset.json",
@@ -88,9 +90,9 @@ def run(parsed: argparse.Namespace) -> None:
     free = tuple(parsed.free_distortion)
     refined = refine_settings_from(parsed, free) if parsed.refined else None
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
-    found = Run(dataset, settings, refined, figures=figures)
-    if parsed.runs:
-        found = _validated(found, parsed.runs)
+    calibrated = PairRun(dataset, settings, refined)
+    validation = _validation(calibrated, parsed.runs) if parsed.runs else None
+    found = Answer(calibrated, validation, figures)
     files = found.parameter_files
     if parsed.kit:
         files["paper_kit.zip"] = paper_kit(found)
@@ -101,7 +103,7 @@ def run(parsed: argparse.Namespace) -> None:
 
 def _all(recording: Recording, parsed: argparse.Namespace) -> None:
     """Calibrate all cameras as one rig."""
-    from stereocal.commands.rig import calibrate_all  # its report is drawn, which takes an extra
+    from stereocal.commands.rig import write  # its report is drawn, which takes an extra
 
     for option in changed(parsed, OPTIONS, DEFAULTS):
         if option not in OF_ALL and (option not in SEARCH or option in OF_FRAMES):
@@ -113,12 +115,12 @@ def _all(recording: Recording, parsed: argparse.Namespace) -> None:
     rig = RefineSettings(baseline_sigma_m=parsed.baseline_sigma, time_drift=bool(parsed.time_drift))
     late = parsed.time_offset or parsed.time_drift or None
     searches = replace(settings_from(parsed, None), time_offset=False) if parsed.pairs else None
-    calibrate_all(recording, rig, late, parsed.out, searches)
+    write(Run(recording, rig, late, searches), parsed.out)
 
 
-def _lines_of(found: Run) -> list[str]:
+def _lines_of(found: Answer) -> list[str]:
     """The data, and what each method made of them."""
-    calibration = found.calibration
+    calibration = found.run.calibration
     dataset, rows = calibration.dataset, calibration.dataset.correspondences
     lines = [
         f"{dataset.name}: {count(len(rows), 'pair')}, {count(len(rows.bars), 'bar')} in "
@@ -140,15 +142,15 @@ def _lines_of(found: Run) -> list[str]:
         if result.outlying_frames:
             named = listed([str(frame) for frame in result.outlying_frames])
             lines.append(f"refined: left out as well, given its stated uncertainties: {named}")
-    if found.forecast:
-        of = frames_to_come(calibration, found.forecast)
+    if found.run.forecast:
+        of = frames_to_come(calibration, found.run.forecast)
         lines += _forecast_lines(found, of)
     return lines
 
 
-def _notes_on(found: Run) -> list[str]:
+def _notes_on(found: Answer) -> list[str]:
     """Warnings, inputs that disagree, errors that cannot be detected, advice; or empty."""
-    calibration, inputs = found.calibration, found.inputs
+    calibration, inputs = found.run.calibration, found.run.inputs
     pose = found.sets[found.recommendation.measure.method].pose
     # Whether the lengths are in metres: a script cannot answer, so it is a note.
     question = question_about_units(calibration.dataset, pose)
@@ -158,29 +160,25 @@ def _notes_on(found: Run) -> list[str]:
     timing = calibration.screening.time_note
     step = calibration.dataset.recording.step_notes
     told = *step, question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)
-    return [*told, found.advice]
+    return [*told, found.run.advice]
 
 
-def _validated(run: Run, runs: int) -> Run:
-    """The run with random splits of the frames not left out; as it is if there are too few."""
+def _validation(run: PairRun, runs: int) -> Evaluation | None:
+    """Random splits of the frames not left out; None if there are too few."""
     search = replace(run.settings, calibration_frames=None)
     drawn = usual_frames(len(run.calibration.screening.dataset.correspondences.frames))
     try:
-        return _validate(run, EvaluationSettings(search, runs, drawn, refined=run.refined))
+        settings = EvaluationSettings(search, runs, drawn, refined=run.refined)
+        with engine() as executor:  # with its progress on stderr
+            return with_bar("random splits", partial(run.validate, settings, executor))
     except StereocalError as error:
         print(f"No validation: {error}")
-        return run
+        return None
 
 
-def _validate(run: Run, settings: EvaluationSettings) -> Run:
-    """The run with a validation, with its progress on stderr."""
-    with engine() as executor:
-        return with_bar("random splits", partial(run.validate, settings, executor))
-
-
-def _forecast_lines(found: Run, of: str) -> list[str]:
+def _forecast_lines(found: Answer, of: str) -> list[str]:
     lines = [f"Forecast for {of} (95 % intervals), with the threshold in each file:"]
-    held, thresholds = word_of(found.calibration.dataset), found.thresholds_px
+    held, thresholds = word_of(found.run.calibration.dataset), found.thresholds_px
     for method, entries in found.forecast_entries.items():
         fcp, length, metric = (
             in_percent(stated_in(entries, name))

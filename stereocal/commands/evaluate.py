@@ -27,7 +27,8 @@ from stereocal.verdict.in_words import (
     why_held_out_not_trusted,
 )
 from stereocal.verdict.validation_in_words import validation_answer
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun
 
 OPTIONS: Options = {
     "datasets DATASET...": "folders, zips",
@@ -48,18 +49,20 @@ def run(parsed: argparse.Namespace) -> None:
     refined = refine_settings_from(parsed) if parsed.refined else None
     splits = parsed.runs, parsed.calibration_frames, parsed.splits
     settings = EvaluationSettings(search, *splits, refined)
-    found = [Run(dataset, settings.calibration, settings.refined) for dataset in datasets]
+    found = [PairRun(dataset, settings.calibration, settings.refined) for dataset in datasets]
     screenings = [run.screening for run in found]
     kept = [screening.dataset for screening in screenings]
     with workers_from(parsed, partial(evaluate_runs, kept[0], settings, 0, [0])) as executor:
         runs = with_bar("runs", partial(evaluate, kept, settings, executor))
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
-    for run, own in zip(found, by_dataset.values(), strict=True):
-        run.figures = validation_figures(own, settings)
-    calibrated = [run for run in found if _is_calibrated(run)]
-    forecasts = [run.forecast_entries if run in calibrated else {} for run in found]
+    answers = [
+        Answer(run, figures=validation_figures(own, settings))
+        for run, own in zip(found, by_dataset.values(), strict=True)
+    ]
+    calibrated = [answer for answer in answers if _is_calibrated(answer.run)]
+    forecasts = [answer.forecast_entries if answer in calibrated else {} for answer in answers]
     only = calibrated[0] if len(calibrated) == len(found) == 1 else None
-    recommended = (only.calibration, only.recommendation) if only else None
+    recommended = (only.run.calibration, only.recommendation) if only else None
     about = datasets, settings, screenings
     files = {
         "summary.json": summary_json(pooled, by_dataset, *about, forecasts),
@@ -78,7 +81,7 @@ def run(parsed: argparse.Namespace) -> None:
     finish(parsed.out, files, *lines, validation_answer(pooled), *recommendation)
 
 
-def _is_calibrated(run: Run) -> bool:
+def _is_calibrated(run: PairRun) -> bool:
     """Whether all frames give the files that `calibrate` writes."""
     with suppress(StereocalError):
         return bool(run.calibration)

@@ -90,6 +90,10 @@ class EvaluationSettings(Settings):
         found = super().from_json({"splits": "frames", **data, "refined": None})
         return replace(found, refined=refined and RefineSettings.from_json(refined))
 
+    def to_json(self) -> dict[str, Any]:
+        """As of `Settings`."""
+        return {**super().to_json(), "refined": self.refined and self.refined.to_json()}
+
 
 @dataclass(frozen=True, eq=False)
 class RunCounts:

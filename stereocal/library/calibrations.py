@@ -8,12 +8,11 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args, overload
 
 import numpy as np
 import pandas as pd
 
-from stereocal import workflow
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError, naming
 from stereocal.evaluation.evaluate import EvaluationSettings, Splits
@@ -24,9 +23,8 @@ from stereocal.formats.evaluation_files import Evaluation, unique_names
 from stereocal.formats.exchange.exchange import export
 from stereocal.library.drawing import draw, of_figures
 from stereocal.network.baseline import with_baseline_found
-from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
-from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.network.rig_file import RigFile
 from stereocal.network.to_calibrate import in_step, pair_to_calibrate
 from stereocal.refined.results import Calibration
 from stereocal.refined.unknowns import RefineSettings
@@ -41,6 +39,9 @@ from stereocal.system.numbers import count
 from stereocal.verdict.in_words import refuse_unknown_frames
 from stereocal.verdict.recommendation import Recommendation
 from stereocal.verdict.validation_in_words import validation_answer
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import DEFAULT_REFINED, PairRun, usual_frames
+from stereocal.workflow.run import Run
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -67,20 +68,20 @@ def read(
         return pair_to_calibrate(recording, pair)
 
 
-def pair_of(recording: Pair | Recording) -> Pair:
-    """The data set of two cameras; a baseline that was not measured is found.
+def pair_of(given: Pair | Recording) -> Pair:
+    """Two cameras; a baseline that was not measured is found.
 
     Raises:
         StereocalError: the recording has more than two cameras.
     """
-    if isinstance(recording, Pair):
-        return with_baseline_found(recording)
-    if len(recording.cameras) > 2:
+    if isinstance(given, Pair):
+        return with_baseline_found(given)
+    if len(given.cameras) > 2:
         raise StereocalError(
-            f"{recording.name}: it has {len(recording.cameras)} cameras. Calibrate them as one "
-            "with `stereocal.rig(recording)`, or choose two with `recording.pair(first, second)`."
+            f"{given.name}: it has {len(given.cameras)} cameras. Choose two with "
+            "`recording.pair(first, second)`."
         )
-    return pair_to_calibrate(recording)
+    return pair_to_calibrate(given)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,19 +89,19 @@ class CalibrationRun(TableAnswer, Calibration):
     """The sets of all methods, which of them to use for what, and how good they are."""
 
     @cached_property
-    def run(self) -> workflow.Run:
-        """All that is computed from the recording, made when it is asked for."""
-        return workflow.Run.of(self)
+    def found(self) -> Answer:
+        """What it comes to, made when it is asked for."""
+        return Answer(PairRun.of(self))
 
     @property
     def recommendation(self) -> Recommendation:
         """Which set to use for what, and how good it is."""
-        return self.run.recommendation
+        return self.found.recommendation
 
     @property
     def sets(self) -> dict[Method, RigParameters]:
         """The parameter sets: 2d, 3d and, if available, refined."""
-        return self.run.sets
+        return self.found.sets
 
     @property
     def answer(self) -> list[str]:
@@ -124,18 +125,18 @@ class CalibrationRun(TableAnswer, Calibration):
         settings = EvaluationSettings(
             replace(self.settings, calibration_frames=None),
             runs,
-            calibration_frames or workflow.usual_frames(frames),
+            calibration_frames or usual_frames(frames),
             splits,
-            self.run.refined,
+            self.found.run.refined,
         )
         with engine() if executor is None else nullcontext(executor) as workers:
-            validated = self.run.validate(settings, workers)
-        vars(self)["run"] = validated
-        return Validation(cast(Evaluation, validated.evaluation))
+            validation = self.found.run.validate(settings, workers)
+        vars(self)["found"] = Answer(self.found.run, validation)
+        return Validation(validation)
 
     def save(self, folder: str | Path) -> None:
         """Write the parameter files of all sets, all or none."""
-        files = self.run.parameter_files
+        files = self.found.parameter_files
         write_all({Path(folder) / name: content for name, content in files.items()})
 
     def export(self, to: str, path: str | Path, method: Method | None = None) -> None:
@@ -178,7 +179,7 @@ class CalibrationRun(TableAnswer, Calibration):
         Raises:
             StereocalError: there is no such look, no validation yet, or no refined set.
         """
-        evaluation = self.run.evaluation
+        evaluation = self.found.evaluation
         look = look or ("rig" if evaluation is None else "validation")
         if look == "rig":
             return draw("rig.plot_rig", self, method or self.recommendation.measure.method)
@@ -191,10 +192,30 @@ class CalibrationRun(TableAnswer, Calibration):
         if look == "disagreement":
             return draw("one_set.plot_disagreement", self.inputs)
         if look == "accuracy":
-            return draw("accuracy.plot_accuracy", self.run.maps, self.run.refined_set)
+            return draw("accuracy.plot_accuracy", self.found.run.maps, self.found.run.refined_set)
         if look == "residuals":
-            return draw("lens.plot_misfit", self.run.misfit)
+            return draw("lens.plot_misfit", self.found.run.misfit)
         raise StereocalError(f'There is no look "{look}": choose of {", ".join(get_args(Look))}.')
+
+
+@overload
+def calibrate(
+    dataset: Pair,
+    settings: CalibrationSettings | None = None,
+    trace: bool = False,
+    progress: Callable[[str], None] | None = None,
+    refined: RefineSettings | None = DEFAULT_REFINED,
+) -> CalibrationRun: ...
+
+
+@overload
+def calibrate(
+    dataset: Recording,
+    settings: CalibrationSettings | None = None,
+    trace: bool = False,
+    progress: Callable[[str], None] | None = None,
+    refined: RefineSettings | None = DEFAULT_REFINED,
+) -> CalibrationRun | CalibratedRig: ...
 
 
 def calibrate(
@@ -202,14 +223,16 @@ def calibrate(
     settings: CalibrationSettings | None = None,
     trace: bool = False,
     progress: Callable[[str], None] | None = None,
-    refined: RefineSettings | None = workflow.DEFAULT_REFINED,
-) -> CalibrationRun:
-    """Calibrate two cameras with the paper's three methods and the refined method.
+    refined: RefineSettings | None = DEFAULT_REFINED,
+) -> CalibrationRun | CalibratedRig:
+    """Calibrate two cameras with the paper's three methods and the refined method; three and more
+    as `rig` does, with the refined method.
 
     Frames that contradict the others are left out first, unless `settings.all_frames` is set. The
     2D and the 3D search use independent random streams derived from `settings.search.seed`.
 
     Args:
+        settings: of two cameras.
         trace: record every move of the searches.
         progress: called with the name of each method when it starts.
         refined: settings of the refined method, except whether a time offset is solved for, which
@@ -220,9 +243,16 @@ def calibrate(
         StereocalError: the data contradict each other or do not suffice; it says which, and what to
             do.
     """
+    if isinstance(dataset, Recording) and len(dataset.cameras) > 2:
+        if settings is not None or trace or refined is None:
+            raise StereocalError(
+                f"{dataset.name}: it has {len(dataset.cameras)} cameras. Settings of the paper's "
+                "methods are of two: choose them with `recording.pair(first, second)`."
+            )
+        return answering(CalibratedRig, Run(dataset, refined).found)
     pair, settings = pair_of(dataset), settings or CalibrationSettings()
     refuse_unknown_frames(settings, [pair])
-    run = workflow.Run(pair, settings, refined, trace=trace)
+    run = PairRun(pair, settings, refined, trace=trace)
     if progress is not None:
         run.progress = progress
     return answering(CalibrationRun, run.calibration)
@@ -303,7 +333,7 @@ def evaluate(
         settings or CalibrationSettings(), runs, calibration_frames, splits, refined
     )
     refuse_unknown_frames(asked.calibration, pairs)
-    kept = [workflow.Run(pair, asked.calibration).screening.dataset for pair in pairs]
+    kept = [PairRun(pair, asked.calibration).screening.dataset for pair in pairs]
     with engine() if executor is None else nullcontext(executor) as workers:
         found = evaluate_runs(kept, asked, workers)
     return Validation(
@@ -342,5 +372,4 @@ def rig(
         StereocalError: a camera, its file or its points contradict the others; it says which.
     """
     settings = RefineSettings(baseline_sigma_m=baseline_sigma_m)
-    found = rig_file(calibrate_rig(recording, settings, time_offsets))
-    return answering(CalibratedRig, found)
+    return answering(CalibratedRig, Run(recording, settings, time_offsets).found)

@@ -10,13 +10,13 @@ from stereocal.formats.dataset_files import pack_dataset
 from stereocal.matching.application import Outcome
 from stereocal.paper_kit.methods_text import methods_md, references_bib
 from stereocal.system.zip_files import pack_zip
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
 
 ENDS = ("value", "low", "high")
 INTERVAL = "_interval"
 
 
-def paper_kit(run: Run, applied: Outcome | None = None) -> bytes:
+def paper_kit(answer: Answer, applied: Outcome | None = None) -> bytes:
     """The kit of a result as a zip.
 
     Args:
@@ -24,16 +24,16 @@ def paper_kit(run: Run, applied: Outcome | None = None) -> bytes:
     """
     return pack_zip(
         {
-            "methods.md": methods_md(run, applied).encode(),
+            "methods.md": methods_md(answer, applied).encode(),
             "references.bib": references_bib(),
-            "table.csv": table_csv(run),
-            **pack_dataset(run.calibration.dataset),
-            **run.parameter_files,
+            "table.csv": table_csv(answer),
+            **pack_dataset(answer.run.calibration.dataset),
+            **answer.parameter_files,
         }
     )
 
 
-def table_csv(run: Run) -> bytes:
+def table_csv(answer: Answer) -> bytes:
     """One row per method, one column per figure of `summary.json`; errors are fractions.
 
     A figure with a 95 % interval has `_low` and `_high` beside it; forecast figures begin with
@@ -41,8 +41,8 @@ def table_csv(run: Run) -> bytes:
     """
     rows = []
     for method in ALL_METHODS:
-        forecast = run.forecast_entries.get(method)
-        held_out = _flat(run.validation.get(method, {}))
+        forecast = answer.forecast_entries.get(method)
+        held_out = _flat(answer.validation.get(method, {}))
         if row := {**held_out, **_flat(forecast.figures if forecast else {}, "predicted_")}:
             rows.append({"method": method, **row})
     columns = list(dict.fromkeys(name for row in rows for name in row)) or ["method"]

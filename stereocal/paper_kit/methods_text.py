@@ -23,7 +23,7 @@ from stereocal.verdict.forecast import sure
 from stereocal.verdict.in_words import digits, interval, listed, named_frames, percent
 from stereocal.verdict.recommendation import NAMES, in_percent
 from stereocal.version import __version__
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
 
 PAPER, PROGRAM = "beschi2021", "stereocal"
 """Keys of the entries."""
@@ -32,7 +32,7 @@ MOST_FRAMES = 40
 """Frames left out that are named one by one."""
 
 
-def methods_md(run: Run, applied: Outcome | None = None) -> str:
+def methods_md(answer: Answer, applied: Outcome | None = None) -> str:
     """What was recorded, left out, computed and found, and which set serves what.
 
     Without a validation there are no held-out figures; without a forecast either, none at all.
@@ -40,7 +40,7 @@ def methods_md(run: Run, applied: Outcome | None = None) -> str:
     Args:
         applied: how points were matched and measured; None: it says what is recommended.
     """
-    caution = run.recommendation.caution
+    caution = answer.recommendation.caution
     warning = [f"**Do not rely on this result: {caution}**"] if caution else []
     use = (
         partial(_applied, applied)
@@ -48,7 +48,7 @@ def methods_md(run: Run, applied: Outcome | None = None) -> str:
         else _recommended
     )
     parts = (_recording, _left_out, _sets, _validation, _held_out, use, _lengths, _verdict)
-    paragraphs = (" ".join(filter(None, part(run))) for part in parts)
+    paragraphs = (" ".join(filter(None, part(answer))) for part in parts)
     files = (
         "All figures of each method are in `table.csv`, with 95 % intervals (`_low`, `_high`); "
         "errors are fractions, `predicted_` figures are forecasts for similar bars. The data set "
@@ -58,8 +58,8 @@ def methods_md(run: Run, applied: Outcome | None = None) -> str:
     return "\n\n".join(["# Calibration", *warning, *filter(None, paragraphs), files]) + "\n"
 
 
-def _recording(run: Run) -> Iterator[str]:
-    dataset = run.calibration.dataset
+def _recording(answer: Answer) -> Iterator[str]:
+    dataset = answer.run.calibration.dataset
     rows = dataset.correspondences
     what, distances = "A bar with two targets", f"{count(len(rows.bars), 'bar')} with both targets"
     if (own := rows.rigid_object) is not None:
@@ -92,7 +92,7 @@ def _recording(run: Run) -> Iterator[str]:
     if by_hand < len(rows):
         corrected = f"; {count(by_hand, 'pair')} were corrected or set by hand" if by_hand else ""
         yield f"The targets were detected in the photographs{corrected}."
-    if (volume := run.sets["3d"].volume) is not None:
+    if (volume := answer.sets["3d"].volume) is not None:
         yield f"The bars filled depths from {volume.depths} in front of the primary camera."
 
 
@@ -100,8 +100,8 @@ def _known(sigma_m: float | None) -> str:
     return "" if sigma_m is None else f" (standard error {digits(1000 * sigma_m, 2)} mm)"
 
 
-def _left_out(run: Run) -> Iterator[str]:
-    screening = run.calibration.screening
+def _left_out(answer: Answer) -> Iterator[str]:
+    screening = answer.run.calibration.screening
     if frames := screening.contradicting:
         yield (
             f"Before the calibration, a robust fit found {count(len(frames), 'frame')} that "
@@ -113,10 +113,10 @@ def _left_out(run: Run) -> Iterator[str]:
         yield f"{'Further, f' if frames else 'F'}{_them(by_user)[1:]} left out by hand."
     if copies := tuple(screening.copies):
         yield f"F{_them(copies)[1:]} left out as copies of other frames."
-    if put_back := run.calibration.settings.frames_put_back:
+    if put_back := answer.run.calibration.settings.frames_put_back:
         verb = "were" if len(put_back) > 1 else "was"
         yield f"F{named_frames(put_back, MOST_FRAMES)[1:]} {verb} kept by hand."
-    if run.calibration.settings.all_frames:
+    if answer.run.calibration.settings.all_frames:
         yield "No frame was left out for contradicting the others."
 
 
@@ -124,8 +124,8 @@ def _them(frames: tuple[int, ...]) -> str:
     return f"{named_frames(frames, MOST_FRAMES)} {'were' if len(frames) > 1 else 'was'}"
 
 
-def _sets(run: Run) -> Iterator[str]:
-    calibration = run.calibration
+def _sets(answer: Answer) -> Iterator[str]:
+    calibration = answer.run.calibration
     settings, search = calibration.settings, calibration.settings.search
     solver = "minimising the sum of the squared residuals over the five angles of the pose"
     if settings.essential == "linear":
@@ -182,13 +182,13 @@ def _step(radians: float) -> str:
     return power if number == "1" else f"{number} × {power}"
 
 
-def _validation(run: Run) -> Iterator[str]:
-    evaluation = run.evaluation
+def _validation(answer: Answer) -> Iterator[str]:
+    evaluation = answer.evaluation
     if evaluation is None:
         return
     settings = evaluation.settings
-    frames = len(run.calibration.screening.dataset.correspondences.frames)
-    refined = run.calibration.refined
+    frames = len(answer.run.calibration.screening.dataset.correspondences.frames)
+    refined = answer.run.calibration.refined
     follow = refined is not None and refined.clusters.has_runs and settings.splits == "runs"
     yield (
         f"In each of {settings.runs} runs, {settings.calibration_frames} frames drawn at random "
@@ -207,10 +207,10 @@ def _validation(run: Run) -> Iterator[str]:
     )
 
 
-def _held_out(run: Run) -> Iterator[str]:
-    if run.evaluation is None:
+def _held_out(answer: Answer) -> Iterator[str]:
+    if answer.evaluation is None:
         return
-    every, found = run.evaluation.summaries, []
+    every, found = answer.evaluation.summaries, []
     for method in (method for method in ALL_METHODS if method in every):
         fcp, lengths = every[method].reprojection.fcp, every[method].reconstruction
         measured = ", and no bar could be measured"
@@ -224,11 +224,11 @@ def _held_out(run: Run) -> Iterator[str]:
     yield f"On held-out frames: {'; '.join(found)} (`table.csv`)."
 
 
-def _applied(applied: Outcome, run: Run) -> Iterator[str]:
+def _applied(applied: Outcome, answer: Answer) -> Iterator[str]:
     """Which set matched and which measured the points of the project."""
     used, sets = applied.used, []
     for method, digest in (used["matching"], used["measuring"]):
-        own = run.sets.get(method)
+        own = answer.sets.get(method)
         another = "" if own is not None and own.digest == digest else " of another calibration"
         sets.append(NAMES[method] + another)
     names = " and ".join(f"`{label}`" for label in used["points"])
@@ -237,9 +237,9 @@ def _applied(applied: Outcome, run: Run) -> Iterator[str]:
     yield f"Their positions were reconstructed with {sets[1]}."
 
 
-def _recommended(run: Run) -> Iterator[str]:
+def _recommended(answer: Answer) -> Iterator[str]:
     """Which set is recommended for what; no points of the project were matched."""
-    found = run.recommendation
+    found = answer.recommendation
     match, measure, let_in = found.match, found.measure, ""
     held_out, forecast = match.wrong_let_in.held_out, match.wrong_let_in.forecast
     where, share = "on held-out frames", held_out
@@ -251,24 +251,24 @@ def _recommended(run: Run) -> Iterator[str]:
     yield f"To reconstruct positions and lengths, {NAMES[measure.method]} is recommended."
 
 
-def _lengths(run: Run) -> Iterator[str]:
+def _lengths(answer: Answer) -> Iterator[str]:
     """How well lengths in metres are known, and what of that is the bar."""
-    found = run.recommendation
+    found = answer.recommendation
     metric, scatter = (
         own.best(found.forecast_holds)
         for own in (found.measure.metric_p95, found.measure.length_p95)
     )
     if metric is not None and scatter is not None:
-        known = bar_known(run.calibration, run.forecast)
+        known = bar_known(answer.run.calibration, answer.run.forecast)
         yield (
             f"95 % of lengths in metres are within {in_percent(metric)}, with {known.in_words}; "
             f"relative to the {known.word} within {in_percent(scatter)}."
         )
 
 
-def _verdict(run: Run) -> Iterator[str]:
-    verdict = run.recommendation.verdict
-    if verdict is None or not run.recommendation.forecast_holds:
+def _verdict(answer: Answer) -> Iterator[str]:
+    verdict = answer.recommendation.verdict
+    if verdict is None or not answer.recommendation.forecast_holds:
         return
     if verdict.kind == "one":
         yield f"One set serves both purposes here ({sure(verdict.chance_of_one)} sure)."

@@ -272,20 +272,20 @@ def _photographs_of(project: Project) -> str:
 
 def _result_of(project: Project) -> str:
     """The errors of the sets to use, each at its own job, on held-out frames."""
-    if (run := project.run) is None:
+    if (answer := project.answer) is None:
         return "not calibrated"
-    if run.evaluation is None:
+    if answer.evaluation is None:
         return "calibrated, not validated"
     to_use = project.recommended or PAPER_SETS
     match, measure = (
-        figures_of(method, run.calibration, None, run.validation) for method in to_use
+        figures_of(method, answer.run.calibration, None, answer.validation) for method in to_use
     )
     lengths, wrong = (
         "unknown" if value is None else f"{percent(value)} %"
         for value in (measure.metric_p95.held_out, match.wrong_let_in.held_out)
     )
     names = " and ".join(dict.fromkeys(METHOD_NAMES[each.method] for each in (match, measure)))
-    bar, metric = bar_known(run.calibration, None), measure.metric_p95.held_out
+    bar, metric = bar_known(answer.run.calibration, None), measure.metric_p95.held_out
     mostly = f", mostly by the {bar.word}" if metric and 2 * bar.p95**2 > metric**2 else ""
     within = f"95 % of lengths in metres within {lengths}{mostly}"
     return f"{names}, held out: {within}, {wrong} of wrong pairs accepted"

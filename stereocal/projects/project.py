@@ -35,7 +35,8 @@ from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
 from stereocal.system.names import label_of
 from stereocal.system.records import of_plain, unpack
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun
 
 T = TypeVar("T")
 NAMES: dict[Slot, str] = {
@@ -50,7 +51,7 @@ KEPT: dict[type, Latest[Any]] = {
     kind: Latest(most)
     for kind, most in (
         *((Camera, 64), (Table, 8), (Pair, 32), (Recording, 8)),
-        *((Run, 64), (Evaluation, 8)),
+        *((PairRun, 64), (Answer, 64), (Evaluation, 8)),
     )
 }
 """In memory, by the digests of the contents."""
@@ -270,37 +271,40 @@ class Project:
             self.database.replace_files(CALIBRATED, files)
             digest = self.database.keep_result("calibration", content)
             self.database.keep_result("recommended", None)
-        KEPT[Run].keep(digest, Run.of(calibration))
+        KEPT[PairRun].keep(digest, PairRun.of(calibration))
 
     @property
-    def run(self) -> Run | None:
-        """The last finished result, with its validation if it has one; None before the first."""
+    def answer(self) -> Answer | None:
+        """What the last finished result comes to, with its validation if it has one; None before
+        the first."""
         with self.database.reading():
-            run, evaluation = self._not_validated, None
+            run, evaluation = self.run, None
+            if run is None:
+                return None
             with suppress(StereocalError):  # a damaged one costs itself only
                 evaluation = self.calibration_evaluation
-            if run is None or evaluation is None:
-                return run
             key = f"{self.calibration_digest} {self.database.result_digest(VALIDATION)}"
-            return once(Run, key, lambda: run.validated(evaluation))
+            return once(Answer, key, lambda: Answer(run, evaluation))
 
     @property
-    def _not_validated(self) -> Run | None:
+    def run(self) -> PairRun | None:
+        """The run of the last finished result; None before the first."""
+
         def made_from(stated: Mapping[str, Any]) -> Pair:
             inputs = of_plain(stated, Inputs)
             if (dataset := self.dataset_of(inputs)) is None:
                 raise ValueError(inputs)
             return dataset
 
-        def unpacked(content: bytes) -> Run:
-            return Run.of(unpack_calibration(content, made_from))
+        def unpacked(content: bytes) -> PairRun:
+            return PairRun.of(unpack_calibration(content, made_from))
 
-        return self._result(Run, "calibration", unpacked)
+        return self._result(PairRun, "calibration", unpacked)
 
     @property
     def calibration(self) -> Calibration | None:
         """The sets of the last finished result, with the data they were computed from."""
-        run = self._not_validated
+        run = self.run
         return None if run is None else run.calibration
 
     def _result(self, kind: type[T], name: str, unpacked: Callable[[bytes], T]) -> T | None:

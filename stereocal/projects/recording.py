@@ -11,7 +11,6 @@ from stereocal.formats.archives.gather import is_table
 from stereocal.formats.dataset_description import DESCRIPTION, find_description
 from stereocal.formats.dataset_files import parse_recording
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.network.pair_of_rig import data_of_pair, settings_of_pair
 from stereocal.network.pairs import pair_name
 from stereocal.network.rig_file import RIG, RigFile
 from stereocal.network.to_calibrate import in_step
@@ -21,6 +20,7 @@ from stereocal.projects.inputs import Slot
 from stereocal.projects.project import KEPT, Project, ProjectPart, once, packed_files, stated_in
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
+from stereocal.workflow.pair_of_rig import data_of_pair, settings_of_pair
 
 PAIRS, SOURCE = "pairs.zip", "the recording of this project"
 OF_RIG, REFINED = "of_rig", "refined_of_rig"

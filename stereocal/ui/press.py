@@ -26,7 +26,8 @@ from stereocal.ui.forms import form_values, since_calibration
 from stereocal.ui.messages import ErrorsShown, button, readable, show_stale
 from stereocal.ui.screening import asked_to_calibrate, calibrate_next, is_long
 from stereocal.ui.validation import kept_protocol
-from stereocal.workflow import STEPS, Run
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import STEPS, PairRun
 
 PAPER_SET_FOR: Mapping[Use, Method] = {"matching": "2d", "measuring": "3d"}
 KIND: jobs.Kind = "calibration"
@@ -128,7 +129,7 @@ class Press:
 
     def _calibrate(self, step: Callable[[str], None] = lambda _: None) -> None:
         own = self.protocol.refined
-        run = Run(self.dataset, self.settings, own, trace=True, progress=step)
+        run = PairRun(self.dataset, self.settings, own, trace=True, progress=step)
         self.project.keep_calibration(jobs.compute(lambda: run.calibration), self.inputs)
 
     def _validate(self, job: jobs.Job) -> bool:
@@ -141,11 +142,12 @@ class Press:
                 raise StoppedError
 
         while True:
-            digest, run = project.calibration_digest, project.run
-            if run is None:
+            digest, answer = project.calibration_digest, project.answer
+            if answer is None:
                 return False
-            if run.evaluation is None:
-                most = max(len(run.calibration.screening.dataset.correspondences.frames) - 2, 1)
+            if answer.evaluation is None:
+                run = answer.run
+                most = max(len(run.screening.dataset.correspondences.frames) - 2, 1)
                 settings = replace(
                     self.protocol,
                     calibration=replace(run.settings, calibration_frames=None),
@@ -159,18 +161,17 @@ class Press:
                         self._conclude()
                         raise
                     continue
-                assert found.evaluation is not None
-                project.keep_evaluation(found.evaluation, of_calibration=True)
+                project.keep_evaluation(found, of_calibration=True)
             elif project.calibration_digest == digest:
                 self._conclude()
                 return True
 
     def _conclude(self) -> None:
         """Make the answer, so that the page has it at once, and store what it recommends."""
-        run = self.project.run
-        assert run is not None
-        compute_all(run)
-        use = run.recommendation
+        answer = self.project.answer
+        assert answer is not None
+        compute_all(answer)
+        use = answer.recommendation
         self.project.keep_recommended(use.match.method, use.measure.method)
 
 
@@ -194,7 +195,7 @@ def show_progress(project: Project, work: jobs.PageWork | None) -> None:
     jobs.show_job(project, KIND, NOT_VALIDATED)
 
 
-def final_run(project: Project) -> Run | None:
+def final_answer(project: Project) -> Answer | None:
     """The last result with its validation, nothing computed yet.
 
     Returns:
@@ -204,7 +205,7 @@ def final_run(project: Project) -> Run | None:
     if jobs.is_running(project, KIND):
         return None
     readable(lambda: project.calibration_evaluation)  # tells that it is damaged
-    return readable(lambda: project.run)
+    return readable(lambda: project.answer)
 
 
 def wait_for_answer(project: Project) -> None:
@@ -214,42 +215,43 @@ def wait_for_answer(project: Project) -> None:
         jobs.show_job(project, KIND, NOT_VALIDATED)
 
 
-def answer_when_ready(project: Project) -> Run | None:
+def answer_when_ready(project: Project) -> Answer | None:
     """The last result with its files: at once, or for a long recording from a job, which is shown.
 
     Returns:
         None while the job runs, or if it did not come to its end.
     """
-    run = final_run(project)
-    if run is None:
+    answer = final_answer(project)
+    if answer is None:
         return None
-    if not is_long(run.dataset):
+    if not is_long(answer.run.dataset):
         with st.spinner("Forecasting."):
-            compute_all(run)
-    elif not (is_made(run, "sets") and is_made(run, "advice")):
-        _show_job_of_answer(project, run)
+            compute_all(answer)
+    elif not (is_made(answer, "sets") and is_made(answer.run, "advice")):
+        _show_job_of_answer(project, answer)
         return None
-    return run
+    return answer
 
 
-def compute_all(run: Run) -> None:
+def compute_all(answer: Answer) -> None:
     """Compute what pages show of a run; of a long recording also what takes seconds there."""
-    make(run, "sets", *(["advice"] if is_long(run.dataset) else []))
+    make(answer, "sets")
+    if is_long(answer.run.dataset):
+        make(answer.run, "advice")
 
 
-def make(run: Run, *steps: str) -> None:
-    """Compute steps of a run in the pool, unless they are made."""
-    for name in steps:
-        if not is_made(run, name):
-            jobs.compute(getattr, run, name)
+def make(of: PairRun | Answer, step: str) -> None:
+    """Compute a step in the pool, unless it is made."""
+    if not is_made(of, step):
+        jobs.compute(getattr, of, step)
 
 
-def _show_job_of_answer(project: Project, run: Run) -> None:
+def _show_job_of_answer(project: Project, answer: Answer) -> None:
     """Start the job of the answer, unless it has failed or was cancelled, and show it."""
 
     def compute(job: jobs.Job) -> None:
         job.progress(0, 1)
-        compute_all(run)
+        compute_all(answer)
 
     last = jobs.job_of(project, "answer")
     work = jobs.PageWork(project, "answer", ("steps",), compute)
@@ -261,6 +263,6 @@ def _show_job_of_answer(project: Project, run: Run) -> None:
         jobs.start_button(work, "Compute it", "again_answer", primary=False)
 
 
-def set_in_use(project: Project, use: Use, run: Run) -> Field:
+def set_in_use(project: Project, use: Use, answer: Answer) -> Field:
     """The set of a result to match or to measure with: as recommended until the user chooses."""
-    return setting(project, f"apply_{use}", run.recommendation.use[use], one_of([*run.sets]))
+    return setting(project, f"apply_{use}", answer.recommendation.use[use], one_of([*answer.sets]))

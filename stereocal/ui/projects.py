@@ -25,7 +25,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.intake import check_uploads, is_new, taking
 from stereocal.ui.messages import ErrorsShown, button, callback, show_with_button, tell
-from stereocal.ui.press import final_run
+from stereocal.ui.press import final_answer
 from stereocal.ui.project import current_project, date_of, is_open, offer_removed, open_project
 from stereocal.ui.texts import escape_markdown
 
@@ -258,9 +258,9 @@ def _offer_packed(project: Project, name: str) -> None:
         )
         return
     # The last result, with the parameter files as *Calibrate* offers them.
-    run = final_run(project)
+    answer = final_answer(project)
     with st.spinner("Forecasting."):
-        result = {} if run is None else jobs.compute(lambda: run.parameter_files)
+        result = {} if answer is None else jobs.compute(lambda: answer.parameter_files)
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "project.zip"
         with st.spinner("Packing."):

@@ -9,7 +9,8 @@ from stereocal.ui.fields import choose
 from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.press import make
 from stereocal.ui.texts import escape_markdown
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun
 
 
 def show_disagreement(inputs: list[Input]) -> None:
@@ -23,9 +24,9 @@ def show_disagreement(inputs: list[Input]) -> None:
         show_figure(one_set.plot_disagreement(inputs), words, "disagreement")
 
 
-def show_inputs(answer: Run | None) -> None:
+def show_inputs(answer: Answer | None) -> None:
     """What was stated, what comes out, which errors would go unnoticed, and what would help."""
-    inputs = answer.inputs if answer else []
+    inputs = answer.run.inputs if answer else []
     if answer is None or not inputs:
         st.info("Without a forecast, nothing that was typed or measured can be tested.")
         return
@@ -39,14 +40,14 @@ def show_inputs(answer: Run | None) -> None:
         "The estimate contains what was stated. The disagreement is with what the images "
         "and the other inputs say without it."
     )
-    if (forecast := answer.forecast) is not None:
-        make(answer, "advice")
+    if (forecast := answer.run.forecast) is not None:
+        make(answer.run, "advice")
         check = forecast.check.text if forecast.check and forecast.check.holds else ""
-        lines = filter(None, [forecast.verdict.figures, check, answer.advice])
+        lines = filter(None, [forecast.verdict.figures, check, answer.run.advice])
         st.caption(escape_markdown("\n\n".join(lines)))
 
 
-def show_accuracy(project: Project, run: Run, _answer: Run | None) -> None:
+def show_accuracy(project: Project, run: PairRun, _answer: Answer | None) -> None:
     """Predicted errors by position."""
     if not _has_refined(run):
         return
@@ -59,7 +60,7 @@ def show_accuracy(project: Project, run: Run, _answer: Run | None) -> None:
     show_figure(accuracy.plot_accuracy(run.maps, result, quantity), words, "accuracy")
 
 
-def show_misfit(_project: Project, run: Run, _answer: Run | None) -> None:
+def show_misfit(_project: Project, run: PairRun, _answer: Answer | None) -> None:
     """Residuals over the images: whether a lens is wrong, or all is noise."""
     if not _has_refined(run):
         return
@@ -69,7 +70,7 @@ def show_misfit(_project: Project, run: Run, _answer: Run | None) -> None:
     show_figure(figure, lens.describe_misfit(run.misfit), "misfit")
 
 
-def _has_refined(run: Run) -> bool:
+def _has_refined(run: PairRun) -> bool:
     if run.calibration.refined is None:
         st.info("There is no refined set of these data.")
     return run.calibration.refined is not None

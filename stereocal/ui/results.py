@@ -38,7 +38,8 @@ from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.file_figures import Figure
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import frames_to_come, in_percent
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun
 
 TILES = ("Wrong pairs let in", "95 % of lengths within", "Threshold")
 FRAMES = "Errors by frame"
@@ -47,7 +48,7 @@ COVERAGE = "coverage"
 """Key of the figure of the Data page."""
 
 
-def show_result(project: Project, run: Run, answer: Run | None) -> None:
+def show_result(project: Project, run: PairRun, answer: Answer | None) -> None:
     """Recommendation, tiles, downloads, the rig, and one closer look at a time.
 
     Args:
@@ -65,7 +66,7 @@ def show_result(project: Project, run: Run, answer: Run | None) -> None:
         st.info("The errors below are of the new result.\n\nForecast and validation follow.")
     screening.show_left_out(project, found, partial(_look_at_frame, project, found))
     if answer:
-        refined_looks.show_disagreement(answer.inputs)
+        refined_looks.show_disagreement(answer.run.inputs)
     for title, column in zip(TILES, st.columns(3), strict=True):
         with column, st.container(border=True):
             value, words = _tile(title, answer) if answer else ("…", "being computed  \n…")
@@ -77,23 +78,23 @@ def show_result(project: Project, run: Run, answer: Run | None) -> None:
     _show_closer_looks(project, run, answer)
 
 
-def show_recommendation(answer: Run) -> None:
+def show_recommendation(answer: Answer) -> None:
     """What to use; green if it may be relied on, and no input contradicts the images; yellow if
     held-out frames contradict the forecast."""
     recommendation = answer.recommendation
     if recommendation.caution:
         st.error(escape_markdown(f"Do not rely on this result: {recommendation.caution}"))
-    dataset = answer.calibration.dataset
+    dataset = answer.run.calibration.dataset
     first, *others = (escape_markdown(as_held(s, dataset)) for s in recommendation.sentences)
-    accused = any(item.accused for item in answer.inputs)
+    accused = any(item.accused for item in answer.run.inputs)
     sound = recommendation.forecast_holds and not recommendation.caution and not accused
     doubted = recommendation.verdict is not None and not recommendation.forecast_holds
     show = st.warning if doubted else st.success if sound else st.info
     show("\n\n".join([f"**{first}**", *others]))
 
 
-def _tile(title: str, answer: Run) -> tuple[str, str]:
-    calibration, match = answer.calibration, answer.recommendation.match
+def _tile(title: str, answer: Answer) -> tuple[str, str]:
+    calibration, match = answer.run.calibration, answer.recommendation.match
     if title == TILES[0]:
         return _expected(match.wrong_let_in, answer, f" of {match.wrong_pairs:,} wrong pairs")
     if title == TILES[1]:
@@ -110,14 +111,14 @@ def _tile(title: str, answer: Run) -> tuple[str, str]:
     return "unknown" if value is None else f"{digits(value, 2)} px", of
 
 
-def _expected(figure: Figure, answer: Run, counted: str = "") -> tuple[str, str]:
+def _expected(figure: Figure, answer: Answer, counted: str = "") -> tuple[str, str]:
     """A figure and its words: the forecast first if it holds, and beneath it the other."""
     ahead, held_out = figure.forecast, figure.held_out
     tested = "not yet" if held_out is None else f"{percent(held_out)} %{counted}"
     if held_out == 0.0 and counted:
         tested = f"none{counted}"
     if ahead is not None and (answer.recommendation.forecast_holds or held_out is None):
-        of = f"{frames_to_come(answer.calibration, answer.forecast)} ({interval(ahead)} %)"
+        of = f"{frames_to_come(answer.run.calibration, answer.run.forecast)} ({interval(ahead)} %)"
         return f"{percent(ahead.value)} %", f"forecast for {of}  \nheld out here: {tested}"
     if held_out is None:
         return "unknown", "no forecast, no held-out frames"
@@ -129,7 +130,7 @@ def _expected(figure: Figure, answer: Run, counted: str = "") -> tuple[str, str]
     return f"{percent(held_out)} %", f"held out here  \n{forecast}"
 
 
-def _offer_kit(project: Project, answer: Run | None) -> None:
+def _offer_kit(project: Project, answer: Answer | None) -> None:
     applied = readable(lambda: ProjectApplication(project).result)
 
     def make() -> bytes:
@@ -147,7 +148,7 @@ def dataset_download(dataset: Pair) -> None:
 
 
 @fragment
-def _show_rig(project: Project, found: Calibration, answer: Run | None) -> None:
+def _show_rig(project: Project, found: Calibration, answer: Answer | None) -> None:
     methods = ["2d", "3d", *(["refined"] if found.refined else [])]
     st.subheader("The rig in 3D")
     left, right = st.columns(2)
@@ -187,7 +188,7 @@ def open_clicked_frame(project: Project) -> None:
 
 
 @fragment
-def _show_closer_looks(project: Project, run: Run, answer: Run | None) -> None:
+def _show_closer_looks(project: Project, run: PairRun, answer: Answer | None) -> None:
     """A choice of views; only the chosen one is computed."""
     screening.rerun_if_changed()
     shown = _view(project)
@@ -195,7 +196,7 @@ def _show_closer_looks(project: Project, run: Run, answer: Run | None) -> None:
     LOOKS[view](project, run, answer)
 
 
-def _show_frames(project: Project, run: Run, answer: Run | None) -> None:
+def _show_frames(project: Project, run: PairRun, answer: Answer | None) -> None:
     found = run.calibration
     chosen = screening.frame_field(project, found)
 
@@ -236,7 +237,7 @@ def _show_images(
             show_figure(figure, words, f"image_{side}", caption=True)
 
 
-def _show_two_sets(project: Project, run: Run, _answer: Run | None) -> None:
+def _show_two_sets(project: Project, run: PairRun, _answer: Answer | None) -> None:
     found = run.calibration
     frame = screening.choose_frame(project, found)
     views = frame_views(found, frame)
@@ -251,10 +252,10 @@ def _show_two_sets(project: Project, run: Run, _answer: Run | None) -> None:
         show_figure(two_sets.plot_gap(views, method), words, "gap", caption=True)
 
 
-def _show_parameters(project: Project, run: Run, answer: Run | None) -> None:
+def _show_parameters(project: Project, run: PairRun, answer: Answer | None) -> None:
     refined_looks.show_inputs(answer)
     found = run.calibration
-    if answer is not None and answer.forecast is not None:
+    if answer is not None and answer.run.forecast is not None:
         st.table(forecast_table(answer.forecast_entries, answer.thresholds_px))
     else:
         st.table(errors_table(found))
@@ -273,7 +274,7 @@ def _show_parameters(project: Project, run: Run, answer: Run | None) -> None:
         other_formats(project, answer)
 
 
-def _show_searches(_project: Project, run: Run, _answer: Run | None) -> None:
+def _show_searches(_project: Project, run: PairRun, _answer: Answer | None) -> None:
     found = run.calibration
     show_figure(plot_traces(found), describe_traces(found), "traces")
 

@@ -4,10 +4,8 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures import rig_report
-from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
-from stereocal.network.pair_of_rig import files_of_sets, sets_of_pairs
-from stereocal.network.rig_file import RIG, RigFile, rig_file
+from stereocal.network.rig_file import RIG, RigFile
 from stereocal.projects.project import Project
 from stereocal.projects.recording import PAIRS, ProjectRecording
 from stereocal.system.numbers import count
@@ -20,6 +18,7 @@ from stereocal.ui.navigation import go_to
 from stereocal.ui.project import current_project, open_project
 from stereocal.ui.screening import calibrate_next
 from stereocal.ui.texts import escape_markdown
+from stereocal.workflow.run import Run
 
 KIND: jobs.Kind = "rig"
 GRAPH = "rig_graph"
@@ -33,17 +32,16 @@ def rig_work(project: Project, time_offsets: bool) -> jobs.PageWork:
     store = ProjectRecording(project)
 
     def run(job: jobs.Job) -> None:
-        job.begin("steps")
         recording = store.read()
         if recording is None:
             raise StereocalError("This project holds no recording of several cameras.")
         late = time_offsets or None
-        found = rig_file(calibrate_rig(recording, late=late, progress=job.progress))
-        sets, notes = sets_of_pairs(recording, found)
-        project.keep_settings({NOTES: notes})
-        store.keep_rig(found.dumps(), pack_zip(files_of_sets(sets)))
+        found = Run(recording, late=late, begin=job.begin, progress=job.progress)
+        rig, files = found.rig.dumps(), pack_zip(found.pair_files)
+        project.keep_settings({NOTES: found.notes_on_pairs})
+        store.keep_rig(rig, files)
 
-    return jobs.PageWork(project, KIND, ("steps",), run)
+    return jobs.PageWork(project, KIND, ("steps", "pairs"), run)
 
 
 def show_page() -> None:

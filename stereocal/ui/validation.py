@@ -30,7 +30,7 @@ from stereocal.ui.intake import take_one
 from stereocal.ui.messages import button, readable, show_refusal
 from stereocal.ui.screening import is_long, screenings_of
 from stereocal.ui.texts import escape_markdown
-from stereocal.workflow import usual_frames
+from stereocal.workflow.pair_run import usual_frames
 
 NINETEEN = ROOT / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"

@@ -26,7 +26,7 @@ from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
 from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.forms import describe_settings
 from stereocal.ui.messages import button, fragment, readable, show_stale
-from stereocal.ui.press import final_run
+from stereocal.ui.press import final_answer
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.validation import (
@@ -282,12 +282,12 @@ def _downloads(
     pooled, by_dataset = summaries
     about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
     # With the answer of Calibrate, if that is of the same data and final.
-    run = final_run(project)
+    answer = final_answer(project)
 
     def report() -> str:
         recommended = None
-        if run is not None and evaluation.is_of([run.dataset]):
-            recommended = run.calibration, run.recommendation
+        if answer is not None and evaluation.is_of([answer.run.dataset]):
+            recommended = answer.run.calibration, answer.recommendation
         return report_html(pooled, by_dataset, *about, recommended)
 
     offer("Download report.html", report, "report.html", "download_report", place=left)

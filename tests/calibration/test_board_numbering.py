@@ -9,7 +9,7 @@ from stereocal.calibration.board_numbering import check_numbering, note_on_ways_
 from stereocal.calibration.corrections import fewer_corners
 from stereocal.errors import StereocalError
 from stereocal.network.baseline import with_baseline_found
-from stereocal.workflow import Run
+from stereocal.workflow.pair_run import PairRun
 from tests.further import further
 from tests.rigs.board_mistakes import MISTAKES
 from tests.rigs.board_pairs import BoardPair, sound
@@ -40,7 +40,7 @@ PAIR, EVEN_ROWS, OTHER_SIZE = (
 def test_mistake_is_named_first(mistake: str, pair: BoardPair) -> None:
     it = MISTAKES[mistake]
     with pytest.raises(StereocalError) as refused:
-        _ = Run(with_baseline_found(it.data(pair, np.random.default_rng(1)))).inputs
+        _ = PairRun(with_baseline_found(it.data(pair, np.random.default_rng(1)))).inputs
     first, *_ = str(refused.value).lower().split(". ")
     assert any(word in first for word in it.words)
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from stereocal.cli import main
-from stereocal.commands.rig import FIGURES
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import pack_recording, read_dataset, read_recording
 from stereocal.formats.exchange.exchange import read_camera_pair
@@ -20,6 +19,7 @@ from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.rigs import simulated_rig
 from stereocal.system.array_types import FloatArray
+from stereocal.workflow.run import FORECAST
 from tests.archives import kalibr_chain, wand_csv
 from tests.files import write
 
@@ -69,7 +69,7 @@ def test_rig_with_the_sets_of_the_paper(dataset: Path, tmp_path: Path) -> None:
             own = RigParameters.load(tmp_path / f"{pair}_{method}.json")
             assert own.method == method
             assert own.camera_names == tuple(pair.split("-"))
-        for figure in FIGURES:  # of the refined set
+        for figure in FORECAST:  # of the refined set
             assert figures[figure] == (own.predicted or {})[figure]
         assert 0 <= figures["fcp_reprojection"]["value"] < 0.2
         assert figures["threshold_px"]["value"] > 0

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.pair_of_rig import data_of_pair, sets_of_pairs, settings_of_pair
-from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.network.rig_file import RigFile
 from stereocal.refined.parameter_file import of_file
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.small_steps import FACTOR, rig_at, step_between
@@ -16,16 +14,22 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.simulation.rigs import simulated_rig
+from stereocal.workflow.pair_of_rig import data_of_pair, settings_of_pair
+from stereocal.workflow.run import Run
 
 PAIRS = [("c1", "c2"), ("c2", "c3"), ("c3", "c1")]
 
 
 @cache
-def rig_of(seed: int) -> tuple[Recording, RigFile]:
+def run_of(seed: int) -> Run:
     truth = simulated_rig(np.random.default_rng(seed), 3, 120)
-    recording = truth.recording
-    recording.points[recording.frame == 11] += [30.0, 0.0]
-    return recording, rig_file(calibrate_rig(recording, truth.settings))
+    truth.recording.points[truth.recording.frame == 11] += [30.0, 0.0]
+    return Run(truth.recording, truth.settings)
+
+
+def rig_of(seed: int) -> tuple[Recording, RigFile]:
+    run = run_of(seed)
+    return run.recording, run.found
 
 
 def refined_of(pair: CameraPair) -> tuple[RefinedResult, RefineSettings]:
@@ -73,10 +77,10 @@ def to_free(found: RefinedResult) -> np.ndarray:
 
 
 def test_the_sets_of_all_pairs() -> None:
-    recording, rig = rig_of(5)
-    sets, notes = sets_of_pairs(recording, rig)
-    assert not notes and len(sets) == 3
-    for name, own in sets.items():
+    run = run_of(5)
+    rig = run.found
+    assert not run.notes_on_pairs and len(run.sets) == 3
+    for name, own in run.sets.items():
         found = RigParameters.loads(own["refined"].dumps())
         assert found.camera_names == tuple(name.split("-"))
         assert 11 in found.frames_left_out

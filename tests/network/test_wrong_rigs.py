@@ -13,7 +13,6 @@ from stereocal.formats.dataset_files import read_recording
 from stereocal.network.calibrate import calibrate_rig
 from stereocal.network.in_words import rig_notes, rig_sentence
 from stereocal.network.judge import fewer_points, noise_of
-from stereocal.network.pair_of_rig import data_of_pair
 from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
@@ -22,6 +21,7 @@ from stereocal.simulation import rigs
 from stereocal.simulation.rigs import IMAGE_SIZE, SimulatedRig, simulated_rig
 from stereocal.simulation.simulate import lens_off_by
 from stereocal.system.array_types import FloatArray
+from stereocal.workflow.pair_of_rig import data_of_pair
 from tests.further import further
 from tests.rigs.mistakes import from_the_right, upside_down
 from tests.rigs.moving_wand import wave_wand

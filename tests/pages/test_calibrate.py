@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal import workflow
 from stereocal.cli import main
 from stereocal.evaluation.evaluate import evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
@@ -21,7 +20,8 @@ from stereocal.system.zip_files import unzip
 from stereocal.ui import press
 from stereocal.verdict import recommendation
 from stereocal.verdict.in_words import digits
-from stereocal.workflow import Run
+from stereocal.workflow import pair_run
+from stereocal.workflow.pair_run import PairRun
 from tests.pages.stored_projects import FEW, SLOW, again, ended, go, messages, project_of, told
 from tests.pages.test_pages import FIELD, give_zip, open_sample
 
@@ -55,7 +55,7 @@ def test_a_projects_zip_gives_the_same_files_again(
     """What the page computes in parts, and `calibrate` at once."""
     project = project_of(pressed, home)
     assert project.calibration is not None
-    found = project.run
+    found = project.answer
     assert found is not None
     target, again = tmp_path / "project.zip", tmp_path / "again"
     pack_project(project, target, found.parameter_files)
@@ -68,7 +68,7 @@ def test_a_projects_zip_gives_the_same_files_again(
     project.exchange_targets(3)  # the result is of other data now
     pack_project(project, target, found.parameter_files)
     dataset = project.dataset
-    assert dataset is not None and dataset.sha256 != found.dataset.sha256
+    assert dataset is not None and dataset.sha256 != found.run.dataset.sha256
     assert read_dataset(target).sha256 == dataset.sha256
 
 
@@ -148,7 +148,7 @@ def test_nothing_is_offered_before_its_threshold_is_final(
         return evaluate(*given, **named)
 
     monkeypatch.setattr(press, "INSTANT", 0)
-    monkeypatch.setattr(workflow, "evaluate", waiting)
+    monkeypatch.setattr(pair_run, "evaluate", waiting)
     project = project_of(open_sample(app), home)
     project.keep_settings(FEW)
     go(app, "calibrate").button(key="run").click().run()
@@ -164,7 +164,7 @@ def test_nothing_is_offered_before_its_threshold_is_final(
     assert ended(project, "calibration").state == "done"
     go(app, "calibrate")
     assert project.calibration is not None
-    found = project.run
+    found = project.answer
     assert found is not None
     (tile,) = [metric.value for metric in app.metric if metric.label == "Threshold"]
     in_file = found.sets["refined"].matching_threshold_px
@@ -236,7 +236,7 @@ def test_a_forecast_that_held_out_frames_contradict_is_yellow(
     """The box, the tile of the figure, and the words; without it the same box is green."""
     said = "Held-out frames contradict the forecast: seen in a test."
     for told_of, colour in ((said, "warning"), ("", "success")):
-        monkeypatch.setitem(KEPT, Run, Latest(8))
+        monkeypatch.setitem(KEPT, PairRun, Latest(8))
         monkeypatch.setattr(recommendation, "_contradiction", lambda *_, own=told_of: own)
         app = again(pressed, "calibrate")
         first = next(box.value for box in getattr(app, colour) if "A length of" in str(box.value))

@@ -8,13 +8,14 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal import workflow
 from stereocal.evaluation.evaluate import RunCounts, evaluate_runs
 from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import bring_back, remove
 from stereocal.projects.project import KEPT
 from stereocal.ui import jobs, press, results, screening
-from stereocal.workflow import Run
+from stereocal.workflow import answer, pair_run
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun
 from tests.pages.stored_projects import FEW, SLOW, ended, go, messages, project_of, told, wait_until
 from tests.pages.test_pages import open_sample
 from tests.projects.test_found_before import bits
@@ -127,8 +128,9 @@ def test_the_figure_follows_the_sliders_and_says_of_how_many_runs(
 
 COMPUTING = (
     (screening, "screened"),
-    *((workflow, name) for name in ("screened", "refine", "two_searches", "forecast_files")),
-    *((workflow, name) for name in ("recommend", "misfit_of", "accuracy_map")),
+    *((pair_run, name) for name in ("screened", "refine", "two_searches", "forecast_files")),
+    *((pair_run, name) for name in ("misfit_of", "accuracy_map")),
+    (answer, "recommend"),
     (results, "pack_dataset"),
 )
 
@@ -145,7 +147,8 @@ def long(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> AppTest:
 def forget() -> None:
     """What a server that starts has not in memory."""
     screening.SCREENINGS.clear()
-    KEPT[Run].clear()
+    KEPT[PairRun].clear()
+    KEPT[Answer].clear()
     jobs.JOBS.clear()
 
 

@@ -127,7 +127,7 @@ def test_a_calibration_in_hand_is_not_read_back_and_a_stored_one_not_fitted_agai
 ) -> None:
     unpacked = counted(monkeypatch, "stereocal.projects.project.unpack_calibration")
     read = counted(monkeypatch, "stereocal.projects.project.unpack_evaluation")
-    fitted = counted(monkeypatch, "stereocal.workflow.refine")
+    fitted = counted(monkeypatch, "stereocal.workflow.pair_run.refine")
     forget()  # what other tests of this process have calibrated
     project_of(open_sample(app), home).keep_settings(FEW)
     go(app, "calibrate").button(key="run").click().run()

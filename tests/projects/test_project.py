@@ -15,7 +15,7 @@ from stereocal.projects import application
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import KEPT, NAMES, Project
 from stereocal.projects.server_settings import default_home
-from stereocal.workflow import Run
+from stereocal.workflow.pair_run import PairRun
 
 XYPTS = b"pt1_cam1_X,pt1_cam1_Y,pt1_cam2_X,pt1_cam2_Y\n1.5,2,3,4\n5,6,NaN,NaN\n7,8,9,10\n"
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
@@ -120,7 +120,7 @@ def test_a_result_without_a_refined_set_has_none_when_it_is_read_again(tmp_path:
     dataset = project.dataset
     assert dataset is not None
     project.keep_calibration(calibrate(dataset, refined=None), project.inputs)
-    KEPT[Run].clear()  # as after a restart
+    KEPT[PairRun].clear()  # as after a restart
     back = Project.open(tmp_path, project.id).calibration
     assert back is not None and back.refined is None
 

@@ -15,7 +15,8 @@ from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun
 from tests import known_rig as rig
 from tests.further import further
 from tests.rigs.moving_bar import move_bar, record
@@ -57,11 +58,11 @@ def test_cameras_in_step_are_left_alone() -> None:
 
 @pytest.mark.parametrize("late", [0.1, *further(-1.0)])
 def test_an_offset_that_nobody_asked_for_is_applied_and_all_files_carry_it(late: float) -> None:
-    found = Run(moving(late))
+    found = PairRun(moving(late))
     note = found.calibration.screening.time_note
     assert "out of step" in note
     assert ("counted 1 apart" in note) == (late == -1.0)
-    for own in found.sets.values():
+    for own in Answer(found).sets.values():
         whole = round(late)  # a matter of counting, which other recordings need not share
         assert own.start_frame == whole
         entry = own.to_json()["time_offset_frames"]
@@ -73,9 +74,9 @@ def test_an_offset_that_nobody_asked_for_is_applied_and_all_files_carry_it(late:
 
 
 def test_cameras_in_step_get_no_offset_unasked() -> None:
-    found = Run(moving(0.0))
+    found = PairRun(moving(0.0))
     assert found.screening.time_note == ""
-    assert all(own.time_offset is None for own in found.sets.values())
+    assert all(own.time_offset is None for own in Answer(found).sets.values())
 
 
 def test_where_all_frames_are_trusted_an_offset_is_only_offered() -> None:
@@ -94,11 +95,12 @@ def test_without_moving_neighbours_it_stays_out() -> None:
 
 
 def test_bars_placed_anew_for_each_photograph_are_in_step() -> None:
-    run = Run(rig.dataset(25, 0.2), TIMED, TIMED_REFINED)
+    run = PairRun(rig.dataset(25, 0.2), TIMED, TIMED_REFINED)
     assert "in step" in run.screening.time_note
     assert len(run.calibration.frames) == 25
-    assert run.sets["2d"].time_offset is None
-    assert run.sets["refined"].time_offset is not None
+    sets = Answer(run).sets
+    assert sets["2d"].time_offset is None
+    assert sets["refined"].time_offset is not None
 
 
 def test_exchanged_targets_are_recognised_between_frames() -> None:

@@ -20,7 +20,8 @@ from stereocal.verdict.forecast_draws import ForecastDraws
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.model_check import HeldOutRatio, ModelCheck
 from stereocal.verdict.recommendation import NO_FORECAST, NO_REFINED, Recommendation, recommend
-from stereocal.workflow import Run
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_run import PairRun
 from tests import known_rig as rig
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
@@ -36,10 +37,10 @@ def forecast(calibration: Calibration) -> Forecast:
     return forecast_files(calibration)
 
 
-def run_of(calibration: Calibration, forecast: Forecast) -> Run:
-    run = Run.of(calibration)
-    vars(run)["forecast"] = forecast
-    return run
+def answer_of(calibration: Calibration, forecast: Forecast, figures: Any = None) -> Answer:
+    run = PairRun.of(calibration)
+    vars(run)["forecast_or_reason"] = forecast
+    return Answer(run, figures=figures)
 
 
 def told(
@@ -108,9 +109,7 @@ def test_figures_and_threshold_are_those_of_the_file(
     calibration: Calibration, forecast: Forecast
 ) -> None:
     found = recommend(calibration, forecast, VALIDATION)
-    run = run_of(calibration, forecast)
-    run.figures = VALIDATION
-    sets = run.sets
+    sets = answer_of(calibration, forecast, VALIDATION).sets
     file = sets[found.match.method]
     assert found.match.threshold_px == file.matching_threshold_px
     assert file.predicted is not None
@@ -163,7 +162,7 @@ def test_the_headline_has_the_error_of_the_bar() -> None:
     data = rig.dataset(25, 0.005)
     bar = data.target_distance_m
     assumed, careful = (
-        Run(data.changed(target_distance_sigma_m=sigma)).recommendation
+        Answer(PairRun(data.changed(target_distance_sigma_m=sigma))).recommendation
         for sigma in (None, 0.0002 * bar)
     )
     scatter = [found.measure.length_p95.forecast for found in (assumed, careful)]
@@ -184,7 +183,8 @@ def test_a_bar_that_the_images_contradict_is_not_said_to_be_known() -> None:
     """Stated 1 % too long, with a baseline that is known to a millimetre."""
     data = rig.dataset(25, 0.02)
     bar = 1.01 * data.target_distance_m
-    found = Run(data.changed(target_distance_m=bar, baseline_sigma_m=0.001)).recommendation
+    run = PairRun(data.changed(target_distance_m=bar, baseline_sigma_m=0.001))
+    found = Answer(run).recommendation
     metric = found.measure.metric_p95.forecast
     assert metric is not None and metric.low <= metric.value <= metric.high
     assert "which the images contradict" in found.sentences[0] and "±" not in found.sentences[0]
@@ -204,11 +204,9 @@ def test_held_out_frames_that_contradict_the_forecast_are_the_headline(
     assert "2.1 %" in found.contradiction
     assert found.match.wrong_let_in.best(found.forecast_holds) == 0.021
     assert found.contradiction in found.to_json()["text"]
-    run = run_of(calibration, replace(forecast, check=None))
-    run.figures = {
-        method: {**own, "wrong_let_in_at_threshold": 0.5} for method, own in worse.items()
-    }
-    predicted = run.sets[run.recommendation.match.method].predicted
+    half = {method: {**own, "wrong_let_in_at_threshold": 0.5} for method, own in worse.items()}
+    answer = answer_of(calibration, replace(forecast, check=None), half)
+    predicted = answer.sets[answer.recommendation.match.method].predicted
     assert predicted is not None and predicted["wrong_let_in_at_threshold"]["high"] == 0.5
     assert not told(calibration, forecast, draws, WITHIN).contradiction
     # One of 90 distinct pairs is chance, 8 of the 780 of 40 points are not.
@@ -219,7 +217,7 @@ def test_held_out_frames_that_contradict_the_forecast_are_the_headline(
 
 
 def test_files_carry_it(calibration: Calibration, forecast: Forecast) -> None:
-    found = run_of(calibration, forecast)
+    found = answer_of(calibration, forecast)
     for rig_file in found.sets.values():
         read = RigParameters.loads(rig_file.dumps())
         assert read.recommendation == json.loads(json.dumps(found.recommendation.to_json()))

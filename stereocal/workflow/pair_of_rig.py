@@ -1,92 +1,28 @@
-"""A pair of a rig: its data with the rig's lenses, the fit that is the rig's, and its files.
+"""A pair of a rig: its data with the rig's lenses, and the fit that is the rig's.
 
 Fitted by itself with the lenses of the rig as stated ones, a pair would count its own images twice:
 they are in those lenses already. So its refined set is the rig's, and its covariance the rig's.
 """
 
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.calibration.methods import Method
-from stereocal.errors import StereocalError
 from stereocal.network.fuse import pair_at, pair_covariance
 from stereocal.network.rig_file import RigFile
 from stereocal.network.screening import rows_of
 from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.refine import refine
 from stereocal.refined.small_steps import lens_places
 from stereocal.refined.time_offset import usable_after
 from stereocal.refined.unknowns import RefineSettings, RigMarginal
 from stereocal.refined.views import EACH, TIME
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.pair import Pair
-from stereocal.rig.parameters import RigParameters, Timing
 from stereocal.rig.recording import CameraPair, Recording
-from stereocal.system.tasks import Progress
 
 TIED = 1.0 - 1e-9
 """Correlation of fx and fy from which on they share one factor."""
-Sets = Mapping[Method, RigParameters]
-"""The parameter sets of a pair."""
-
-
-def refined_set(dataset: Pair, settings: RefineSettings) -> Sets:
-    """The refined set of a pair alone."""
-    return {"refined": refined_parameters(refine(dataset, settings))}
-
-
-def sets_of_pairs(
-    recording: Recording,
-    rig: RigFile,
-    progress: Progress | None = None,
-    sets_of: Callable[[Pair, RefineSettings], Sets] = refined_set,
-) -> tuple[dict[str, Sets], list[str]]:
-    """The parameter sets of each pair by its name, and notes on pairs without any.
-
-    Args:
-        progress: called with the pairs done, and those in all.
-        sets_of: the sets of a pair's data and settings.
-    """
-    found: dict[str, Sets] = {}
-    notes: list[str] = []
-    known = {name: each for name, each in rig.about.pairs.items() if each.frames is not None}
-    given = recording.sha256
-    for number, (name, about) in enumerate(known.items()):
-        pair = about.cameras
-        try:
-            dataset = data_of_pair(recording, pair, rig)
-            sets = sets_of(dataset, settings_of_pair(dataset, pair, rig))
-            of_rig = rig.pair(*pair)
-            when: Timing = {"time_offset": of_rig.time_offset, "start_frame": of_rig.start_frame}
-            found[name] = {
-                method: replace(
-                    parameters,
-                    inputs={**parameters.inputs, "sha256": given},
-                    frames_left_out=rig.about.frames_left_out,
-                    **when,
-                )
-                for method, parameters in sets.items()
-            }
-        except (StereocalError, KeyError) as error:
-            notes.append(f"The pair {name} has no files: {error}")
-        except np.linalg.LinAlgError:
-            notes.append(f"The pair {name} has no files: its images determine too little of it.")
-        if progress is not None:
-            progress(number + 1, len(known))
-    return found, notes
-
-
-def files_of_sets(sets: Mapping[str, Sets]) -> dict[str, bytes]:
-    """The files of the sets of pairs, by name."""
-    return {
-        f"{name}_{method}.json": parameters.dumps().encode()
-        for name, of_pair in sets.items()
-        for method, parameters in of_pair.items()
-    }
 
 
 def data_of_pair(recording: Recording, pair: CameraPair, rig: RigFile | None) -> Pair:

@@ -1,27 +1,20 @@
-"""What is computed from a recording of two cameras: `Run`, whose steps are made when asked for.
+"""What is computed of two cameras: `PairRun`, whose steps are made when asked for.
 
-Screening, the paper's three methods (Section 3) and the refined one, a validation, the forecast,
-the recommendation and the files. Commands, pages, the paper kit and rigs ask it.
+Screening, the paper's three methods (Section 3) and the refined one, a validation and the forecast.
+What it comes to is an `Answer`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
-from typing import Any, get_args
+from dataclasses import dataclass, field
+from typing import get_args
 
 import numpy as np
 
 from stereocal.calibration import checks
 from stereocal.calibration.board_numbering import note_on_ways_round
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.calibration.methods import (
-    FILE_METHODS,
-    METHODS,
-    POOR_LENGTH,
-    CalibrationSettings,
-    Method,
-    errors_of,
-)
+from stereocal.calibration.methods import METHODS, POOR_LENGTH, CalibrationSettings, errors_of
 from stereocal.calibration.montecarlo import (
     MethodResult,
     Problem,
@@ -30,7 +23,7 @@ from stereocal.calibration.montecarlo import (
 )
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
-from stereocal.formats.evaluation_files import Evaluation, validation_figures
+from stereocal.formats.evaluation_files import Evaluation
 from stereocal.network.baseline import with_baseline_found
 from stereocal.network.likely_cause import (
     claimed_offset,
@@ -46,25 +39,19 @@ from stereocal.refined.misplaced_target import misplaced_target
 from stereocal.refined.refine import RefinedResult, refine
 from stereocal.refined.results import Calibration
 from stereocal.refined.screening import Screening, screened
-from stereocal.refined.stated_inputs import Input, moved_lengths
+from stereocal.refined.stated_inputs import Input
 from stereocal.refined.stretched_board import stretched_board
 from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.refined.unknowns import RefineSettings, check_stated
 from stereocal.rig.pair import Pair
-from stereocal.rig.parameters import ForecastEntries, RigParameters
 from stereocal.system.array_types import IntArray
-from stereocal.system.latest import is_made, step
+from stereocal.system.latest import step
 from stereocal.system.tasks import Progress
-from stereocal.verdict.file_figures import Validated, figures_of
 from stereocal.verdict.forecast import Forecast, advice_on_improvements, forecast_files
-from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line
-from stereocal.verdict.recommendation import Recommendation, recommend
 
 STEPS = ("screening", "essential", "2d", "3d", "refined", "forecast")
 """What takes time, in order."""
-BEFORE = ("screening", "calibration", "forecast", "no_forecast", "advice", "maps", "misfit")
-"""Steps that do not depend on a validation."""
 MAP_SIZE = 45
 """Points of an accuracy map along each side; both maps take 0.1 s."""
 DEFAULT_REFINED = RefineSettings()
@@ -75,7 +62,7 @@ def _untold(_step: str) -> None:
 
 
 @dataclass(eq=False)
-class Run:
+class PairRun:
     """All that is computed from a recording of two cameras. Each step is made when it is first
     asked for, and kept; any thread may ask."""
 
@@ -84,48 +71,40 @@ class Run:
     refined: RefineSettings | None = DEFAULT_REFINED
     """Settings of the refined method, except whether a time offset is solved for, which `settings`
     and the screening say; None: without this method."""
-    evaluation: Evaluation | None = None
-    """A validation of the frames that are not left out; None without one."""
-    figures: Mapping[Any, Validated] | None = None
-    """Entries of the files on a validation, by method, instead of those of `evaluation`."""
+    finished: Calibration | None = None
+    """Taken instead of calibrating."""
     trace: bool = False
     """Whether every move of the searches is recorded."""
     progress: Callable[[str], None] = _untold
     """Called with the name of each of `STEPS` when it begins."""
 
     @classmethod
-    def of(cls, calibration: Calibration, evaluation: Evaluation | None = None) -> "Run":
+    def of(cls, finished: Calibration) -> "PairRun":
         """The run of a finished calibration."""
-        own = None if calibration.refined is None else calibration.refined.settings
-        run = cls(calibration.dataset, calibration.settings, own, evaluation)
-        vars(run).update(screening=calibration.screening, calibration=calibration)
-        return run
-
-    def validated(self, evaluation: Evaluation) -> "Run":
-        """This run with a validation of its data; what does not depend on it is not made again."""
-        run = replace(self, evaluation=evaluation)
-        vars(run).update({name: vars(self)[name] for name in BEFORE if is_made(self, name)})
-        return run
+        own = None if finished.refined is None else finished.refined.settings
+        return cls(finished.dataset, finished.settings, own, finished)
 
     def validate(
         self, settings: EvaluationSettings, executor: Executor, progress: Progress | None = None
-    ) -> "Run":
-        """The run with a validation of the frames that are not left out."""
-        kept = self.calibration.screening.dataset
+    ) -> Evaluation:
+        """A validation of the frames that are not left out."""
+        kept = self.screening.dataset
         found = evaluate([kept], settings, executor, progress)
-        return self.validated(
-            Evaluation(found, settings, [kept.name], [self.calibration.dataset.sha256])
-        )
+        return Evaluation(found, settings, [kept.name], [self.calibration.dataset.sha256])
 
     @step
     def screening(self) -> Screening:
         """The frames that contradict the others, and the recording without them."""
+        if self.finished is not None:
+            return self.finished.screening
         self.progress("screening")
         return screened(with_baseline_found(self.dataset), self.settings)
 
     @step
     def calibration(self) -> Calibration:
         """The sets of all methods. If the refined method fails, a warning has the reason."""
+        if self.finished is not None:
+            return self.finished
         settings = self.settings
         if self.refined is not None:
             check_stated(self.refined, self.dataset)
@@ -171,77 +150,26 @@ class Run:
         return Calibration(dataset, settings, screening, frames, results, told, refined, apart)
 
     @step
-    def forecast(self) -> Forecast | None:
-        """The forecast of the files; None if there cannot be one."""
+    def forecast_or_reason(self) -> Forecast | str:
+        """The forecast of the files, or why there cannot be one."""
         calibration = self.calibration
         self.progress("forecast")
         try:
             return forecast_files(calibration)
         except StereocalError as error:
-            vars(self)["no_forecast"] = str(error)
-            return None
+            return str(error)
+
+    @property
+    def forecast(self) -> Forecast | None:
+        """The forecast of the files; None if there cannot be one."""
+        found = self.forecast_or_reason
+        return None if isinstance(found, str) else found
 
     @property
     def no_forecast(self) -> str:
         """Why there is no forecast; empty if there is one."""
-        return "" if self.forecast else str(vars(self).get("no_forecast", ""))
-
-    @step
-    def validation(self) -> Mapping[Any, Validated]:
-        """The entries of the files on the validation, by method; empty without one."""
-        if self.figures or self.evaluation is None:
-            return self.figures or {}
-        return validation_figures(self.evaluation.summaries, self.evaluation.settings)
-
-    @step
-    def recommendation(self) -> Recommendation:
-        """Which file to use for what, and how good they are."""
-        found = recommend(self.calibration, self.forecast, self.validation, self.no_forecast)
-        moved = moved_lengths(self.inputs) if self.forecast else ""
-        note = ""
-        if (own := self.evaluation) is not None:
-            kept = self.calibration.screening.dataset
-            note = note_on_splits(kept, own.settings, own.summaries)
-        return replace(found, sentences=tuple(filter(None, (*found.sentences, moved, note))))
-
-    @property
-    def inputs(self) -> list[Input]:
-        """Which input values the images contradict; empty without a refined set."""
-        return self.calibration.inputs
-
-    @step
-    def forecast_entries(self) -> dict[Method, ForecastEntries]:
-        """The entries of the files on the forecast, by method; empty without one."""
-        if self.forecast is None:
-            return {}
-        entries = self.forecast.of_files(self.validation)
-        about = self.calibration, self.forecast, self.validation
-        return {
-            method: own.raised(figures_of(method, *about).contradicted)
-            for method, own in entries.items()
-        }
-
-    @step
-    def sets(self) -> dict[Method, RigParameters]:
-        """The parameter files: 2d, 3d and, if available, refined."""
-        calibration, about = self.calibration, self.recommendation.to_json()
-        sets: dict[Method, RigParameters] = {}
-        for method in FILE_METHODS:
-            if method != "refined" or calibration.refined is not None:
-                entries = self.validation.get(method), self.forecast_entries.get(method)
-                parameters = calibration.parameters(method, *entries)
-                sets[method] = replace(parameters, recommendation=about)
-        return sets
-
-    @property
-    def parameter_files(self) -> dict[str, bytes]:
-        """The contents of these files by name."""
-        return {f"parameters_{name}.json": rig.dumps().encode() for name, rig in self.sets.items()}
-
-    @property
-    def thresholds_px(self) -> dict[Method, float | None]:
-        """The matching threshold in each file."""
-        return {method: rig.matching_threshold_px for method, rig in self.sets.items()}
+        found = self.forecast_or_reason
+        return found if isinstance(found, str) else ""
 
     @step
     def advice(self) -> str:
@@ -258,6 +186,11 @@ class Run:
     def misfit(self) -> Misfit:
         """Residuals of the refined set over the images."""
         return misfit_of(self.refined_set)
+
+    @property
+    def inputs(self) -> list[Input]:
+        """Which input values the images contradict; empty without a refined set."""
+        return self.calibration.inputs
 
     @property
     def refined_set(self) -> RefinedResult:

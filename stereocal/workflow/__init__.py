@@ -1,0 +1,1 @@
+"""A recording in, all results out: what commands, pages and scripts call."""

@@ -1,0 +1,135 @@
+"""What is computed of all cameras of a recording together: `Run`, whose steps are made when asked
+for."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.errors import StereocalError
+from stereocal.network.about_rig import PairOfRig
+from stereocal.network.calibrate import calibrate_rig
+from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.network.rig_file import RigFile, rig_file
+from stereocal.refined.parameter_file import refined_parameters
+from stereocal.refined.refine import refine
+from stereocal.refined.unknowns import RefineSettings
+from stereocal.rig.parameters import RigParameters, Timing
+from stereocal.rig.recording import CameraPair, Recording
+from stereocal.system.latest import step
+from stereocal.system.tasks import Progress
+from stereocal.workflow.answer import Answer
+from stereocal.workflow.pair_of_rig import data_of_pair, settings_of_pair
+from stereocal.workflow.pair_run import PairRun
+
+Sets = Mapping[Method, RigParameters]
+"""The parameter sets of a pair."""
+FORECAST = (
+    *("fcp_reprojection", "median_error_3d", "p95_error_3d", "p95_metric_error_3d"),
+    "threshold_px",
+)
+"""Of a pair's forecast, in rig.json."""
+
+
+@dataclass(eq=False)
+class Run:
+    """The rig of a recording, and the sets of its pairs. Each step is made when it is first asked
+    for, and kept."""
+
+    recording: Recording
+    settings: RefineSettings = field(default_factory=RefineSettings)
+    late: bool | None = None
+    """As of `calibrate_rig`."""
+    searches: CalibrationSettings | None = None
+    """Of the paper's two sets of every pair; None: without them."""
+    begin: Callable[[str], object] = lambda _: None
+    """Called with the name of each stage that takes time."""
+    progress: Progress = lambda *_: None
+    """Called with what is done of it, and what there is in all."""
+
+    @step
+    def found(self) -> RigFile:
+        """The rig, without the forecasts of its pairs."""
+        self.begin("steps")
+        return rig_file(calibrate_rig(self.recording, self.settings, self.late, self.progress))
+
+    @step
+    def _of_pairs(self) -> tuple[dict[str, Sets], list[str]]:
+        """The parameter sets of each pair by its name, and notes on pairs without any."""
+        sets, notes = dict[str, Sets](), list[str]()
+        pairs = {name: it for name, it in self.found.about.pairs.items() if it.frames is not None}
+        self.begin("pairs")
+        for number, (name, about) in enumerate(pairs.items()):
+            try:
+                sets[name] = self._sets_of(about.cameras)
+            except (StereocalError, KeyError) as error:
+                notes.append(f"The pair {name} has no files: {error}")
+            except np.linalg.LinAlgError:
+                notes.append(
+                    f"The pair {name} has no files: its images determine too little of it."
+                )
+            self.progress(number + 1, len(pairs))
+        return sets, notes
+
+    def _sets_of(self, pair: CameraPair) -> Sets:
+        """The refined set of two cameras, which is the rig's, and the paper's two if asked for."""
+        dataset = data_of_pair(self.recording, pair, self.found)
+        settings, of_rig = settings_of_pair(dataset, pair, self.found), self.found.pair(*pair)
+        sets: Sets
+        if self.searches is None:
+            sets = {"refined": refined_parameters(refine(dataset, settings))}
+        else:  # the rig has left out the frames that contradict it
+            run = PairRun(dataset, replace(self.searches, all_frames=True), settings)
+            if run.forecast is None:
+                raise StereocalError("there is no forecast for it.")
+            sets = Answer(run).sets
+        when: Timing = {"time_offset": of_rig.time_offset, "start_frame": of_rig.start_frame}
+        left_out, given = self.found.about.frames_left_out, self.recording.sha256
+        return {
+            method: replace(
+                own, inputs={**own.inputs, "sha256": given}, frames_left_out=left_out, **when
+            )
+            for method, own in sets.items()
+        }
+
+    @property
+    def sets(self) -> dict[str, Sets]:
+        """The parameter sets of each pair, by its name."""
+        return self._of_pairs[0]
+
+    @step
+    def rig(self) -> RigFile:
+        """The rig, with the forecasts of its pairs."""
+        about = self.found.about
+        pairs = {**about.pairs, **{name: self._forecast_of(name) for name in self.sets}}
+        return replace(self.found, about=replace(about, pairs=pairs))
+
+    def _forecast_of(self, name: str) -> PairOfRig:
+        predicted = self.sets[name]["refined"].predicted or {}
+        figures = {key: predicted[key] for key in FORECAST if key in predicted}
+        return replace(self.found.about.pairs[name], **figures)
+
+    @property
+    def pair_files(self) -> dict[str, bytes]:
+        """The files of the pairs, by name."""
+        return {
+            f"{name}_{method}.json": own.dumps().encode()
+            for name, of_pair in self.sets.items()
+            for method, own in of_pair.items()
+        }
+
+    @property
+    def sentences(self) -> list[str]:
+        """How good the rig is."""
+        return list(filter(None, (rig_sentence(self.rig), loops_sentence(self.rig))))
+
+    @property
+    def notes(self) -> list[str]:
+        """What is to be known of the recording, the rig and its pairs."""
+        return [*rig_notes(self.rig), *self.recording.step_notes, *self.notes_on_pairs]
+
+    @property
+    def notes_on_pairs(self) -> list[str]:
+        """On pairs without files."""
+        return self._of_pairs[1]
