@@ -18,6 +18,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from stereocal.fit.parameter_file import standard_errors
+from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.intrinsics.boards import BoardSearch, find_board
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
@@ -28,9 +31,6 @@ from stereocal.intrinsics.stereo_boards import (
     found_of,
     stereo_boards,
 )
-from stereocal.network.baseline import with_baseline_found
-from stereocal.refined.parameter_file import standard_errors
-from stereocal.refined.refine import RefinedResult, refine
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig

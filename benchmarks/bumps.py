@@ -25,7 +25,7 @@ from stereocal.field.checking.findings import FOCAL_LEVEL
 from stereocal.field.checking.fits import ENOUGH
 from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.field.checking.recheck import recheck
-from stereocal.refined.small_steps import baseline_direction, pose_at, pose_places
+from stereocal.fit.least_squares.small_steps import baseline_direction, pose_at, pose_places
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig

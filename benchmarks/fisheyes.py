@@ -21,6 +21,7 @@ import numpy as np
 from benchmarks.studies import exact_interval, run_studies
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
+from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.intrinsics.boards import BoardSearch
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.fisheye_fit import STARTS
@@ -35,7 +36,6 @@ from stereocal.intrinsics.lens_fit import (
     solve_lens,
 )
 from stereocal.intrinsics.stereo_boards import found_of, lenses_of_boards
-from stereocal.network.baseline import with_baseline_found
 from stereocal.rig.geometry import Pose, triangulate_rays
 from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import BoardPattern

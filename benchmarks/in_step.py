@@ -18,9 +18,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.rig_file import rig_file
-from stereocal.refined.screening import screen
+from stereocal.fit.calibrate import calibrate_rig
+from stereocal.fit.rig_file import rig_file
+from stereocal.fit.screening.screen import screen
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset

@@ -20,8 +20,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
+from stereocal.fit.calibrate import calibrate_rig
 from stereocal.formats.dataset_files import read_recording
-from stereocal.network.calibrate import calibrate_rig
 from stereocal.rig.recording import Recording
 from stereocal.system.array_types import FloatArray
 

@@ -15,10 +15,10 @@ import numpy as np
 from benchmarks.studies import run_studies
 from stereocal.calibration.corrections import scaled
 from stereocal.errors import StereocalError
+from stereocal.fit.errors.disagreement import compare_inputs
+from stereocal.fit.errors.stated_inputs import undetectable_errors
+from stereocal.fit.refine import refine
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.disagreement import compare_inputs
-from stereocal.refined.refine import refine
-from stereocal.refined.stated_inputs import undetectable_errors
 from stereocal.rig.camera import Camera
 from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import lens_off_by

@@ -18,8 +18,8 @@ from stereocal.calibration import costs, montecarlo
 from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import errors_of
 from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
+from stereocal.fit.screening.screen import screen
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.refined.screening import screen
 from stereocal.rig.compiled import compiled
 from stereocal.rig.geometry import Angles, Pose, fill_pose, residuals
 from stereocal.rig.pair import Pair

@@ -26,11 +26,11 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
 from stereocal.field.planning.forecast import PlanForecast, forecast
 from stereocal.field.planning.plan import AimedPose, Plan, SensorLens, Uncertainty
+from stereocal.fit.least_squares.unknowns import DEFAULT_CENTRE_PX, DEFAULT_FOCAL, RefineSettings
+from stereocal.fit.refine import refine
+from stereocal.fit.screening.screen import screen
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.refine import refine
-from stereocal.refined.screening import screen
-from stereocal.refined.unknowns import DEFAULT_CENTRE_PX, DEFAULT_FOCAL, RefineSettings
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import field_rig

@@ -30,10 +30,10 @@ from benchmarks.said import MOST, RIGHT, TRACEBACK, WRONG, error_of_files, in_wo
 from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
+from stereocal.fit.parameter_file import refined_parameters
+from stereocal.fit.refine import refine
+from stereocal.fit.screening.screen import screen
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.refine import refine
-from stereocal.refined.screening import screen
 from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import Scene, observe
 from stereocal.verdict.forecast import forecast_files

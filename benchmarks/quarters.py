@@ -21,14 +21,14 @@ from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
+from stereocal.fit.least_squares.small_steps import step_between
+from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings
+from stereocal.fit.parameter_file import refined_parameters
+from stereocal.fit.refine import refine
+from stereocal.fit.screening.screen import screen
+from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.dataset_files import read_recording
 from stereocal.library.calibrations import calibrate
-from stereocal.network.to_calibrate import pair_to_calibrate
-from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.refine import refine
-from stereocal.refined.screening import screen
-from stereocal.refined.small_steps import step_between
-from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import TARGETS, Correspondences
 from stereocal.rig.pair import Pair

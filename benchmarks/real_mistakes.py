@@ -24,9 +24,9 @@ from benchmarks.said import MOST, RIGHT, WRONG, in_words, judged, said_of
 from benchmarks.studies import parser_of
 from benchmarks.wrong_rigs import largest_z, told, with_error
 from stereocal.errors import StereocalError
+from stereocal.fit.least_squares.small_steps import pose_places
+from stereocal.fit.rig_file import RigFile
 from stereocal.formats.dataset_files import read_recording
-from stereocal.network.rig_file import RigFile
-from stereocal.refined.small_steps import pose_places
 from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording

@@ -24,11 +24,11 @@ from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.refined.refine import fit_from, refine
-from stereocal.refined.robust import RobustFit
-from stereocal.refined.small_steps import FACTOR, moved, pose_at, step_between
-from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.refined.views import EACH, LENS, OWN, Cameras
+from stereocal.fit.least_squares.robust import RobustFit
+from stereocal.fit.least_squares.small_steps import FACTOR, moved, pose_at, step_between
+from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings
+from stereocal.fit.least_squares.views import EACH, LENS, OWN, Cameras
+from stereocal.fit.refine import fit_from, refine
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 from stereocal.rig.pair import Pair

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.studies import run_studies
-from stereocal.refined.unknowns import RefineSettings
+from stereocal.fit.least_squares.unknowns import RefineSettings
 from tests.rigs.accuracy import (
     NAMES,
     accusations,

@@ -26,17 +26,17 @@ from scipy.sparse import lil_matrix
 from scipy.spatial.transform import Rotation
 
 from benchmarks.still import differences
+from stereocal.fit.about_rig import AboutRig
+from stereocal.fit.calibrate import calibrate_rig
+from stereocal.fit.least_squares.observations import Observations
+from stereocal.fit.least_squares.robust import RobustFit
+from stereocal.fit.least_squares.unknowns import DEFAULT_DISTANCE, LensPrior, RefineSettings
+from stereocal.fit.least_squares.views import EACH
+from stereocal.fit.rig_calibration import RigCalibration, third_cameras
+from stereocal.fit.rig_file import RigFile, rig_file
+from stereocal.fit.start.fuse import Fused, fuse
 from stereocal.formats.dataset_files import read_recording
 from stereocal.matching.view_groups import ViewFitter
-from stereocal.network.about_rig import AboutRig
-from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.fuse import Fused, fuse
-from stereocal.network.result import RigCalibration, third_cameras
-from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.refined.observations import Observations
-from stereocal.refined.robust import RobustFit
-from stereocal.refined.unknowns import DEFAULT_DISTANCE, LensPrior, RefineSettings
-from stereocal.refined.views import EACH
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.network.baseline import with_baseline_found
+from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray

@@ -21,14 +21,14 @@ from benchmarks.quarters import TURN_RAD, quarters, turned_secondary
 from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
-from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.result import RigCalibration
-from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.refine import refine
-from stereocal.refined.screening import screen
-from stereocal.refined.small_steps import lens_places
-from stereocal.refined.unknowns import LensPrior, RefineSettings
-from stereocal.refined.views import EACH
+from stereocal.fit.calibrate import calibrate_rig
+from stereocal.fit.least_squares.small_steps import lens_places
+from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings
+from stereocal.fit.least_squares.views import EACH
+from stereocal.fit.parameter_file import refined_parameters
+from stereocal.fit.refine import refine
+from stereocal.fit.rig_calibration import RigCalibration
+from stereocal.fit.screening.screen import screen
 from stereocal.rig.recording import Recording
 from stereocal.system.array_types import BoolArray
 from tests.rigs.moving_wand import stated_over_true, wave_wand

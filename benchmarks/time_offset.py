@@ -15,10 +15,10 @@ from functools import partial
 
 import numpy as np
 
-from stereocal.refined.parameter_file import of_file
-from stereocal.refined.refine import refine
-from stereocal.refined.screening import screen
-from stereocal.refined.time_offset import CLAIMED
+from stereocal.fit.parameter_file import of_file
+from stereocal.fit.refine import refine
+from stereocal.fit.screening.screen import screen
+from stereocal.fit.timing.time_offset import CLAIMED
 from stereocal.rig.tracks import TimeOffset
 from tests.rigs.moving_bar import FRAMES_BETWEEN, move_bar, record
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, misjudged, random_rig

@@ -11,8 +11,8 @@ import numpy as np
 from benchmarks.studies import numbers_asked
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
+from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.simulation.simulate import place_bars
 from stereocal.verdict.forecast import TOLERANCE, Verdict, forecast_files

@@ -12,8 +12,8 @@ import numpy as np
 
 from benchmarks.quarters import FIGURES, METHODS, rms_of_differences
 from benchmarks.studies import run_studies
+from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.simulation.simulate import Nominal, observe
 from stereocal.verdict.forecast import forecast_files
 from tests.rigs.population import figures_on

@@ -18,10 +18,10 @@ import numpy as np
 from benchmarks.boards import boards_in, cameras_of, uncertainties
 from benchmarks.quarters import FIGURES, METHODS
 from benchmarks.studies import run_studies
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.intrinsics.stereo_boards import found_of
 from stereocal.library.calibrations import calibrate
-from stereocal.network.baseline import with_baseline_found
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.verdict.forecast import forecast_files

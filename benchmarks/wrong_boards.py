@@ -24,8 +24,8 @@ from benchmarks.boards import boards_in, cameras_of, uncertainties
 from benchmarks.said import MOST, Said, error_of_files, in_words, judged
 from benchmarks.said import said_of as said_of_dataset
 from benchmarks.studies import parser_of
+from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.intrinsics.stereo_boards import found_of
-from stereocal.network.baseline import with_baseline_found
 from stereocal.rig.camera import Camera
 from stereocal.rig.pair import Pair
 from stereocal.workflow.answer import Answer

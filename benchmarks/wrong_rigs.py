@@ -21,8 +21,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.cli import main as stereocal
+from stereocal.fit.rig_file import RIG, ROTATION, RigFile
 from stereocal.formats.dataset_files import pack_recording
-from stereocal.network.rig_file import RIG, ROTATION, RigFile
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from tests.files import write

@@ -16,6 +16,7 @@ from stereocal.version import __version__ as __version__
 if TYPE_CHECKING:
     from stereocal.calibration.methods import CalibrationSettings as CalibrationSettings
     from stereocal.errors import StereocalError as StereocalError
+    from stereocal.fit.rig_file import RigFile as RigFile
     from stereocal.formats.camera_file import read_camera as read_camera
     from stereocal.formats.dataset_files import read_dataset as read_dataset
     from stereocal.formats.exchange.exchange import export as export
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from stereocal.library.field_day import sync as sync
     from stereocal.library.tables import match as match
     from stereocal.library.tables import reconstruct as reconstruct
-    from stereocal.network.rig_file import RigFile as RigFile
     from stereocal.rig.camera import Camera as Camera
     from stereocal.rig.correspondences import Correspondences as Correspondences
     from stereocal.rig.geometry import Pose as Pose
@@ -47,7 +47,7 @@ _MODULES = {
     "Pair": "rig.pair",
     "Pose": "rig.geometry",
     "Recording": "rig.recording",
-    "RigFile": "network.rig_file",
+    "RigFile": "fit.rig_file",
     "RigParameters": "rig.parameters",
     "StereocalError": "errors",
     "calibrate": "library.calibrations",

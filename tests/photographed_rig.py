@@ -90,7 +90,7 @@ def photographed_rig(frames: int, boards: int) -> PhotographedRig:
 
 
 def true_values() -> dict[str, float]:
-    """The true numbers under the names of `refined.uncertainty.standard_errors`."""
+    """The true numbers under the names of `fit.errors.uncertainty.standard_errors`."""
     found: dict[str, float] = {**ANGLES._asdict(), "baseline_m": BASELINE_M}
     for name, camera in (("primary", PRIMARY), ("secondary", SECONDARY)):
         K: FloatArray = camera.K

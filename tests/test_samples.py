@@ -9,8 +9,8 @@ import pytest
 from stereocal import CalibrationSettings
 from stereocal.calibration.methods import FILE_METHODS
 from stereocal.cli import main
+from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.dataset_files import read_dataset, read_recording
-from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.system.resources import ROOT

@@ -9,9 +9,9 @@ import numpy as np
 
 from stereocal.calibration.methods import Method, errors_of
 from stereocal.figures.story import HeldOutSet, Story, best_mean
+from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.correspondences import TARGETS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair

@@ -4,8 +4,8 @@ from benchmarks.peers.solution import Peer, Solution
 from stereocal.calibration import montecarlo
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.montecarlo import Problem, SearchSettings, minimise
-from stereocal.refined.refine import refine
-from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
+from stereocal.fit.least_squares.unknowns import FIXED_LENS, RefineSettings
+from stereocal.fit.refine import refine
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 

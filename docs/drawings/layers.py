@@ -9,7 +9,7 @@ LAYERS = (
         "from photographs, and to points",
         ("simulation", "detection", "frames", "intrinsics", "matching", "field"),
     ),
-    ("the method", ("calibration", "refined", "evaluation", "verdict")),
+    ("the method", ("calibration", "fit", "evaluation", "verdict")),
     ("ground", ("errors", "system", "rig")),
 )
 

@@ -1,7 +1,7 @@
 """Other readings of a recording: files exchanged, images mirrored, frames in another order.
 
 Each row says what may be wrong, where it makes sense, and how the recording reads without it. Rows
-of values that are fitted are in `wrong_inputs` and `network.judge`.
+of values that are fitted are in `wrong_inputs` and `fit.readings.judge`.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -3,7 +3,7 @@
 The fit of a reading is measured by two quantities that do not depend on the scale: the median
 reprojection error, and the spread of the bar lengths about their median. Both can be better by
 chance: of lenses of 9 degrees the essential matrix hardly fixes the lengths. So these readings only
-are suspects; `network.judge` judges them, with all the images and lengths in one fit.
+are suspects; `fit.readings.judge` judges them, with all the images and lengths in one fit.
 """
 
 from collections.abc import Iterable, Iterator

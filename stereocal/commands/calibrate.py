@@ -22,15 +22,15 @@ from stereocal.commands.options import (
 )
 from stereocal.errors import StereocalError, naming
 from stereocal.evaluation.evaluate import MOST_RUNS, EvaluationSettings
+from stereocal.fit.errors.stated_inputs import undetectable_errors
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.parameter_file import errors_of_set
+from stereocal.fit.results import Calibration
+from stereocal.fit.timing.to_calibrate import in_step
 from stereocal.formats.dataset_description import DESCRIPTION
 from stereocal.formats.evaluation_files import Evaluation, validation_in_summary
 from stereocal.formats.inputs import read_input
-from stereocal.network.to_calibrate import in_step
 from stereocal.paper_kit.kit import paper_kit
-from stereocal.refined.parameter_file import errors_of_set
-from stereocal.refined.results import Calibration
-from stereocal.refined.stated_inputs import undetectable_errors
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import question_about_units, rig_in_words, word_of
 from stereocal.rig.recording import Recording

@@ -25,8 +25,8 @@ from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters
 from stereocal.field.checking.rig_check import check_rig
+from stereocal.fit.rig_file import RigFile, holds_rig
 from stereocal.formats.inputs import STORED_PROJECT, images_in_table, recording_in
-from stereocal.network.rig_file import RigFile, holds_rig
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import read_whole
 

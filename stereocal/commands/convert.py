@@ -12,9 +12,9 @@ from stereocal.commands.options import (
     two_cameras,
     world_from,
 )
+from stereocal.fit.rig_file import RigFile, holds_rig
 from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, import_parameters
 from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
-from stereocal.network.rig_file import RigFile, holds_rig
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 

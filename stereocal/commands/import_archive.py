@@ -16,6 +16,7 @@ from stereocal.commands.options import (
     with_sigmas,
 )
 from stereocal.errors import StereocalError
+from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.formats.archives.all_cameras import ENDS, gather_all
 from stereocal.formats.archives.archive import THROW, Archive, Part
 from stereocal.formats.archives.gather import WANTED, gather
@@ -24,7 +25,6 @@ from stereocal.formats.dataset_description import FREE
 from stereocal.formats.dataset_files import pack_dataset, pack_recording
 from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
 from stereocal.formats.point_layouts import LAYOUTS
-from stereocal.network.baseline import with_baseline_found
 from stereocal.rig.pair import Pair
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import POSSIBLE_M, rounded

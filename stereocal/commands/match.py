@@ -22,6 +22,7 @@ from stereocal.commands.options import (
     workers_from,
 )
 from stereocal.errors import StereocalError
+from stereocal.fit.rig_file import RigFile
 from stereocal.formats import point_answers
 from stereocal.formats.column_roles import ROLES_HELP, UNUSED, Kind, Role, column_titles, roles_text
 from stereocal.formats.exchange.chosen_cameras import camera_indices
@@ -36,7 +37,6 @@ from stereocal.matching.names import AUTO
 from stereocal.matching.point_table import PointTable, is_parquet
 from stereocal.matching.settled import Stated
 from stereocal.matching.view_groups import ViewFitter, match_views
-from stereocal.network.rig_file import RigFile
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import read_whole

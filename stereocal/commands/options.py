@@ -10,12 +10,12 @@ from typing import Any
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.commands.console import Number, Options, report
 from stereocal.errors import StereocalError, disk_errors, naming
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.exchange.options import QUESTIONS
 from stereocal.formats.inputs import read_input
 from stereocal.formats.world_file import read_world
-from stereocal.network.to_calibrate import in_step, pair_to_calibrate
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CameraName
 from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair

@@ -14,10 +14,10 @@ from stereocal.commands.options import (
     workers_from,
     world_from,
 )
+from stereocal.fit.rig_file import Parameters, RigFile
 from stereocal.matching.matching import refuse_different_rigs
 from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.views import views_of
-from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.parameters import RigParameters
 
 OPTIONS: Options = {

@@ -10,8 +10,8 @@ from stereocal.commands.console import Options, in_stages
 from stereocal.commands.options import PAIRS, finish, questions, recording_from
 from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import rig_report
-from stereocal.network.rig_file import RIG, RigFile
-from stereocal.refined.unknowns import RefineSettings
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.rig_file import RIG, RigFile
 from stereocal.system.tasks import Progress
 from stereocal.workflow.run import Run
 

@@ -7,8 +7,8 @@ from stereocal.commands.options import finish, questions
 from stereocal.errors import naming
 from stereocal.figures.html import html_page, html_plot
 from stereocal.figures.started_by_hand import describe_offsets, plot_offsets
+from stereocal.fit.timing.started_by_hand import bring_into_step
 from stereocal.formats.dataset_files import pack_recording, read_recording
-from stereocal.network.started_by_hand import bring_into_step
 
 OPTIONS: Options = {
     "dataset": "folder or zip with dataset.json of format 2, whose cameras counted their own "

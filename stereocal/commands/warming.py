@@ -23,15 +23,15 @@ from stereocal.calibration.montecarlo import SearchSettings, reconstruction_prob
 from stereocal.calibration.offset_scan import Track, scan
 from stereocal.commands.console import ProgressBar
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate_runs
+from stereocal.fit.calibrate import calibrate_rig
+from stereocal.fit.errors.uncertainty import accuracy_map
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.refine import fit_from
+from stereocal.fit.rig_file import rig_file
 from stereocal.frames.search import compile_detection
 from stereocal.library.calibrations import calibrate
 from stereocal.matching.matching import match_points
 from stereocal.matching.view_groups import ViewFitter, match_views
-from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.rig_file import rig_file
-from stereocal.refined.refine import fit_from
-from stereocal.refined.uncertainty import accuracy_map
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import compilations, uncompiled
 from stereocal.rig.pair import Pair

@@ -6,8 +6,8 @@ from stereocal.commands.console import ONE_OF, Number, Options, report
 from stereocal.commands.options import contents
 from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import Axes, WorldSettings
+from stereocal.fit.rig_file import Parameters, RigFile
 from stereocal.formats.world_file import pair_in_table, read_observed, write_world
-from stereocal.network.rig_file import Parameters, RigFile
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.numbers import POSSIBLE_M

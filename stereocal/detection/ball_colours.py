@@ -10,7 +10,7 @@ from PIL import ImageColor
 
 from stereocal.detection.target import BRIGHT, Balls
 from stereocal.errors import StereocalError
-from stereocal.refined.outliers import MAD_TO_SIGMA
+from stereocal.fit.screening.outliers import MAD_TO_SIGMA
 from stereocal.rig.compiled import compiled
 from stereocal.system.array_types import FloatArray
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from stereocal.detection.ball_colours import Colours
 from stereocal.detection.intensity import profiles, steepest
-from stereocal.refined.outliers import MAD_TO_SIGMA
+from stereocal.fit.screening.outliers import MAD_TO_SIGMA
 from stereocal.rig.camera import Camera
 from stereocal.system.array_types import FloatArray
 

@@ -28,10 +28,10 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import minimise, reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
 from stereocal.evaluation.counting import BINS, count_pairs
-from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.small_steps import undistort_rays
-from stereocal.refined.unknowns import RefineSettings
+from stereocal.fit.least_squares.distortion import lenses_of_cameras
+from stereocal.fit.least_squares.small_steps import undistort_rays
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.refine import RefinedResult, refine
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, triangulate_rays
 from stereocal.rig.pair import Pair

@@ -15,8 +15,8 @@ from stereocal.field.checking.repair import Residuals
 from stereocal.field.checking.since import Since
 from stereocal.figures import style
 from stereocal.figures.style import MOST_DRAWN, add_trace
-from stereocal.refined import outliers
-from stereocal.refined.results import Calibration
+from stereocal.fit.results import Calibration
+from stereocal.fit.screening import outliers
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import count, rounded
 

@@ -8,10 +8,10 @@ import plotly.graph_objects as go
 
 from stereocal.figures import style
 from stereocal.figures.style import NOWHERE, add_trace, blank, line_of
+from stereocal.fit.errors.misfit import FEWEST_POINTS, LEVEL, Misfit
 from stereocal.intrinsics.calibrate_lens import LensCalibration
 from stereocal.intrinsics.lens_fit import PARAMETERS
 from stereocal.intrinsics.quality import coverage, lens_residuals, typical_and_noise_px
-from stereocal.refined.misfit import FEWEST_POINTS, LEVEL, Misfit
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.residual_field import ResidualField
 from stereocal.system.numbers import count, rounded, with_error

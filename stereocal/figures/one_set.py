@@ -7,8 +7,8 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from stereocal.figures import style
-from stereocal.refined.disagreement import ACCUSED
-from stereocal.refined.stated_inputs import Input, in_digits
+from stereocal.fit.errors.disagreement import ACCUSED
+from stereocal.fit.errors.stated_inputs import Input, in_digits
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits
 

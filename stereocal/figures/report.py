@@ -16,8 +16,8 @@ from stereocal.figures.html import html_figure, html_page, html_plot, html_table
 from stereocal.figures.style import in_order
 from stereocal.figures.tables import ANGLE_TITLES, contents_table, validation_table
 from stereocal.figures.validation import COLUMNS, describe_validation, plot_validation
-from stereocal.refined.results import Calibration
-from stereocal.refined.screening import Screening
+from stereocal.fit.results import Calibration
+from stereocal.fit.screening.screen import Screening
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Angles
 from stereocal.rig.pair import Pair

@@ -13,7 +13,7 @@ from stereocal.calibration.methods import Errors, Method
 from stereocal.errors import StereocalError
 from stereocal.figures import space, style
 from stereocal.figures.style import METHOD_NAMES, add_trace
-from stereocal.refined.results import Calibration
+from stereocal.fit.results import Calibration
 from stereocal.rig.geometry import triangulate_rays
 from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig

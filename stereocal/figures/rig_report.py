@@ -10,8 +10,8 @@ import plotly.graph_objects as go
 from stereocal.figures.html import html_list, html_page, html_plot, html_table, paragraphs
 from stereocal.figures.space import above_or_below, outline_of, set_scene
 from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, add_trace, blank, line_of
-from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
-from stereocal.network.rig_file import RigFile
+from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.fit.rig_file import RigFile
 from stereocal.rig.camera import Camera
 from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import digits, rounded

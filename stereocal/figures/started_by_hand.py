@@ -4,7 +4,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from stereocal.figures.style import CORRECT_COLOUR, NEUTRAL, WRONG_COLOUR, add_trace, blank, line_of
-from stereocal.network.offset_of_pair import OffsetOfPair
+from stereocal.fit.timing.offset_of_pair import OffsetOfPair
 from stereocal.system.array_types import FloatArray
 
 MOST_DRAWN = 1500

@@ -12,10 +12,10 @@ from stereocal.evaluation.summary import Estimate, MethodSummary
 from stereocal.field.planning.forecast import PlanForecast
 from stereocal.figures.style import in_order
 from stereocal.figures.validation import COLUMNS, standings
-from stereocal.refined.parameter_file import errors_of_set
-from stereocal.refined.refine import RefinedResult
-from stereocal.refined.results import Calibration
-from stereocal.refined.small_steps import FACTOR, largest_turn_sigma
+from stereocal.fit.least_squares.small_steps import FACTOR, largest_turn_sigma
+from stereocal.fit.parameter_file import errors_of_set
+from stereocal.fit.refine import RefinedResult
+from stereocal.fit.results import Calibration
 from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import ForecastEntries
 from stereocal.system.numbers import digits, rounded

@@ -7,7 +7,7 @@ from stereocal.calibration.methods import COST_UNITS, Method
 from stereocal.calibration.montecarlo import Trace
 from stereocal.figures import style
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES
-from stereocal.refined.results import Calibration
+from stereocal.fit.results import Calibration
 from stereocal.system.array_types import IntArray
 from stereocal.system.numbers import rounded
 from stereocal.system.sampling import evenly_spread

@@ -16,8 +16,8 @@ from stereocal.calibration.methods import METHOD_NAMES, PAPER_SETS, Method
 from stereocal.errors import StereocalError
 from stereocal.figures import style
 from stereocal.figures.space import SCENE_AXIS
-from stereocal.refined.outliers import bar_frames, frame_reprojection_px
-from stereocal.refined.results import Calibration
+from stereocal.fit.results import Calibration
+from stereocal.fit.screening.outliers import bar_frames, frame_reprojection_px
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.pair import Pair

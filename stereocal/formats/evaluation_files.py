@@ -16,7 +16,7 @@ from stereocal.errors import StereocalError, damaged
 from stereocal.evaluation.counting import BINS
 from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts
 from stereocal.evaluation.summary import MethodSummary, summarise
-from stereocal.refined.screening import Screening
+from stereocal.fit.screening.screen import Screening
 from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import ForecastEntries
 from stereocal.system.arrays import Array, read_arrays, shaped

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from stereocal.errors import StereocalError, naming
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_pairs
+from stereocal.fit.rig_file import Parameters, RigFile
+from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import parse_recording, parse_zip, read_recording
 from stereocal.formats.points_csv import read_points_csv
 from stereocal.matching.point_table import PointTable, is_parquet
-from stereocal.network.rig_file import Parameters, RigFile
-from stereocal.network.to_calibrate import in_step, pair_to_calibrate
 from stereocal.rig.camera import CAMERAS, LensModel
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.pair import Pair

@@ -25,8 +25,8 @@ from stereocal.field.world.frame import (
     Throw,
     WorldFrame,
 )
+from stereocal.fit.rig_file import Parameters
 from stereocal.matching.reconstruction import name_of_world
-from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters

@@ -1,7 +1,7 @@
 """Which photographs of cameras that were started by hand belong together: the motion tells.
 
 Each camera's targets are found by themselves and followed from photograph to photograph, so that
-targets that look alike keep their names; `network.started_by_hand` then finds the offset of the
+targets that look alike keep their names; `fit.timing.started_by_hand` then finds the offset of the
 counts. What the soundtracks say narrows the search where the images leave two offsets, and is
 checked by the images where they do not.
 """
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.errors import StereocalError
+from stereocal.fit.timing.started_by_hand import bring_into_step
 from stereocal.frames.pairing import ByHand, Motion
-from stereocal.network.started_by_hand import bring_into_step
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject

@@ -14,8 +14,8 @@ import numpy as np
 from stereocal.calibration.essential import calibrate_essential
 from stereocal.detection.target import Sighting
 from stereocal.errors import StereocalError
+from stereocal.fit.screening.outliers import MAD_TO_SIGMA
 from stereocal.frames.epipolar_labels import SMALLEST_EXCESS_PX, frame_focal_px
-from stereocal.refined.outliers import MAD_TO_SIGMA
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Angles, Pose, sampson, triangulate_rays
 from stereocal.system.array_types import BoolArray, FloatArray

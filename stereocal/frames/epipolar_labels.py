@@ -18,7 +18,7 @@ import numpy as np
 
 from stereocal.calibration.essential import calibrate_essential, linear_essential
 from stereocal.errors import StereocalError
-from stereocal.refined.outliers import outlying
+from stereocal.fit.screening.outliers import outlying
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import contiguous
 from stereocal.rig.geometry import Pose, sampson, triangulate_rays

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stereocal.fit.screening.outliers import outlying
 from stereocal.frames.epipolar_labels import (
     MINIMUM_FRAMES,
     SMALLEST_EXCESS_PX,
@@ -19,7 +20,6 @@ from stereocal.frames.epipolar_labels import (
 )
 from stereocal.frames.frame import Frame
 from stereocal.frames.pairing import Alone
-from stereocal.refined.outliers import outlying
 from stereocal.rig.camera import Camera
 from stereocal.system.array_types import FloatArray
 

@@ -18,16 +18,16 @@ from stereocal.errors import StereocalError, naming
 from stereocal.evaluation.evaluate import EvaluationSettings, Splits
 from stereocal.evaluation.evaluate import evaluate as evaluate_runs
 from stereocal.evaluation.summary import MethodSummary, summarise_all
+from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.results import Calibration
+from stereocal.fit.rig_file import RigFile
+from stereocal.fit.start.baseline import with_baseline_found
+from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.evaluation_files import Evaluation, unique_names
 from stereocal.formats.exchange.exchange import export
 from stereocal.library.drawing import draw, of_figures
-from stereocal.network.baseline import with_baseline_found
-from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
-from stereocal.network.rig_file import RigFile
-from stereocal.network.to_calibrate import in_step, pair_to_calibrate
-from stereocal.refined.results import Calibration
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import LensModel
 from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters

@@ -22,6 +22,8 @@ from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import repaired_parameters, residuals_of
 from stereocal.field.checking.rig_check import RigCheck, check_rig
 from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer
+from stereocal.fit.rig_file import RigFile
+from stereocal.fit.timing.started_by_hand import BroughtIntoStep, bring_into_step
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.plan_file import read_plan
 from stereocal.intrinsics.boards import find_boards
@@ -31,8 +33,6 @@ from stereocal.intrinsics.quality import LENS_COLUMNS, advice, lens_answer, lens
 from stereocal.library.calibrations import pair_of
 from stereocal.library.drawing import draw, of_figures
 from stereocal.matching.point_table import PointTable
-from stereocal.network.rig_file import RigFile
-from stereocal.network.started_by_hand import BroughtIntoStep, bring_into_step
 from stereocal.rig.camera import LensModel
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.pair import Pair

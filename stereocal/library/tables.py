@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 import pandas as pd
 
+from stereocal.fit.rig_file import Parameters
 from stereocal.library.drawing import draw
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.matching import ANY_DEPTH
@@ -20,7 +21,6 @@ from stereocal.matching.settled import Stated
 from stereocal.matching.tables_by_camera import Report
 from stereocal.matching.trajectories import POINT_COLUMNS
 from stereocal.matching.views import views_of
-from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from stereocal.detection.target import Board, Target, parse_board, parse_target
 from stereocal.errors import StereocalError
+from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.dataset_description import DESCRIPTION
 from stereocal.formats.dataset_files import read_recording, read_texts
 from stereocal.frames.all_cameras import Found, pair_folders
@@ -23,7 +24,6 @@ from stereocal.intrinsics.held_object import held_object
 from stereocal.intrinsics.photograph_search import PhotographSearch
 from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.library.drawing import draw
-from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import CameraPair, Recording

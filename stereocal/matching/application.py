@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
+from stereocal.fit.rig_file import Parameters
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.matching import refuse_different_rigs
 from stereocal.matching.measure_tables import measure_tables
@@ -27,7 +28,6 @@ from stereocal.matching.settled import Stated
 from stereocal.matching.tracks import OF_TRACKS
 from stereocal.matching.trajectories import OUTSIDE_VOLUME, POINT_COLUMNS, SIGMA_COLUMNS
 from stereocal.matching.views import PAIRS, Views, views_of
-from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording

@@ -11,14 +11,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pandas as pd
 
+from stereocal.fit.least_squares.small_steps import FACTOR
+from stereocal.fit.rig_file import Parameters
 from stereocal.matching.in_step import points_in_step
 from stereocal.matching.point_table import POINT
 from stereocal.matching.reconstruction import Measured, Points3D
 from stereocal.matching.settled import Settled, Stated
 from stereocal.matching.trajectories import TRACK
 from stereocal.matching.views import points_of_names, views_of
-from stereocal.network.rig_file import Parameters
-from stereocal.refined.small_steps import FACTOR
 from stereocal.rig.epipolar_curve import epipolar_curve
 from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import FloatArray

@@ -15,10 +15,10 @@ import pandas as pd
 
 from stereocal.calibration.corrections import fitting_px
 from stereocal.errors import StereocalError
+from stereocal.fit.rig_file import Parameters
+from stereocal.fit.timing.offset_of_pair import APART, STANDS_OUT
 from stereocal.matching.point_table import POINT, PointTable
 from stereocal.matching.trajectories import naming_columns
-from stereocal.network.offset_of_pair import APART, STANDS_OUT
-from stereocal.network.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.clusters import follow_each_other
 from stereocal.rig.correspondences import PIXELS, TIME

@@ -9,12 +9,12 @@ from pathlib import Path
 import pandas as pd
 
 from stereocal.errors import StereocalError
+from stereocal.fit.rig_file import Parameters
 from stereocal.matching.in_step import tables_in_step
 from stereocal.matching.point_table import PointTable, open_table, together
 from stereocal.matching.settled import Matching, Stated
 from stereocal.matching.tables_by_camera import Frame, Report, TablesByCamera, without_partner
 from stereocal.matching.views import views_of
-from stereocal.network.rig_file import Parameters
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.system.tasks import Progress, Task, run_tasks
 

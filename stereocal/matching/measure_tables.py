@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from stereocal.errors import RowProblem
+from stereocal.fit.rig_file import Parameters
 from stereocal.matching.point_noise import PointNoise, check_sigma
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable, open_table
 from stereocal.matching.reconstruction import Noise, name_of_world
@@ -24,7 +25,6 @@ from stereocal.matching.trajectories import (
     with_track,
 )
 from stereocal.matching.views import SAMPLE_PAIRS, Views, cameras_of, views_of
-from stereocal.network.rig_file import Parameters
 from stereocal.rig.field_of_view import beyond_in_words, count_beyond
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import PlacedCameras

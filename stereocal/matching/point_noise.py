@@ -22,9 +22,9 @@ from scipy.optimize import minimize_scalar
 from scipy.special import gammaln, ndtr, stdtr
 
 from stereocal.errors import StereocalError
+from stereocal.fit.errors.uncertainty import point_jacobians
+from stereocal.fit.least_squares.small_steps import rig_at
 from stereocal.matching.reconstruction import noise_of_file
-from stereocal.refined.small_steps import rig_at
-from stereocal.refined.uncertainty import point_jacobians
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import POSSIBLE_PX, rounded, with_error

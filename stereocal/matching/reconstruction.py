@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.network.rig_file import Parameters, RigFile
-from stereocal.refined.parameter_file import covariance_of_entry
-from stereocal.refined.small_steps import OF_PAIR, rig_at
-from stereocal.refined.uncertainty import point_errors
+from stereocal.fit.errors.uncertainty import point_errors
+from stereocal.fit.least_squares.small_steps import OF_PAIR, rig_at
+from stereocal.fit.parameter_file import covariance_of_entry
+from stereocal.fit.rig_file import Parameters, RigFile
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays, stack_rays, triangulate_rays
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from stereocal.fit.rig_file import Parameters
 from stereocal.matching.names import AUTO, Names, TwoCameras, choose_names
 from stereocal.matching.point_noise import PointNoise, check_sigma, on_far
 from stereocal.matching.point_table import POINT, pixels_of
@@ -16,7 +17,6 @@ from stereocal.matching.settled import ERROR_DECIMALS, Matching, Stated
 from stereocal.matching.tables_by_camera import Report, TablesByCamera, pixel_columns
 from stereocal.matching.threshold import choose_threshold
 from stereocal.matching.view_groups import ViewFitter, expected_wrong, match_views
-from stereocal.network.rig_file import Parameters
 from stereocal.rig.recording import CameraPair
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import count, rounded

@@ -16,11 +16,11 @@ from scipy.spatial import cKDTree
 from scipy.special import chdtri
 
 from stereocal.errors import StereocalError
+from stereocal.fit.least_squares.small_steps import cameras_at
+from stereocal.fit.least_squares.views import fit_points
+from stereocal.fit.rig_file import Parameters
 from stereocal.matching.pair_candidates import pairs_within
 from stereocal.matching.reconstruction import Measured, PointErrors, covariance_of
-from stereocal.network.rig_file import Parameters
-from stereocal.refined.small_steps import cameras_at
-from stereocal.refined.views import fit_points
 from stereocal.rig.camera import pixel_scales
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import chdtri
 
+from stereocal.fit.rig_file import Parameters
 from stereocal.matching.in_step import pairs_in_step
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
 from stereocal.matching.pairs import BelowThreshold, names_and_threshold, sample_frames
@@ -31,7 +32,6 @@ from stereocal.matching.tables_by_camera import Report, TablesByCamera, pixel_co
 from stereocal.matching.tracks import OF_TRACKS, InGroups, common_columns, noise_of_tracks
 from stereocal.matching.trajectories import TRACK
 from stereocal.matching.view_groups import LOST, ViewFitter
-from stereocal.network.rig_file import Parameters
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray, IntArray

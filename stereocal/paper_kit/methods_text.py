@@ -8,13 +8,13 @@ import numpy as np
 
 from stereocal.calibration.methods import ALL_METHODS
 from stereocal.evaluation.summary import BOOTSTRAPS
-from stereocal.matching.application import Outcome
-from stereocal.refined.unknowns import (
+from stereocal.fit.least_squares.unknowns import (
     DEFAULT_BASELINE,
     DEFAULT_CENTRE_PX,
     DEFAULT_DISTANCE,
     DEFAULT_FOCAL,
 )
+from stereocal.matching.application import Outcome
 from stereocal.rig.correspondences import SOURCES
 from stereocal.rig.pair import Pair
 from stereocal.system.numbers import count, rounded

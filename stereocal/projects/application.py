@@ -11,6 +11,7 @@ from typing import Any, Literal
 import pandas as pd
 
 from stereocal.errors import StereocalError, damaged
+from stereocal.fit.rig_file import RIG, Parameters, RigFile, is_rig, read_parameters
 from stereocal.formats.inputs import images_in
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.point_answers import Answers, answered, answers_alike, layout_of
@@ -20,7 +21,6 @@ from stereocal.formats.point_text import point_text
 from stereocal.formats.world_file import check_world
 from stereocal.matching.application import POINTS, Application, Outcome, Points, apply_sets
 from stereocal.matching.point_table import POINT, PointTable, is_parquet
-from stereocal.network.rig_file import RIG, Parameters, RigFile, is_rig, read_parameters
 from stereocal.projects.contents import APPLIED, ASKING, CHECK, POINT_FILES, SETS, TABLES, WORLD
 from stereocal.projects.database import DamagedError
 from stereocal.projects.files import StoredFile, loaded

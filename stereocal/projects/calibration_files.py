@@ -10,11 +10,11 @@ from typing import Any, get_type_hints
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.calibration.montecarlo import MethodResult
 from stereocal.errors import StereocalError, damaged
-from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.results import Calibration
-from stereocal.refined.screening import Screening
-from stereocal.refined.small_steps import OF_PAIR
-from stereocal.refined.unknowns import RefineSettings
+from stereocal.fit.least_squares.small_steps import OF_PAIR
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.results import Calibration
+from stereocal.fit.screening.screen import Screening
 from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair
 from stereocal.rig.tracks import TimeOffset

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from stereocal.calibration.methods import METHOD_NAMES, PAPER_SETS
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.network.in_words import rig_errors_in_words
+from stereocal.fit.in_words import rig_errors_in_words
 from stereocal.projects.contents import CONTENTS, POINT_FILES
 from stereocal.projects.database import (
     NOT_THERE,

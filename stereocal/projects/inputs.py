@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from stereocal.network.baseline import with_baseline_found
+from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensUncertainty
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.pair import Pair

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 from stereocal.calibration.methods import Method
 from stereocal.errors import DAMAGED, StereocalError, damaged
+from stereocal.fit.results import Calibration
 from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_description import TABLE
@@ -26,7 +27,6 @@ from stereocal.projects.contents import CALIBRATED, FURTHER, INPUT, SETTING, VAL
 from stereocal.projects.database import NOT_THERE, DamagedError
 from stereocal.projects.files import PAIR, Store, StoredFile, new_database, store_of
 from stereocal.projects.inputs import LENGTHS, Inputs, Slot
-from stereocal.refined.results import Calibration
 from stereocal.rig.camera import Camera
 from stereocal.rig.correspondences import Correspondences, refuse_points_outside
 from stereocal.rig.measured_lengths import check_length

@@ -6,14 +6,14 @@ from dataclasses import replace
 from itertools import combinations
 
 from stereocal.errors import StereocalError, naming
+from stereocal.fit.rig_file import RIG, RigFile
+from stereocal.fit.start.pairs import pair_name
+from stereocal.fit.timing.to_calibrate import in_step
 from stereocal.formats.archives.all_cameras import cameras_in
 from stereocal.formats.archives.gather import is_table
 from stereocal.formats.dataset_description import DESCRIPTION, find_description
 from stereocal.formats.dataset_files import parse_recording
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.network.pairs import pair_name
-from stereocal.network.rig_file import RIG, RigFile
-from stereocal.network.to_calibrate import in_step
 from stereocal.projects.contents import INPUT, PARTS, RECORDING, REPLACED, RIG_FILES
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot

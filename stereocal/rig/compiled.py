@@ -72,7 +72,7 @@ def borrowing(function: Callable[P, T]) -> Callable[P, T]:
     """As `internal`, for functions that allocate no array.
 
     What they are given is in use as long as they run, so that it need not be counted as in use by
-    each tuple and each part of an array: the sums of `refined.adjustment` take a third less time.
+    each tuple and each part of an array: the sums of `adjustment` take a third less time.
     """
     return _Internal(function, _nrt=False)
 

@@ -141,7 +141,7 @@ class Pair(TableAnswer):
 
     @property
     def baseline_is_to_be_found(self) -> bool:
-        """Whether the baseline is free, and not found yet (`network.baseline`)."""
+        """Whether the baseline is free, and not found yet (`fit.start.baseline`)."""
         return self.recording.baseline_m(*self.names) is None
 
     @property

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording

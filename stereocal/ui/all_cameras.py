@@ -9,6 +9,7 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.archives.all_cameras import Gathered, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import is_table
 from stereocal.formats.dataset_description import POINTS
@@ -17,7 +18,6 @@ from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.points_csv import write_points
 from stereocal.frames.all_cameras import Found, by_folder
 from stereocal.frames.pairing import Pairing, natural
-from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs

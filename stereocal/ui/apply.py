@@ -10,11 +10,11 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import METHOD_NAMES
+from stereocal.fit.rig_file import Parameters
 from stereocal.matching.application import STAGES, Application
 from stereocal.matching.clicks import BY_HAND, ClickMeasure
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
 from stereocal.matching.settled import Stated
-from stereocal.network.rig_file import Parameters
 from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.clicks import ProjectClicks
 from stereocal.projects.project import Project

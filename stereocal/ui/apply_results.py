@@ -18,6 +18,7 @@ from stereocal.figures import measured
 from stereocal.figures.matches import describe_matches, plot_matches
 from stereocal.figures.space import VIEWS, view_names
 from stereocal.figures.style import Photograph
+from stereocal.fit.rig_file import RIG
 from stereocal.matching import lengths, trajectories
 from stereocal.matching.application import (
     POINTS,
@@ -31,7 +32,6 @@ from stereocal.matching.names import AUTO
 from stereocal.matching.point_table import pixels_of
 from stereocal.matching.trajectories import COORDINATES
 from stereocal.matching.views import TRACKS
-from stereocal.network.rig_file import RIG
 from stereocal.projects.application import CLICKED_IN, USES, ProjectApplication, slot_of
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project

@@ -21,6 +21,8 @@ from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, Residuals, repaired_parameters, residuals_of
 from stereocal.field.checking.rig_check import RigCheck, check_rig
 from stereocal.figures.frame_errors import describe_check, plot_check
+from stereocal.fit.rig_file import Parameters, RigFile, is_rig, read_parameters
+from stereocal.fit.start.pairs import pair_name
 from stereocal.formats.dataset_description import POINTS, TABLE
 from stereocal.formats.dataset_files import pack_recording
 from stereocal.formats.dropped import Dropped
@@ -29,8 +31,6 @@ from stereocal.frames.all_cameras import Found
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
 from stereocal.matching.point_table import PARQUET
 from stereocal.matching.views import PAIRS
-from stereocal.network.pairs import pair_name
-from stereocal.network.rig_file import Parameters, RigFile, is_rig, read_parameters
 from stereocal.projects.application import (
     IMAGES,
     PARAMETERS,

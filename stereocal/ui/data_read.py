@@ -10,7 +10,7 @@ from stereocal.calibration.essential import MINIMUM_PAIRS
 from stereocal.figures.coverage import describe_coverage, plot_coverage
 from stereocal.figures.started_by_hand import describe_offsets, plot_offsets
 from stereocal.figures.tables import contents_table
-from stereocal.network.started_by_hand import bring_into_step
+from stereocal.fit.timing.started_by_hand import bring_into_step
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.system.latest import Latest

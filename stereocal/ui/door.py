@@ -8,6 +8,7 @@ from typing import Any
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.fit.rig_file import RigFile
 from stereocal.formats.archives.all_cameras import names_cameras
 from stereocal.formats.archives.gather import is_correspondences, with_one_table
 from stereocal.formats.camera_file import write_camera
@@ -17,7 +18,6 @@ from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.point_answers import layout_of
 from stereocal.formats.point_text import point_text
 from stereocal.frames.which_camera import Series, which_camera, which_of
-from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven

@@ -14,9 +14,9 @@ from pathlib import Path, PurePosixPath
 import streamlit as st
 
 from stereocal.errors import StereocalError, disk_errors
+from stereocal.fit.rig_file import Parameters
 from stereocal.formats.dropped import Dropped
 from stereocal.frames.video.footage import Footage, of_photographs, of_videos
-from stereocal.network.rig_file import Parameters
 from stereocal.projects.clicks import ProjectClicks
 from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven

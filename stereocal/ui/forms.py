@@ -11,10 +11,10 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.results import Calibration
 from stereocal.projects.project import Project
 from stereocal.projects.recording import REFINED
-from stereocal.refined.results import Calibration
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.pair import Pair
 from stereocal.system.settings import About, asked, descriptions

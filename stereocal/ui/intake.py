@@ -13,6 +13,7 @@ from streamlit.runtime.scriptrunner import get_script_run_ctx
 from streamlit.runtime.uploaded_file_manager import UploadedFile as Upload
 
 from stereocal.errors import RefusedRowsError, naming
+from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.camera_file import ImageSizeError, read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_description import TABLE, Description, find_description
@@ -20,7 +21,6 @@ from stereocal.formats.dataset_files import parse_recording
 from stereocal.formats.dropped import Dropped, sort_files
 from stereocal.formats.exchange.options import ImageSize
 from stereocal.formats.recognition import CAMERA_SUFFIXES
-from stereocal.network.to_calibrate import in_step, pair_to_calibrate
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.photographs import ProjectPhotographs

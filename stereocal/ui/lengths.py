@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import streamlit as st
 
+from stereocal.fit.least_squares import unknowns
+from stereocal.fit.refine import robust_start
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.inputs import LENGTHS
 from stereocal.projects.project import Project
-from stereocal.refined import unknowns
-from stereocal.refined.refine import robust_start
 from stereocal.rig import lengths_in_words as words
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.measured_lengths import LONGEST_PLAUSIBLE_M

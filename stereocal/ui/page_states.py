@@ -6,8 +6,8 @@ from typing import Literal, NamedTuple
 
 from stereocal.calibration.essential import MINIMUM_PAIRS
 from stereocal.calibration.methods import CalibrationSettings
+from stereocal.fit.rig_file import RIG
 from stereocal.formats.evaluation_files import Evaluation
-from stereocal.network.rig_file import RIG
 from stereocal.projects.application import IMAGES, ProjectApplication, ProjectCheck
 from stereocal.projects.contents import RIG_FILES
 from stereocal.projects.project import Project

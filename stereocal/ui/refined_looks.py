@@ -3,8 +3,8 @@
 import streamlit as st
 
 from stereocal.figures import accuracy, lens, one_set
+from stereocal.fit.errors.stated_inputs import Input, undetectable_errors
 from stereocal.projects.project import Project
-from stereocal.refined.stated_inputs import Input, undetectable_errors
 from stereocal.ui.fields import choose
 from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.press import make

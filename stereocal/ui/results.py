@@ -15,12 +15,12 @@ from stereocal.figures.space import VIEWS
 from stereocal.figures.tables import angles_table, errors_table, forecast_table, refined_table
 from stereocal.figures.traces import describe_traces, plot_traces
 from stereocal.figures.two_sets import FrameView, frame_views
+from stereocal.fit.results import Calibration
 from stereocal.formats.dataset_files import pack_dataset
 from stereocal.paper_kit.kit import paper_kit
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.refined.results import Calibration
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import as_held, word_of
 from stereocal.rig.pair import Pair

@@ -4,8 +4,8 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures import rig_report
-from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
-from stereocal.network.rig_file import RIG, RigFile
+from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.fit.rig_file import RIG, RigFile
 from stereocal.projects.project import Project
 from stereocal.projects.recording import PAIRS, ProjectRecording
 from stereocal.system.numbers import count

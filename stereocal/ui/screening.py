@@ -15,14 +15,14 @@ from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
 from stereocal.figures.style import Photograph
 from stereocal.figures.two_sets import telling_frame
+from stereocal.fit.results import Calibration
+from stereocal.fit.screening.screen import Screening, screened
 from stereocal.frames.frame import Frame
 from stereocal.frames.review import swap
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review
-from stereocal.refined.results import Calibration
-from stereocal.refined.screening import Screening, screened
 from stereocal.rig.pair import Pair
 from stereocal.system.latest import Latest
 from stereocal.system.photograph import read_photograph

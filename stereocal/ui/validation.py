@@ -9,10 +9,10 @@ import streamlit as st
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.growing import GrowingRuns, KeptFits
+from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.evaluation_files import Evaluation, unique_names
 from stereocal.projects.project import Project
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.pair import Pair
 from stereocal.system.resources import ROOT
 from stereocal.ui import jobs

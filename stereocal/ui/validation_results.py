@@ -14,9 +14,9 @@ from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.report import report_html
 from stereocal.figures.tables import validation_table
 from stereocal.figures.validation import describe_validation, plot_validation
+from stereocal.fit.screening.screen import Screening
 from stereocal.formats.evaluation_files import Evaluation, summary_json
 from stereocal.projects.project import Project
-from stereocal.refined.screening import Screening
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.rig.pair import Pair
 from stereocal.system.latest import Latest

@@ -10,6 +10,7 @@ from stereocal.errors import StereocalError
 from stereocal.field.world import frame
 from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import Axes, Observed, Survey, Throw, WorldFrame, WorldSettings
+from stereocal.fit.rig_file import Parameters
 from stereocal.formats.world_file import (
     FRAME,
     is_json,
@@ -19,7 +20,6 @@ from stereocal.formats.world_file import (
     read_observed,
     write_world,
 )
-from stereocal.network.rig_file import Parameters
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project

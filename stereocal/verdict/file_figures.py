@@ -9,9 +9,9 @@ from scipy.stats import binom
 
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.summary import Estimate
-from stereocal.refined.length_in_metres import BarKnown, p95_of_factor
-from stereocal.refined.results import Calibration
-from stereocal.refined.small_steps import FACTOR
+from stereocal.fit.errors.length_in_metres import BarKnown, p95_of_factor
+from stereocal.fit.least_squares.small_steps import FACTOR
+from stereocal.fit.results import Calibration
 from stereocal.rig.lengths_in_words import word_of
 from stereocal.rig.parameters import ForecastEntries
 from stereocal.system.numbers import digits

@@ -21,10 +21,10 @@ import numpy as np
 from stereocal.calibration.methods import FILE_METHODS, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
-from stereocal.refined.parameter_file import covariance_entry
-from stereocal.refined.refine import RefinedResult
-from stereocal.refined.results import Calibration
-from stereocal.refined.small_steps import FACTOR, baseline_direction, rig_at, step_between
+from stereocal.fit.least_squares.small_steps import FACTOR, baseline_direction, rig_at, step_between
+from stereocal.fit.parameter_file import covariance_entry
+from stereocal.fit.refine import RefinedResult
+from stereocal.fit.results import Calibration
 from stereocal.rig.camera import LENS_UNKNOWNS
 from stereocal.rig.parameters import ForecastEntries
 from stereocal.rig.rig import Rig

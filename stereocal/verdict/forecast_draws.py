@@ -21,10 +21,10 @@ import numpy.typing as npt
 from stereocal.calibration.methods import ALL_METHODS, Method
 from stereocal.evaluation import counting
 from stereocal.evaluation.summary import Estimate, crossing
-from stereocal.refined.design_effect import lenses_without
-from stereocal.refined.refine import RefinedResult
-from stereocal.refined.small_steps import FACTOR, moved, rig_at
-from stereocal.refined.views import Cameras
+from stereocal.fit.least_squares.design_effect import lenses_without
+from stereocal.fit.least_squares.small_steps import FACTOR, moved, rig_at
+from stereocal.fit.least_squares.views import Cameras
+from stereocal.fit.refine import RefinedResult
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import without_nan

@@ -31,8 +31,8 @@ import numpy as np
 from scipy.special import gammaln
 
 from stereocal.errors import StereocalError
-from stereocal.refined.refine import RefinedResult
-from stereocal.refined.uncertainty import bar_innovations, length_freedom
+from stereocal.fit.errors.uncertainty import bar_innovations, length_freedom
+from stereocal.fit.refine import RefinedResult
 from stereocal.rig.volume import Volume
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.verdict.judging import photograph

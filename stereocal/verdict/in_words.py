@@ -8,8 +8,8 @@ import numpy as np
 from stereocal.calibration.methods import POOR_LENGTH, CalibrationSettings, errors_of
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
-from stereocal.refined.results import Calibration
-from stereocal.refined.screening import MAXIMUM_LEFT_OUT, Screening
+from stereocal.fit.results import Calibration
+from stereocal.fit.screening.screen import MAXIMUM_LEFT_OUT, Screening
 from stereocal.rig.pair import Pair
 from stereocal.system.numbers import count, plural
 from stereocal.system.numbers import digits as digits

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from stereocal.evaluation.counting import BINS, count_pairs
-from stereocal.refined.distortion import distort, pixel_scales_of
-from stereocal.refined.small_steps import undistort_rays
-from stereocal.refined.views import EACH, LENS, TRANSLATION, Cameras, with_lenses
+from stereocal.fit.least_squares.distortion import distort, pixel_scales_of
+from stereocal.fit.least_squares.small_steps import undistort_rays
+from stereocal.fit.least_squares.views import EACH, LENS, TRANSLATION, Cameras, with_lenses
 from stereocal.rig.compiled import compiled
 from stereocal.rig.geometry import fill_essential, triangulate_rays
 from stereocal.rig.rig import Rig

@@ -14,10 +14,10 @@ import numpy as np
 from stereocal.calibration.methods import errors_of
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
-from stereocal.refined.noise import ESTIMATED
-from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.robust import SMALLEST_SCATTER
-from stereocal.refined.uncertainty import Innovations, bar_innovations
+from stereocal.fit.errors.uncertainty import Innovations, bar_innovations
+from stereocal.fit.least_squares.noise import ESTIMATED
+from stereocal.fit.least_squares.robust import SMALLEST_SCATTER
+from stereocal.fit.refine import RefinedResult, refine
 from stereocal.rig.pair import Pair
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import rounded

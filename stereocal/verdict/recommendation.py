@@ -13,9 +13,9 @@ from typing import Any, Literal
 
 from stereocal.calibration.methods import PAPER_SETS, Method
 from stereocal.evaluation.summary import Estimate
-from stereocal.refined.length_in_metres import length_in_words
-from stereocal.refined.results import Calibration
-from stereocal.refined.stated_inputs import far_off
+from stereocal.fit.errors.length_in_metres import length_in_words
+from stereocal.fit.errors.stated_inputs import far_off
+from stereocal.fit.results import Calibration
 from stereocal.rig.lengths_in_words import word_of
 from stereocal.system.answers import Answer
 from stereocal.verdict.file_figures import FileFigures, Validated, bar_known, figures_of

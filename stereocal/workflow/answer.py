@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from stereocal.calibration.methods import FILE_METHODS, Method
+from stereocal.fit.errors.stated_inputs import moved_lengths
 from stereocal.formats.evaluation_files import Evaluation, validation_figures
-from stereocal.refined.stated_inputs import moved_lengths
 from stereocal.rig.parameters import ForecastEntries, RigParameters
 from stereocal.system.latest import step
 from stereocal.verdict.file_figures import Validated, figures_of

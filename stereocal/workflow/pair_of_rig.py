@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stereocal.network.fuse import pair_at, pair_covariance
-from stereocal.network.rig_file import RigFile
-from stereocal.network.screening import rows_of
-from stereocal.refined.distortion import lenses_of_cameras
-from stereocal.refined.small_steps import lens_places
-from stereocal.refined.time_offset import usable_after
-from stereocal.refined.unknowns import RefineSettings, RigMarginal
-from stereocal.refined.views import EACH, TIME
+from stereocal.fit.least_squares.distortion import lenses_of_cameras
+from stereocal.fit.least_squares.small_steps import lens_places
+from stereocal.fit.least_squares.unknowns import RefineSettings, RigMarginal
+from stereocal.fit.least_squares.views import EACH, TIME
+from stereocal.fit.rig_file import RigFile
+from stereocal.fit.screening.wrong_images import rows_of
+from stereocal.fit.start.fuse import pair_at, pair_covariance
+from stereocal.fit.timing.time_offset import usable_after
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import CameraPair, Recording

@@ -23,26 +23,26 @@ from stereocal.calibration.montecarlo import (
 )
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
-from stereocal.formats.evaluation_files import Evaluation
-from stereocal.network.baseline import with_baseline_found
-from stereocal.network.likely_cause import (
+from stereocal.fit.errors.misfit import Misfit, misfit_of
+from stereocal.fit.errors.stated_inputs import Input
+from stereocal.fit.errors.uncertainty import AccuracyMap, Plane, accuracy_map
+from stereocal.fit.least_squares.unknowns import RefineSettings, check_stated
+from stereocal.fit.readings.likely_cause import (
     claimed_offset,
     explain_failure,
     frames_to_judge,
     offer_time_offset,
     warnings_about_fit,
 )
-from stereocal.network.wrong_inputs import check_inputs
-from stereocal.refined.free_baseline import note_on_free_baseline
-from stereocal.refined.misfit import Misfit, misfit_of
-from stereocal.refined.misplaced_target import misplaced_target
-from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.results import Calibration
-from stereocal.refined.screening import Screening, screened
-from stereocal.refined.stated_inputs import Input
-from stereocal.refined.stretched_board import stretched_board
-from stereocal.refined.uncertainty import AccuracyMap, Plane, accuracy_map
-from stereocal.refined.unknowns import RefineSettings, check_stated
+from stereocal.fit.readings.wrong_inputs import check_inputs
+from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.results import Calibration
+from stereocal.fit.screening.misplaced_target import misplaced_target
+from stereocal.fit.screening.screen import Screening, screened
+from stereocal.fit.screening.stretched_board import stretched_board
+from stereocal.fit.start.baseline import with_baseline_found
+from stereocal.fit.start.free_baseline import note_on_free_baseline
+from stereocal.formats.evaluation_files import Evaluation
 from stereocal.rig.pair import Pair
 from stereocal.system.array_types import IntArray
 from stereocal.system.latest import step

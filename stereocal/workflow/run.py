@@ -8,13 +8,13 @@ import numpy as np
 
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
-from stereocal.network.about_rig import PairOfRig
-from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.in_words import loops_sentence, rig_notes, rig_sentence
-from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.refine import refine
-from stereocal.refined.unknowns import RefineSettings
+from stereocal.fit.about_rig import PairOfRig
+from stereocal.fit.calibrate import calibrate_rig
+from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.parameter_file import refined_parameters
+from stereocal.fit.refine import refine
+from stereocal.fit.rig_file import RigFile, rig_file
 from stereocal.rig.parameters import RigParameters, Timing
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.latest import step

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
+from stereocal.fit.screening.outliers import bar_frames
 from stereocal.projects.project import Project
-from stereocal.refined.outliers import bar_frames
 from tests.browser.conftest import LONGEST_MS, ROOT, results_shown, settle
 from tests.browser.work import a_project
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from stereocal.network.rig_file import RigFile
+from stereocal.fit.rig_file import RigFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.ui.menu import TITLES

@@ -8,7 +8,7 @@ import pytest
 from stereocal.calibration.board_numbering import check_numbering, note_on_ways_round
 from stereocal.calibration.corrections import fewer_corners
 from stereocal.errors import StereocalError
-from stereocal.network.baseline import with_baseline_found
+from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.workflow.pair_run import PairRun
 from tests.further import further
 from tests.rigs.board_mistakes import MISTAKES

@@ -18,10 +18,10 @@ from stereocal.calibration.readings import words_of
 from stereocal.calibration.wrong_inputs import NO_FIT, pose_fit
 from stereocal.cli import main
 from stereocal.errors import StereocalError
+from stereocal.fit.readings.judge import TABLE
+from stereocal.fit.readings.wrong_inputs import check_inputs, find_wrong_input
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
-from stereocal.network.judge import TABLE
-from stereocal.network.wrong_inputs import check_inputs, find_wrong_input
 from stereocal.rig.camera import CAMERAS, LensModel
 from stereocal.rig.pair import Pair
 from stereocal.simulation.nineteen import simulate_nineteen
@@ -44,7 +44,7 @@ ELSEWHERE = (
     "targets exchanged in one camera",
     "a crop of an eighth on each side",
 )
-"""Kinds that another test shows: below, tests/refined/test_time_offset.py, commands/test_cli.py."""
+"""Kinds that another test shows: below, tests/fit/test_time_offset.py, commands/test_cli.py."""
 ALIKE = "half of the frames copied", "K of both of half the image"
 """A fifth of them, and K of another size in one camera, are tested."""
 NAMED = (

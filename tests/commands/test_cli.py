@@ -18,7 +18,7 @@ from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.rig.parameters import RigParameters
 from stereocal.verdict.in_words import digits, refuse_unknown_frames
 from tests.files import write
-from tests.refined.test_time_offset import moving
+from tests.fit.test_time_offset import moving
 from tests.terminal import sentences
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from stereocal.cli import main
+from stereocal.fit.least_squares.unknowns import lens_prior
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import read_recording
-from stereocal.refined.unknowns import lens_prior
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.photograph import read_photograph

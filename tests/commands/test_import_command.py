@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from stereocal.cli import main
+from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_files import pack_dataset, read_dataset, read_recording
-from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.rig.parameters import RigParameters
 from tests.archives import easywand_fields, mat
 from tests.files import write, zipped

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from stereocal.cli import main
+from stereocal.fit.rig_file import RigFile
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import pack_recording, read_dataset, read_recording
 from stereocal.formats.exchange.exchange import read_camera_pair
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.network.rig_file import RigFile
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.rigs import simulated_rig

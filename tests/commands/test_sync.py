@@ -11,10 +11,10 @@ import pandas as pd
 import pytest
 
 from stereocal.cli import main
+from stereocal.fit.rig_file import RigFile
+from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.inputs import recording_in
-from stereocal.network.rig_file import RigFile
-from stereocal.network.to_calibrate import in_step, pair_to_calibrate
 from tests.files import write
 
 

@@ -30,11 +30,11 @@ from stereocal.matching.names import NO_NAMES
 from stereocal.matching.matching import nearest_errors
 from stereocal.matching.threshold import choose_threshold
 from stereocal.matching.reconstruction import midpoints
-from stereocal.refined.refine import refine
-from stereocal.refined.disagreement import compare_inputs
+from stereocal.fit.refine import refine
+from stereocal.fit.errors.disagreement import compare_inputs
 from stereocal.verdict.forecast import forecast_files
-from stereocal.refined.uncertainty import accuracy_map
-from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
+from stereocal.fit.errors.uncertainty import accuracy_map
+from stereocal.fit.least_squares.unknowns import FIXED_LENS, RefineSettings
 from stereocal.rig.camera import CAMERAS
 
 def compiled():

@@ -34,8 +34,8 @@ from stereocal.evaluation.evaluate import (
     split,
 )
 from stereocal.evaluation.summary import figures_of_set, summarise
+from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray

@@ -11,12 +11,12 @@ import pytest
 
 from stereocal.calibration.methods import CalibrationSettings, errors_of
 from stereocal.calibration.montecarlo import SearchSettings
+from stereocal.fit.errors.disagreement import compare_inputs
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.refine import refine
+from stereocal.fit.screening.screen import screen
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.disagreement import compare_inputs
-from stereocal.refined.refine import refine
-from stereocal.refined.screening import screen
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig

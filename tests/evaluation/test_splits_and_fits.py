@@ -22,9 +22,9 @@ from stereocal.evaluation.evaluate import (
     split,
 )
 from stereocal.evaluation.growing import GrowingRuns, KeptFits
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.screening.screen import screen
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.refined.screening import screen
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.system.tasks import StoppedError
 from tests import known_rig as rig
 

@@ -15,13 +15,13 @@ from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.field.checking.prior import Prior, prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import repaired_parameters, residuals_of
+from stereocal.fit.least_squares.small_steps import FACTOR, pose_places, rig_at
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.least_squares.views import Cameras
+from stereocal.fit.parameter_file import refined_parameters
+from stereocal.fit.refine import refine
+from stereocal.fit.screening.screen import screen
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.refine import refine
-from stereocal.refined.screening import screen
-from stereocal.refined.small_steps import FACTOR, pose_places, rig_at
-from stereocal.refined.unknowns import RefineSettings
-from stereocal.refined.views import Cameras
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig

@@ -19,17 +19,17 @@ from stereocal.field.checking.repair import FrameErrors, Residuals
 from stereocal.field.planning.forecast import forecast
 from stereocal.figures.story import read_story
 from stereocal.figures.two_sets import frame_views, telling_frame
+from stereocal.fit.errors.disagreement import compare_inputs
+from stereocal.fit.errors.misfit import misfit_of
+from stereocal.fit.errors.uncertainty import accuracy_map
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.timing.offset_of_pair import offset_of_pair
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.library.calibrations import calibrate
 from stereocal.matching.lengths import check_lengths
-from stereocal.network.offset_of_pair import offset_of_pair
-from stereocal.refined.disagreement import compare_inputs
-from stereocal.refined.misfit import misfit_of
-from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.uncertainty import accuracy_map
-from stereocal.refined.unknowns import RefineSettings
 from tests.field.plans import plan
 from tests.figures import test_apply_figures as applied
 from tests.known_rig import BAR_M

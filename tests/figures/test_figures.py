@@ -14,11 +14,11 @@ from stereocal.figures.frame_errors import describe_frame_errors, plot_frame_err
 from stereocal.figures.rig import plot_rig
 from stereocal.figures.style import METHOD_COLOURS, METHOD_NAMES, METHOD_SYMBOLS, TARGET_COLOURS
 from stereocal.figures.traces import MAXIMUM_DRAWN, drawn_moves, plot_traces
-from stereocal.refined.outliers import frame_reprojection_px
-from stereocal.refined.results import Calibration
+from stereocal.fit.results import Calibration
+from stereocal.fit.screening.outliers import frame_reprojection_px
 from stereocal.rig.geometry import triangulate_rays
 from tests import known_rig as rig
-from tests.refined.test_outliers import MIXED_UP, make_calibration
+from tests.fit.test_outliers import MIXED_UP, make_calibration
 
 
 @pytest.fixture(scope="module")

@@ -16,12 +16,12 @@ from stereocal.figures.lens import (
     plot_draws,
     plot_residual_field,
 )
+from stereocal.fit.errors.disagreement import ACCUSED, compare_inputs
+from stereocal.fit.errors.uncertainty import Plane, accuracy_map
+from stereocal.fit.least_squares.unknowns import FIXED_LENS, RefineSettings
+from stereocal.fit.refine import refine
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.intrinsics.quality import lens_residuals, preview, typical_and_noise_px
-from stereocal.refined.disagreement import ACCUSED, compare_inputs
-from stereocal.refined.refine import refine
-from stereocal.refined.uncertainty import Plane, accuracy_map
-from stereocal.refined.unknowns import FIXED_LENS, RefineSettings
 from stereocal.rig.camera import CAMERAS
 from tests.figures.every_figure import refined_field
 from tests.files import encoded

@@ -12,6 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
+from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.dataset_files import (
@@ -21,7 +22,6 @@ from stereocal.formats.dataset_files import (
     read_dataset,
     read_recording,
 )
-from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording

@@ -13,10 +13,10 @@ import pytest
 
 from stereocal.detection.target import parse_target
 from stereocal.errors import StereocalError
+from stereocal.fit.calibrate import calibrate_rig
 from stereocal.frames.all_cameras import Found, by_folder, in_one_order, match_names
 from stereocal.frames.pairing import Pairing
 from stereocal.frames.search import detect_frames
-from stereocal.network.calibrate import calibrate_rig
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.photograph_files import photographs_in
 from tests.files import encoded, write

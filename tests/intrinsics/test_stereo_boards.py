@@ -15,6 +15,8 @@ from stereocal.calibration.checks import warnings_about
 from stereocal.cli import main
 from stereocal.detection.target import parse_board, parse_target
 from stereocal.errors import StereocalError
+from stereocal.fit.refine import refine
+from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.dataset_files import pack_recording, read_dataset, read_recording
 from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.intrinsics.board_order import SeenBoard, boards_in_one_order, orders_of
@@ -27,8 +29,6 @@ from stereocal.intrinsics.stereo_boards import (
     lenses_of_boards,
     stereo_boards,
 )
-from stereocal.network.to_calibrate import pair_to_calibrate
-from stereocal.refined.refine import refine
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.simulate import place_bars

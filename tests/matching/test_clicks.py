@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.fit.parameter_file import refined_parameters
+from stereocal.fit.refine import refine
+from stereocal.fit.rig_file import RigFile
 from stereocal.library.tables import match, reconstruct
 from stereocal.matching.clicks import CLICK_PX, Click, ClickMeasure, Clicks, MeasuredClicks, Place
 from stereocal.matching.following import Image, corner_at, follow, nearest_clicks
 from stereocal.matching.settled import Settled, Stated
-from stereocal.network.rig_file import RigFile
-from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.refine import refine
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.epipolar_curve import epipolar_curve

@@ -12,6 +12,10 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.field.checking.new_images import NewImages, images_of_bars
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.parameter_file import refined_parameters
+from stereocal.fit.start.free_baseline import with_rough_baseline
+from stereocal.fit.timing.out_of_step import with_offset_if_out_of_step
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.point_answers import layout_of
 from stereocal.formats.point_layouts import OURS
@@ -22,10 +26,6 @@ from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
 from stereocal.matching.point_table import PointTable
 from stereocal.matching.settled import Stated
-from stereocal.refined.free_baseline import with_rough_baseline
-from stereocal.refined.out_of_step import with_offset_if_out_of_step
-from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import PIXELS, Correspondences
 from stereocal.rig.pair import Pair
@@ -33,7 +33,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
 from tests import known_rig as rig
-from tests.refined.test_time_offset import moving
+from tests.fit.test_time_offset import moving
 from tests.rigs.moving_bar import move_bar, record
 
 LATE = 0.7

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.fit.parameter_file import covariance_names
 from stereocal.matching.reconstruction import Points3D, midpoints
-from stereocal.refined.parameter_file import covariance_names
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume

@@ -11,6 +11,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from stereocal.cli import main
+from stereocal.fit.calibrate import calibrate_rig
+from stereocal.fit.least_squares.views import EACH
+from stereocal.fit.rig_file import RigFile, rig_file
 from stereocal.formats.world_file import read_world
 from stereocal.library.tables import match, reconstruct
 from stereocal.matching.clicks import CLICK_PX, Click, ClickMeasure, Clicks
@@ -20,9 +23,6 @@ from stereocal.matching.settled import Stated
 from stereocal.matching.tables_by_camera import Report
 from stereocal.matching.view_groups import ViewFitter, expected_wrong, match_views
 from stereocal.matching.views import cameras_of
-from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.rig_file import RigFile, rig_file
-from stereocal.refined.views import EACH
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.geometry import Pose

@@ -9,6 +9,7 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
+from stereocal.fit.refine import refine
 from stereocal.formats import correspondences_csv
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.frames.frame import correspondences_of
@@ -18,7 +19,6 @@ from stereocal.projects.archive import pack_project
 from stereocal.projects.home import recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.recording import ProjectRecording
-from stereocal.refined.refine import refine
 from stereocal.ui import jobs
 from stereocal.ui.start import RIG
 from tests.files import zipped

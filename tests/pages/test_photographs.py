@@ -8,10 +8,10 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.detection.target import BAR, Balls, Tags
+from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import pack_dataset, parse_recording
 from stereocal.library.calibrations import calibrate
-from stereocal.network.to_calibrate import pair_to_calibrate
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.home import title_of
 from stereocal.projects.photographs import ProjectPhotographs

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.fit.least_squares.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lenses_of
 from stereocal.projects.project import Project, packed_table
-from stereocal.refined.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lenses_of
 from stereocal.rig.pair import Pair
 from stereocal.ui.forms import refine_settings
 from tests.pages.stored_projects import (

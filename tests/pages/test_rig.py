@@ -13,13 +13,14 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.cli import main
+from stereocal.fit.parameter_file import of_file
+from stereocal.fit.rig_file import RigFile
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.dataset_files import pack_recording, parse_recording
 from stereocal.formats.points_csv import write_points
 from stereocal.matching.application import points_by_camera
 from stereocal.matching.clicks import Click
 from stereocal.matching.lengths import check_lengths
-from stereocal.network.rig_file import RigFile
 from stereocal.projects.application import ProjectApplication, ProjectCheck, slot_of
 from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.projects.home import find_projects
@@ -27,7 +28,6 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import default_home
-from stereocal.refined.parameter_file import of_file
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.rigs import simulated_rig
 from stereocal.ui.apply_points import CLICKED

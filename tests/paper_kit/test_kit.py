@@ -17,7 +17,7 @@ from stereocal.system.zip_files import unzip
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.workflow.answer import Answer
 from stereocal.workflow.pair_run import PairRun
-from tests.refined.test_time_offset import moving
+from tests.fit.test_time_offset import moving
 from tests.terminal import FIELD, ROOT
 
 TEXTS = {"methods.md", "references.bib", "table.csv"}

@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.fit.results import Calibration
 from stereocal.library.calibrations import calibrate
 from stereocal.projects.home import (
     bring_back,
@@ -20,7 +21,6 @@ from stereocal.projects.home import (
     sweep,
 )
 from stereocal.projects.project import Project
-from stereocal.refined.results import Calibration
 from tests.projects.test_project import filled
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
+from stereocal.fit.calibrate import calibrate_rig
+from stereocal.fit.rig_file import RigFile, rig_file
 from stereocal.formats.camera_file import read_camera
 from stereocal.formats.dataset_files import parse_recording
-from stereocal.network.calibrate import calibrate_rig
-from stereocal.network.rig_file import RigFile, rig_file
 from stereocal.projects import jobs
 from stereocal.projects.application import ProjectCheck
 from stereocal.projects.archive import pack_project, unpack_project

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stereocal.errors import RefusedRowsError, StereocalError
-from stereocal.network.calibrate import calibrate_rig
+from stereocal.fit.calibrate import calibrate_rig
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.correspondences import SHAPES, Correspondences, points_outside
 from stereocal.rig.pair import Pair

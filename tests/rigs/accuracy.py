@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.calibration.methods import errors_of
+from stereocal.fit.errors.disagreement import compare_inputs
+from stereocal.fit.errors.uncertainty import length_sigmas, length_variances
+from stereocal.fit.least_squares.small_steps import pose_places, rig_at, step_between
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.refine import RefinedResult, refine
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.disagreement import compare_inputs
-from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.small_steps import pose_places, rig_at, step_between
-from stereocal.refined.uncertainty import length_sigmas, length_variances
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.simulate import (
     Nominal,

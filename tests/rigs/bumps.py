@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from stereocal.field.checking.fits import Fit, information_of, pose_change, power_of
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_matches
 from stereocal.field.checking.prior import Prior, prior_of
-from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.refine import refine
-from stereocal.refined.small_steps import rig_at, step_between
+from stereocal.fit.least_squares.small_steps import rig_at, step_between
+from stereocal.fit.parameter_file import refined_parameters
+from stereocal.fit.refine import refine
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.geometry import Pose

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
+from stereocal.fit.errors.disagreement import compare_inputs
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.disagreement import compare_inputs
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.pair import Pair

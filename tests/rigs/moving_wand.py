@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from stereocal.network.held_out import seen_by_others
-from stereocal.network.result import RigCalibration
-from stereocal.refined.robust import RobustFit
+from stereocal.fit.errors.held_out import seen_by_others
+from stereocal.fit.least_squares.robust import RobustFit
+from stereocal.fit.rig_calibration import RigCalibration
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import IMAGE_SIZE, WAND, SimulatedRig, recording_of, simulated_rig
 from stereocal.system.array_types import FloatArray

@@ -9,9 +9,9 @@ from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Meth
 from stereocal.evaluation.counting import CORRECT, REPROJECTION, RESIDUAL, UNDERFLOW
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import merge_bins, overlap
+from stereocal.fit.least_squares.small_steps import rig_at
+from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.small_steps import rig_at
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereocal.refined.unknowns import LensPrior, RefineSettings
+from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.pair import Pair

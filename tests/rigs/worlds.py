@@ -10,8 +10,8 @@ from stereocal.errors import StereocalError
 from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import Line, Survey, Throw
 from stereocal.field.world.throw import path
-from stereocal.refined.parameter_file import refined_parameters
-from stereocal.refined.refine import refine
+from stereocal.fit.parameter_file import refined_parameters
+from stereocal.fit.refine import refine
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
+from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.library.calibrations import calibrate
 from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.ui.forms import form_values, refine_settings
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states

@@ -13,11 +13,11 @@ from stereocal.calibration.methods import Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import figures_of_set
+from stereocal.fit.least_squares.small_steps import baseline_direction
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.refine import refine
 from stereocal.library.calibrations import calibrate
 from stereocal.matching.reconstruction import midpoints, noise_of_file
-from stereocal.refined.refine import refine
-from stereocal.refined.small_steps import baseline_direction
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig

@@ -9,10 +9,10 @@ import pytest
 
 from stereocal.evaluation.evaluate import EvaluationSettings, Splits, evaluate_runs
 from stereocal.evaluation.summary import Estimate, summarise
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.screening.screen import screen
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.screening import screen
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.pair import Pair
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.further_recording import half_width, note_on_splits, widened

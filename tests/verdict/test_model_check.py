@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import binom
 
+from stereocal.fit.errors.uncertainty import bar_innovations
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.refine import RefinedResult, refine
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.uncertainty import bar_innovations
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import Nominal, observe
 from stereocal.verdict.forecast import advice_on_improvements, forecast_files, improvements

@@ -9,10 +9,10 @@ import pytest
 
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.counting import BINS, CORRECT, WRONG
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.refine import refine
+from stereocal.fit.results import Calibration
 from stereocal.library.calibrations import calibrate
-from stereocal.refined.refine import refine
-from stereocal.refined.results import Calibration
-from stereocal.refined.unknowns import RefineSettings
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.numbers import rounded
 from stereocal.verdict.forecast import Forecast, forecast_files, verdict

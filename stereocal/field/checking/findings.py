@@ -14,7 +14,7 @@ from stereocal.field.checking import fits
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since
-from stereocal.refined.small_steps import baseline_direction, pose_at, rig_of
+from stereocal.fit.least_squares.small_steps import baseline_direction, pose_at, rig_of
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig

@@ -17,9 +17,9 @@ from scipy.special import chdtri, chndtr, chndtrinc, fdtrc
 
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
-from stereocal.refined.observations import Observations
-from stereocal.refined.robust import RobustFit
-from stereocal.refined.small_steps import (
+from stereocal.fit.least_squares.observations import Observations
+from stereocal.fit.least_squares.robust import RobustFit
+from stereocal.fit.least_squares.small_steps import (
     OF_PAIR,
     baseline_direction,
     lens_places,
@@ -29,8 +29,8 @@ from stereocal.refined.small_steps import (
     rig_of,
     step_between,
 )
-from stereocal.refined.unknowns import RefineSettings, Unknowns
-from stereocal.refined.views import TRANSLATION, Cameras
+from stereocal.fit.least_squares.unknowns import RefineSettings, Unknowns
+from stereocal.fit.least_squares.views import TRANSLATION, Cameras
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import BoolArray, FloatArray

@@ -6,10 +6,10 @@ import numpy as np
 
 from stereocal.calibration.methods import errors_of
 from stereocal.errors import StereocalError
+from stereocal.fit.timing.time_offset import usable_after
 from stereocal.matching.in_step import how_counted
 from stereocal.matching.measure_tables import points_outside_images
 from stereocal.matching.point_table import PAIR_SIGMAS, PointTable
-from stereocal.refined.time_offset import usable_after
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.clusters import follow_each_other
 from stereocal.rig.correspondences import PIXELS, Correspondences

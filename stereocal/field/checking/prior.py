@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import DAMAGED, StereocalError
+from stereocal.fit.least_squares.noise import ASSUMED, GIVEN
+from stereocal.fit.least_squares.small_steps import FACTOR, lens_places, pose_places, rig_at
+from stereocal.fit.least_squares.unknowns import DEFAULT_DISTANCE
+from stereocal.fit.least_squares.views import Cameras
 from stereocal.matching.reconstruction import noise_of_file
-from stereocal.refined.noise import ASSUMED, GIVEN
-from stereocal.refined.small_steps import FACTOR, lens_places, pose_places, rig_at
-from stereocal.refined.unknowns import DEFAULT_DISTANCE
-from stereocal.refined.views import Cameras
 from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray

@@ -6,10 +6,10 @@ import numpy as np
 
 from stereocal.field.checking.findings import Recheck
 from stereocal.field.checking.fits import Fit
-from stereocal.refined.noise import ESTIMATED, GIVEN
-from stereocal.refined.parameter_file import covariance_entry, standard_errors
-from stereocal.refined.small_steps import FACTOR
-from stereocal.refined.uncertainty import MEAN_OF_NORMAL, length_sigmas
+from stereocal.fit.errors.uncertainty import MEAN_OF_NORMAL, length_sigmas
+from stereocal.fit.least_squares.noise import ESTIMATED, GIVEN
+from stereocal.fit.least_squares.small_steps import FACTOR
+from stereocal.fit.parameter_file import covariance_entry, standard_errors
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray, IntArray

@@ -18,8 +18,8 @@ from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.new_images import images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
-from stereocal.network.pairs import pair_name
-from stereocal.network.rig_file import RigFile
+from stereocal.fit.rig_file import RigFile
+from stereocal.fit.start.pairs import pair_name
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.numbers import plural

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from stereocal.errors import StereocalError
 from stereocal.field.planning.expected import ExpectedFit, expect
 from stereocal.field.planning.plan import LARGEST_TOE_IN_DEG, AimedPose, Plan
-from stereocal.refined.uncertainty import point_covariances
+from stereocal.fit.errors.uncertainty import point_covariances
 from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import distance, rounded

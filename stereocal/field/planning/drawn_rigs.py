@@ -22,9 +22,15 @@ from stereocal.evaluation.summary import crossing, merge_bins, overlap
 from stereocal.field.planning.bars import place_planned_bars
 from stereocal.field.planning.expected import plan_settings, planned_dataset
 from stereocal.field.planning.plan import Plan
-from stereocal.refined.refine import refine
-from stereocal.refined.small_steps import FACTOR, pose_at, pose_places, rig_at, undistort_rays
-from stereocal.refined.views import EACH, LENS, TRANSLATION, Cameras
+from stereocal.fit.least_squares.small_steps import (
+    FACTOR,
+    pose_at,
+    pose_places,
+    rig_at,
+    undistort_rays,
+)
+from stereocal.fit.least_squares.views import EACH, LENS, TRANSLATION, Cameras
+from stereocal.fit.refine import refine
 from stereocal.rig.geometry import Angles, Pose, triangulate_rays
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray, IntArray

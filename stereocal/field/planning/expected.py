@@ -14,10 +14,10 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.field.planning.bars import place_planned_bars
 from stereocal.field.planning.plan import Plan, common_points, sees
-from stereocal.refined import uncertainty
-from stereocal.refined.refine import RefinedResult, refine
-from stereocal.refined.small_steps import baseline_direction, rig_at
-from stereocal.refined.unknowns import LensPrior, RefineSettings, measured_baselines
+from stereocal.fit.errors import uncertainty
+from stereocal.fit.least_squares.small_steps import baseline_direction, rig_at
+from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings, measured_baselines
+from stereocal.fit.refine import RefinedResult, refine
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.pair import Pair

@@ -20,7 +20,7 @@ from stereocal.field.planning.advice import LIMITS, Advice, advise
 from stereocal.field.planning.drawn_rigs import FIGURES, DrawnRigs, draw_rigs
 from stereocal.field.planning.expected import ExpectedFit, expect
 from stereocal.field.planning.plan import Plan
-from stereocal.refined.length_in_metres import BarKnown, length_in_words
+from stereocal.fit.errors.length_in_metres import BarKnown, length_in_words
 from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import distance, rounded, without_nan
 from stereocal.system.tasks import Progress, Task, run_tasks

@@ -9,7 +9,7 @@ from stereocal.field.world.frame import Observed, Survey, Throw, WorldFrame, Wor
 from stereocal.field.world.lines import world_of_lines
 from stereocal.field.world.survey import world_of_survey
 from stereocal.field.world.throw import world_of_throw
-from stereocal.network.rig_file import Parameters
+from stereocal.fit.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.recording import CameraPair
 from stereocal.verdict.in_words import percent

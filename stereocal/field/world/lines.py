@@ -21,7 +21,7 @@ from stereocal.field.world.noise import (
     tilt_jacobian,
     usual_place,
 )
-from stereocal.refined.small_steps import derivatives_by_rig
+from stereocal.fit.least_squares.small_steps import derivatives_by_rig
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig

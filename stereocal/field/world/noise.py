@@ -11,9 +11,9 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.field.checking.prior import root_of
+from stereocal.fit.errors.uncertainty import point_errors
+from stereocal.fit.least_squares.small_steps import OF_PAIR, rig_at
 from stereocal.matching.reconstruction import noise_of_file
-from stereocal.refined.small_steps import OF_PAIR, rig_at
-from stereocal.refined.uncertainty import point_errors
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig

@@ -1,0 +1,1 @@
+"""The refined method, of two cameras and more: `refine` of two, `calibrate` of all."""

@@ -1,0 +1,205 @@
+"""Calibrate a rig of N cameras: pairs, fused; a joint fit that screens; the joint adjustment."""
+
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from stereocal.calibration.board_numbering import check_numbering
+from stereocal.calibration.checks import refuse_same_points
+from stereocal.errors import StereocalError
+from stereocal.fit.errors.held_out import fitted_to
+from stereocal.fit.free_distortion import better_held_out, lenses_with_distortion
+from stereocal.fit.joint_fit import NO_RIG, Start, joint_fit
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.readings.diagnosis import camera_warnings, moved_in_words, refuse_poor_fit
+from stereocal.fit.readings.wrong_inputs import (
+    check_inputs,
+    contradicting_lengths,
+    find_wrong_input,
+)
+from stereocal.fit.rig_calibration import RigCalibration
+from stereocal.fit.screening.movement import MovedError, movement
+from stereocal.fit.screening.screen import WIDE_LENGTH_PRIOR, WIDE_LENS
+from stereocal.fit.screening.wrong_images import rows_of, wrong_images
+from stereocal.fit.start.fuse import Fused, fuse
+from stereocal.fit.start.pairs import FEWEST_BARS, FURTHER_STEPS, Pairs, calibrate_pairs, reached
+from stereocal.fit.timing.time_offset import DRIFTING
+from stereocal.rig.lengths_in_words import question_about_units
+from stereocal.rig.recording import Recording
+from stereocal.system.numbers import count
+from stereocal.system.tasks import Progress
+
+MOST_MISFIT = 400.0
+"""Growth of a pair's chi-square by being fused above which it contradicts the others: one of its
+lengths or lenses is another than theirs. Sound pairs of a real recording: 2 to 5."""
+
+
+def calibrate_rig(
+    recording: Recording,
+    settings: RefineSettings | None = None,
+    late: bool | None = None,
+    progress: Progress | None = None,
+) -> RigCalibration:
+    """Calibrate all cameras of a recording together.
+
+    Args:
+        settings: except whether time offsets are unknowns; a drift is one where they are.
+        late: whether each camera may be out of step by some frames; None: where that is
+            significant.
+        progress: called with the steps done, and those in all.
+    """
+    if recording.distance_m is not None or recording.time_frame is not None:
+        raise StereocalError(
+            "The table has a column distance_m or time_frame: calibrate its two cameras with "
+            "`calibrate`, which uses them."
+        )
+    refuse_same_points(recording)
+    check_numbering(recording)
+    try:
+        rig = _calibrated(recording, settings or RefineSettings(), late, progress)
+        refuse_poor_fit(rig)
+    except MovedError:
+        raise
+    except (StereocalError, np.linalg.LinAlgError) as error:  # LinAlgError: no rig is near
+        named = contradicting_lengths(recording) or find_wrong_input(recording)
+        known = str(error) if isinstance(error, StereocalError) else NO_RIG
+        raise StereocalError(named or known) from error
+    disagree = {name for pair in rig.pairs.failed for name in pair} & {*rig.unreached}
+    if disagree and (wrong := find_wrong_input(recording)):
+        raise StereocalError(wrong)
+    possible = check_inputs(rig.fit.recording, rig.fit, [*rig.pairs.fits.values()])
+    told = [*possible, *rig.warnings, rig.moved, _question(rig)]
+    return replace(rig, warnings=tuple(filter(None, told)), sha256=recording.sha256)
+
+
+def _question(rig: RigCalibration) -> str:
+    """Whether unusually long lengths are in metres; empty if none is."""
+    pair = next(iter(rig.pairs.fits))
+    of_rig, dataset = rig.pair(*pair), rig.recording.pair(*pair)
+    if dataset.baseline_is_free:
+        dataset = dataset.changed(baseline_m=of_rig.pose.baseline)
+    question = question_about_units(dataset, of_rig.pose)
+    return question and f"{question} If not, correct them: no residual shows a wrong unit."
+
+
+def _calibrated(
+    recording: Recording, settings: RefineSettings, late: bool | None, progress: Progress | None
+) -> RigCalibration:
+    """The rig, however well it fits."""
+    pairs = calibrate_pairs(recording, settings, late, progress)
+    if pairs.out_of_step:
+        found = _calibrated(recording, settings, True, progress)
+        return found if found.out_of_step else _calibrated(recording, settings, False, progress)
+    drifting = bool(late) and settings.time_drift
+    settings = replace(settings, time_offset=bool(late), time_drift=drifting)
+    return _of_pairs(recording, pairs, settings, progress)
+
+
+def _of_pairs(
+    recording: Recording, pairs: Pairs, settings: RefineSettings, progress: Progress | None
+) -> RigCalibration:
+    """The rig, from its pairs."""
+    if not pairs.fits:
+        raise StereocalError(_no_pair(recording, pairs))
+    names = reached(list(recording.cameras), pairs.fits)
+    unreached = {
+        name: _why_unreached(name, pairs) for name in recording.cameras if name not in names
+    }
+    for name in unreached:
+        own = [it for pair, it in pairs.moved.items() if name in pair]
+        if own:
+            raise MovedError(moved_in_words(own[0], [name], settings))
+    kept = recording.of_cameras(names)
+    pairs, fused = _consistent(kept, pairs, settings)
+    noise = float(np.median([fit.noise_px for fit in pairs.fits.values()]))
+    wide = replace(
+        settings,
+        lenses=dict.fromkeys(kept.labels, WIDE_LENS),
+        distance_sigma_m=WIDE_LENGTH_PRIOR * kept.object.longest_m,
+    )
+    report = progress or (lambda *_: None)
+    steps = len(pairs.fits) + len(pairs.failed) + FURTHER_STEPS
+    report(steps - 2, steps)
+    start = Start(fused.poses, fused.unknowns.named(fused.p), noise)
+    screening, _ = joint_fit(kept, start, wide)
+    moved = ""
+    if (found := movement(screening, partial(fitted_to, screening, near=False))) is not None:
+        moved = moved_in_words(found, [names[number] for number in found.cameras], settings)
+        if found.is_far:
+            raise MovedError(moved)
+    wrong = wrong_images(screening)
+    out = screening.frames[screening.outlying]
+    out = out[~np.isin(out, [image.frame for image in wrong])]
+    good = ~rows_of(kept, wrong) & ~np.isin(kept.frame, out)
+    report(steps - 1, steps)
+
+    def fitted(start: Start, settings: RefineSettings) -> RigCalibration:
+        fit, offsets = joint_fit(kept.where(good), start, settings)
+        left_out = tuple(sorted({*out.tolist(), *fit.frames[fit.outlying].tolist()}))
+        warnings = tuple(camera_warnings(fit))
+        return RigCalibration(
+            fit, pairs, tuple(wrong), left_out, unreached, offsets, warnings, moved
+        )
+
+    rig = fitted(replace(start, noise_px=screening.sigma_px), settings)
+    if settings.time_offset:
+        drifting = replace(settings, time_drift=True)
+        with suppress(StereocalError):  # else the cameras have no drift that can be fitted
+            tried = fitted(Start.of(rig.fit, rig.shifts), drifting)
+            if any(abs(own.drift) > DRIFTING * own.drift_sigma for own in tried.offsets):
+                rig, settings = tried, drifting
+    if lenses := lenses_with_distortion(rig):
+        freed = replace(settings, lenses={**settings.lenses, **lenses})
+        rig = better_held_out(rig, fitted(Start.of(rig.fit, rig.shifts), freed))
+    report(steps, steps)
+    return rig
+
+
+def _consistent(
+    recording: Recording, pairs: Pairs, settings: RefineSettings
+) -> tuple[Pairs, Fused]:
+    """The pairs without those that contradict the others, worst first, and the others fused."""
+    names, failed = list(recording.cameras), dict(pairs.failed)
+    fits = {pair: fit for pair, fit in pairs.fits.items() if {*pair} <= {*names}}
+    while True:
+        fused = fuse(recording, list(fits.values()), settings)
+        spare = [
+            pair
+            for pair, misfit in sorted(fused.misfits.items(), key=lambda item: -item[1])
+            if misfit > MOST_MISFIT and len(reached(names, fits.keys() - {pair})) == len(names)
+        ]
+        if not spare:
+            return replace(pairs, fits=fits, failed=failed), fused
+        del fits[spare[0]]
+        failed[spare[0]] = "it contradicts the other pairs"
+
+
+def _why_unreached(name: str, pairs: Pairs) -> str:
+    """Why a camera is not connected with the others."""
+    shared = {pair: count for pair, count in pairs.bars.items() if name in pair}
+    if not shared:
+        return f"The camera {name} sees no bar that another camera sees too."
+    most = max(shared.values())
+    if most < FEWEST_BARS:
+        return (
+            f"The camera {name} shares {count(most, 'bar')} at most with another one, "
+            f"{FEWEST_BARS} are needed: record more bars that both see."
+        )
+    why = [f"{'-'.join(pair)}: {text}" for pair, text in pairs.failed.items() if name in pair]
+    return (
+        f"The camera {name} agrees with none of the others: are its points of this recording, with "
+        "the same frame numbers, is its camera file its own, and did it stand still? "
+        f"{' '.join(why)[:400]}"
+    )
+
+
+def _no_pair(recording: Recording, pairs: Pairs) -> str:
+    if not pairs.failed:
+        return (
+            f"No two cameras share {FEWEST_BARS} bars: record bars that two cameras see together. "
+            f"{recording.describe_pairs()}"
+        )
+    pair, why = next(iter(pairs.failed.items()))
+    return f"No two cameras can be calibrated with each other. {'-'.join(pair)}: {why}"

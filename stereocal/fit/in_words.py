@@ -1,0 +1,160 @@
+"""What a rig's file says, in sentences: the same on page, in the report and the command line."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stereocal.fit.about_rig import PairOfRig, RigFigures
+from stereocal.fit.errors.held_out import HeldOutErrors
+from stereocal.fit.errors.length_in_metres import length_in_words
+from stereocal.fit.rig_file import RigFile
+from stereocal.fit.screening.wrong_images import WrongImage
+from stereocal.rig.lengths_in_words import are_on_a_line, side_in_words
+from stereocal.system.numbers import count as counted
+from stereocal.system.numbers import rounded
+
+SHOWN = 8
+DIGITS = 3
+"""Of a time offset, in frames."""
+
+
+def rig_sentence(rig: RigFile) -> str:
+    """How good the rig is, and which camera is the weakest."""
+    figures, count = rig.about.figures, len(rig.cameras)
+    if figures is None:
+        return f"One rig of {count} cameras."
+    weakest = figures.weakest_camera
+    error = rig.about.image_errors_px.get(weakest)
+    known = ""
+    if error is not None:
+        known = f": half of its images lie within {rounded(error)} px of where others see the point"
+    partner, bars = _best_partner(rig.about.pairs, weakest)
+    return (
+        f"{_length_in_words(rig, figures)}One rig of {count} cameras: {_accuracy(figures)}. "
+        f"The weakest camera is {weakest}{known}; it shares {counted(bars, 'bar')} with {partner}. "
+        "More bars that both see, at other places and in other directions, would help most."
+        f"{_sides(rig)}"
+    )
+
+
+def _length_in_words(rig: RigFile, figures: RigFigures) -> str:
+    """The error of a length in metres; empty if unknown."""
+    known, total = rig.object_known, figures.metric_error_p95
+    if known is None or total is None:
+        return ""
+    scatter = figures.to_expect.length_error_p95
+    return f"{length_in_words(total, scatter, known, [known.length_m])} "
+
+
+def _sides(rig: RigFile) -> str:
+    """On which side of the first camera another one stands, where the points on a line cannot tell
+    a world from its mirror image; else empty."""
+    points = np.array([place for name, place in rig.about.object.items() if name != "factor"])
+    if not len(points) or not are_on_a_line(points):
+        return ""
+    first, *others = rig.names
+    places = {name: float(rig.poses[name].inverse().T[0]) for name in others}
+    name, x = max(places.items(), key=lambda item: abs(item[1]))
+    return f" {side_in_words(name, first, x, f'{rounded(abs(x))} m ')}"
+
+
+def _accuracy(figures: RigFigures) -> str:
+    """The errors on frames not fitted, and which these are."""
+    held_out = figures.held_out
+    if not held_out:
+        return f"{rig_errors_in_words(figures)}, on the {figures.frames} frames it was fitted to"
+    if "runs" not in held_out:
+        return f"{rig_errors_in_words(figures)}, on frames held out of the fit"
+    text = f"{rig_errors_in_words(figures)}, on whole runs of frames held out of the fit"
+    if "frames" in held_out:
+        text += "; on single frames held out, whose neighbours are fitted: "
+        text += _errors(held_out["frames"])
+    return text
+
+
+def rig_errors_in_words(figures: RigFigures) -> str:
+    """The errors of a rig that are to be expected, relative to the object."""
+    return _errors(figures.to_expect)
+
+
+def _errors(figures: RigFigures | HeldOutErrors) -> str:
+    length = figures.length_error_p95
+    lengths = "" if length is None else f", 95 % of lengths within {rounded(100 * length)} %"
+    return f"{rounded(figures.reprojection_px)} px{lengths}"
+
+
+def rig_notes(rig: RigFile) -> list[str]:
+    """What was left out, what is not connected, and what to check."""
+    about = rig.about
+    notes = [*about.warnings, *about.not_connected.values()]
+    notes += [
+        f"The pair {name} was not used: {pair.failed.rstrip('.')}."
+        for name, pair in about.pairs.items()
+        if pair.failed is not None
+    ]
+    if wrong := [wrong_sentence(image) for image in about.wrong_images]:
+        more = f"; {len(wrong) - SHOWN} more" if len(wrong) > SHOWN else ""
+        notes.append(f"Left out: {'; '.join(wrong[:SHOWN])}{more}.")
+    if frames := about.frames_left_out:
+        more = f" and {len(frames) - SHOWN} more" if len(frames) > SHOWN else ""
+        shown = ", ".join(map(str, frames[:SHOWN])) + more
+        notes.append(
+            "Left out, since they contradict the others and it cannot be told which camera is "
+            f"wrong in them: frames {shown}."
+        )
+    first = rig.names[0]
+    for name, offset in rig.time_offsets.items():
+        if apart := rig.start_frames.get(name, 0) - rig.start_frames.get(first, 0):
+            notes.append(
+                f"The camera {name} counts its frames {abs(apart)} apart from {first}: its frame "
+                f"{max(-apart, 0)} is of the same moment as frame {max(apart, 0)} of {first}."
+            )
+        if round(offset, DIGITS) or name in rig.drifts:
+            error = rig.standard_errors[name]["time_offset"]
+            drift = rig.drifts[name].drift_in_words if name in rig.drifts else ""
+            notes.append(
+                f"The camera {name} takes its frames {offset:+.{DIGITS}f} ± {error:.{DIGITS}f} "
+                f"frame intervals after the camera {first}{drift}."
+            )
+    return notes
+
+
+def wrong_sentence(image: WrongImage) -> str:
+    """What is wrong in an image."""
+    if image.exchanged:
+        return f"frame {image.frame}: the two ends look exchanged in camera {image.camera}"
+    what = "the object" if image.target is None else f"target {image.target}"
+    return f"frame {image.frame}: {what} in camera {image.camera}"
+
+
+def loops_sentence(rig: RigFile) -> str:
+    """How far the pairs by themselves were from closing; empty without loops."""
+    loops, thirds = rig.about.loops, rig.about.third_camera_px
+    if not loops:
+        return ""
+    worst = max(loops, key=lambda loop: loop.before.translation_m)
+    text = (
+        f"Pairs by themselves do not close: {' - '.join(worst.cameras)} by "
+        f"{rounded(worst.before.rotation_deg)}° and "
+        f"{rounded(1000 * worst.before.translation_m)} mm; in the rig they do."
+    )
+    if thirds:
+        most = max(thirds, key=lambda third: third.before)
+        text += (
+            f" Points of {'-'.join(most.pair)} lie {rounded(most.before)} px off in "
+            f"camera {most.camera} with the pairs, {rounded(most.after)} px with the rig "
+            "(median)."
+        )
+    return text
+
+
+def _best_partner(pairs: Mapping[str, PairOfRig], name: str) -> tuple[str, int]:
+    """With which camera a camera shares most bars, and how many."""
+    shared = [
+        (pair.bars, other)
+        for pair in pairs.values()
+        for camera, other in (pair.cameras, pair.cameras[::-1])
+        if camera == name
+    ]
+    bars, partner = max(shared)
+    return partner, bars

@@ -1,0 +1,193 @@
+"""Cameras by their unknowns, and steps from there.
+
+The unknowns are those of `views`: of each camera a small rotation about its own axes, T, and its
+lens. Rotations have no poles: a step of any size is one rotation, wherever the cameras look and
+stand.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from stereocal.fit.least_squares.distortion import distort, lenses_of_cameras
+from stereocal.fit.least_squares.views import DISTORTION, EACH, LENS, TRANSLATION, Cameras
+from stereocal.rig.camera import Camera
+from stereocal.rig.compiled import compiled
+from stereocal.rig.geometry import AT_ORIGIN, Pose
+from stereocal.rig.rig import Rig
+from stereocal.system.array_types import FloatArray
+
+FACTOR = -1
+"""The place of the factor of the lengths in q: the last."""
+OF_PAIR = 2 * EACH + 1
+"""How many unknowns two cameras have."""
+
+
+def pose_places(number: int) -> slice:
+    """The places in q of the rotation and T of a camera."""
+    return slice(EACH * number, EACH * number + LENS)
+
+
+def lens_places(number: int) -> list[int]:
+    """The places in q of fx, fy, cx, cy, k1, k2, p1, p2 of a camera."""
+    first, distortion = EACH * number + LENS, EACH * number + DISTORTION
+    return [*range(first, first + 4), *range(distortion, distortion + 4)]
+
+
+def cameras_at(cameras: Sequence[Camera], poses: Sequence[Pose]) -> Cameras:
+    """Cameras where they are, with a factor of the lengths of 1.
+
+    Args:
+        poses: `camera_from_reference` of each.
+    """
+    q = np.zeros(EACH * len(cameras) + 1)
+    q[FACTOR] = 1.0
+    for number, (camera, pose) in enumerate(zip(cameras, poses, strict=True)):
+        q[pose_places(number)][TRANSLATION:] = pose.T
+        q[lens_places(number)] = camera.lens_values
+    return Cameras(q, np.array([pose.R for pose in poses]), lenses_of_cameras(*cameras))
+
+
+def rig_at(rig: Rig) -> Cameras:
+    """The two cameras of a rig where they are."""
+    return cameras_at((rig.primary, rig.secondary), (AT_ORIGIN, rig.pose))
+
+
+@compiled
+def turned(R: FloatArray, q: FloatArray) -> FloatArray:
+    """(c, 3, 3): the rotations R after the small ones of q (Rodrigues)."""
+    found, K = R.copy(), np.zeros((3, 3))
+    for c in range(len(R)):
+        x, y, z = q[EACH * c], q[EACH * c + 1], q[EACH * c + 2]
+        angle = np.sqrt(x * x + y * y + z * z)
+        if angle > 0.0:
+            K[0, 1], K[0, 2], K[1, 0], K[1, 2], K[2, 0], K[2, 1] = -z, y, z, -x, -y, x
+            across = K @ R[c]
+            found[c] += np.sin(angle) / angle * across
+            found[c] += 2.0 * (np.sin(0.5 * angle) / angle) ** 2 * (K @ across)
+    return found
+
+
+def poses_in(q: FloatArray) -> FloatArray:
+    """(c, 6): a view on the rotations and T of all cameras in q."""
+    return q[:-1].reshape(-1, EACH)[:, :LENS]
+
+
+def without_turns(q: FloatArray) -> FloatArray:
+    """q with small rotations of 0."""
+    found = q.copy()
+    poses_in(found)[:, :TRANSLATION] = 0.0
+    return found
+
+
+def moved(at: Cameras, step: FloatArray) -> Cameras:
+    """The cameras after a step (Q,) of any size."""
+    return Cameras(without_turns(at.q + step), turned(at.R, step), at.lenses)
+
+
+def step_between(other: Cameras, at: Cameras) -> FloatArray:
+    """(Q,): the step from cameras to others, so that `moved` of it gives those."""
+    step = other.q - at.q
+    turns = Rotation.from_matrix(other.R @ at.R.transpose(0, 2, 1)).as_rotvec()
+    poses_in(step)[:, :TRANSLATION] = turns
+    return np.asarray(step)
+
+
+def pose_at(at: Cameras, number: int = 1) -> Pose:
+    """`camera_from_reference` of a camera."""
+    return Pose(at.R[number], at.q[pose_places(number)][TRANSLATION:])
+
+
+def rig_of(primary: Camera, secondary: Camera, at: Cameras) -> Rig:
+    """The rig of two cameras with the unknowns instead of their stated lenses."""
+    first, second = (with_lens(each, at.q, k) for k, each in enumerate((primary, secondary)))
+    return Rig(first, second, pose_at(at))
+
+
+def with_lens(stated: Camera, q: FloatArray, number: int) -> Camera:
+    """The stated camera with the fx, fy, cx, cy, k1, k2, p1, p2 of one in q."""
+    fx, fy, cx, cy, *distortion = q[lens_places(number)].tolist()
+    K = stated.K.copy()
+    K[0, 0], K[1, 1], K[0, 2], K[1, 2] = fx, fy, cx, cy
+    whole = stated.distortion.copy()
+    if not len(whole) and any(distortion):
+        whole = np.zeros(4)
+    whole[:4] = distortion[: len(whole)]
+    return Camera(K, whole, stated.image_size, model=stated.model)
+
+
+def baseline_direction(at: Cameras) -> FloatArray:
+    """(Q,): the derivative of the distance between two cameras, the first of which is the
+    reference."""
+    found, T = np.zeros(len(at.q)), at.q[pose_places(1)][TRANSLATION:]
+    found[pose_places(1)][TRANSLATION:] = T / np.linalg.norm(T)
+    return found
+
+
+def largest_turn_sigma(at: Cameras, covariance: FloatArray) -> float:
+    """The largest standard error, in radians, of a rotation of the second of two cameras about an
+    axis of its own, or of the direction of the baseline."""
+    C, t = covariance[pose_places(1), pose_places(1)], baseline_direction(at)[pose_places(1)]
+    along = np.outer(t, t)
+    along[:TRANSLATION, :TRANSLATION] = 0.0
+    across = np.eye(len(C)) - along
+    across[TRANSLATION:] /= np.linalg.norm(at.q[pose_places(1)][TRANSLATION:])
+    return float(np.sqrt(np.diag(across @ C @ across.T).max()))
+
+
+def derivatives_by_rig(
+    errors: Callable[[Rig], FloatArray], rig: Rig, spread: FloatArray
+) -> FloatArray:
+    """(n, r): derivatives of n errors that are computed with a rig, by central differences.
+
+    Args:
+        spread: (Q, r): steps of the unknowns, by whose factors the derivatives are.
+    """
+    at = rig_at(rig)
+
+    def after(step: FloatArray) -> FloatArray:
+        return errors(rig_of(rig.primary, rig.secondary, moved(at, step)))
+
+    columns = [0.5 * (after(along) - after(-along)) for along in spread.T]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(errors(rig)), 0))
+
+
+MAXIMUM_ITERATIONS = 20
+
+
+@compiled
+def undistort_rays(q: FloatArray, lenses: FloatArray, pixels: FloatArray, rays: FloatArray) -> bool:
+    """Undistort pixels with the lenses of q, by Newton's method.
+
+    Args:
+        q: (Q,); the distortion is that of `lenses`.
+        lenses: (c, 23), as in `views.Cameras`.
+        pixels: (n, 2 c): u, v of each camera.
+        rays: (2 c, n), updated; the initial values are used as the start.
+
+    Returns:
+        False if it does not converge.
+    """
+    for camera in range(len(lenses)):
+        at = EACH * camera + LENS
+        fx, fy, cx, cy = q[at], q[at + 1], q[at + 2], q[at + 3]
+        skew = lenses[camera, 0]
+        for k in range(len(pixels)):
+            by = (pixels[k, 2 * camera + 1] - cy) / fy
+            bx = (pixels[k, 2 * camera] - cx - skew * by) / fx
+            x, y = rays[2 * camera, k], rays[2 * camera + 1, k]
+            error = np.inf
+            for _ in range(MAXIMUM_ITERATIONS):
+                u, v, xx, xy, yx, yy = distort(x, y, lenses, camera)
+                scale = 1.0 / (xx * yy - xy * yx)
+                du, dv = u - bx, v - by
+                x -= scale * (yy * du - xy * dv)
+                y -= scale * (xx * dv - yx * du)
+                error = abs(du) + abs(dv)
+                if error < 1e-12:
+                    break
+            if not error < 1e-9:
+                return False
+            rays[2 * camera, k], rays[2 * camera + 1, k] = x, y
+    return True

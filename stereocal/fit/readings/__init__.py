@@ -1,0 +1,1 @@
+"""What was given wrongly: other readings of the input, judged by what they leave."""

@@ -1,0 +1,1 @@
+"""Where the fit of all cameras begins: pairs by themselves, fused."""

@@ -1,0 +1,1 @@
+"""Cameras that are late, and cameras started by hand: brought into step."""
