@@ -63,12 +63,12 @@ def errors_table(calibration: Calibration) -> pd.DataFrame:
 
 def angles_table(calibration: Calibration) -> pd.DataFrame:
     """Angles, baseline and cost of each set, and how its computation ended."""
-    every: dict[Method, MethodResult | RefinedResult] = {**calibration.methods}
-    if calibration.refined is not None:
-        every["refined"] = calibration.refined
+    every: dict[Method, tuple[MethodResult | RefinedResult, int]]
+    every = {name: (own, own.evaluations) for name, own in calibration.methods.items()}
+    if (refined := calibration.refined) is not None:
+        every["refined"] = refined, refined.steps
     columns = {}
-    for name, found in every.items():
-        evaluations = found.steps if isinstance(found, RefinedResult) else found.evaluations
+    for name, (found, evaluations) in every.items():
         angles = zip(ANGLE_TITLES.values(), np.degrees(found.pose.angles), strict=True)
         columns[METHOD_NAMES[name]] = {
             **{title: f"{degrees:.4f}" for title, degrees in angles},

@@ -12,7 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.fit.errors.held_out import fitted_to
 from stereocal.fit.free_distortion import better_held_out, lenses_with_distortion
 from stereocal.fit.joint_fit import NO_RIG, Start, joint_fit
-from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.least_squares.unknowns import RefineSettings, check_named
 from stereocal.fit.readings.diagnosis import camera_warnings, moved_in_words, refuse_poor_fit
 from stereocal.fit.readings.wrong_inputs import (
     check_inputs,
@@ -57,6 +57,7 @@ def calibrate_rig(
         )
     refuse_same_points(recording)
     check_numbering(recording)
+    check_named(recording, settings or RefineSettings())
     try:
         rig = _calibrated(recording, settings or RefineSettings(), late, progress)
         refuse_poor_fit(rig)

@@ -162,17 +162,18 @@ def kind_of_table(content: bytes, source: str) -> str:
 def pair_in_table(rig: Parameters, content: bytes, source: str) -> CameraPair:
     """The two cameras whose pixels a table has: `u_left,v_left,u_right,v_right`. Of more than two
     of a rig, those that see most of its rows together."""
-    if isinstance(rig, RigParameters):
-        return CAMERAS
+    cameras = [*rig.placed]
+    if len(cameras) == 2:
+        return cameras[0], cameras[1]
     rows = read_rows(content, source, (), ()).raw
     names = [*map(str, rows)]
-    seen = [name for name in rig.names if {f"u_{name}".lower(), f"v_{name}".lower()} <= {*names}]
+    seen = [name for name in cameras if {f"u_{name}".lower(), f"v_{name}".lower()} <= {*names}]
     if len(seen) < 2:
         if {*MEASURED} <= {*names}:
-            return rig.names[0], rig.names[1]
+            return cameras[0], cameras[1]
         raise StereocalError(
             f"{source}: the pixels of two cameras of the rig are needed, as the columns "
-            f"{', '.join(f'u_{name},v_{name}' for name in rig.names[:2])}; the table names "
+            f"{', '.join(f'u_{name},v_{name}' for name in cameras[:2])}; the table names "
             f"{', '.join(names)[:200]}."
         )
     given = {name: ~is_missing(rows[f"u_{name}".lower()]) for name in seen}

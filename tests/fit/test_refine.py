@@ -210,3 +210,25 @@ def test_one_set_does_both_jobs_where_lenses_are_off() -> None:
     # Measured over 50 rigs: 13 and 191 times lower.
     assert length_2d >= 3 * length
     assert px_3d >= 10 * px
+
+
+def test_lenses_are_stated_by_label_or_by_name_and_no_other_camera_is() -> None:
+    """Held lenses stay as they are, whatever the cameras of a recording of two are called."""
+    own = rig.dataset(25, 0.2).recording
+    left, right = own.cameras.values()
+    pair = replace(
+        own, cameras={"left": left, "right": right}, baselines_m={("left", "right"): rig.BASELINE_M}
+    ).pair("left", "right")
+    priors: list[dict[str, LensPrior]] = [
+        dict.fromkeys(("primary", "secondary"), FIXED_LENS),
+        dict.fromkeys(pair.names, FIXED_LENS),
+        {},
+    ]
+    by_label, by_name, free = (refine(pair, RefineSettings(lenses)) for lenses in priors)
+    assert np.array_equal(by_label.primary.K, left.K) and np.array_equal(by_name.primary.K, left.K)
+    assert np.array_equal(by_label.pose.T, by_name.pose.T)
+    assert not np.array_equal(free.primary.K, left.K)
+    with pytest.raises(StereocalError, match="third"):
+        refine(pair, RefineSettings({"third": FIXED_LENS}))
+    with pytest.raises(StereocalError, match="third"):
+        refine(pair, RefineSettings(free_distortion=("third",)))

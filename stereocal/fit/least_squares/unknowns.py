@@ -100,8 +100,8 @@ class RefineSettings(Settings):
     """Settings of the refined method. An uncertainty of 0 holds the value fixed."""
 
     lenses: Mapping[str, LensPrior] = field(default_factory=dict)
-    """By camera (`Recording.labels`). Others: the camera's own uncertainty if it has one, else 1 %
-    and 10 px."""
+    """By camera (`Recording.labels`), of two by their names too. Others: the camera's own
+    uncertainty if it has one, else 1 % and 10 px."""
     baseline_sigma_m: float | None = None
     """Of each measured baseline. None: the recording's value if it has one, else 1 % of it."""
     distance_sigma_m: float | None = None
@@ -332,18 +332,24 @@ def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
     )
 
 
+def check_named(recording: Recording, settings: RefineSettings) -> None:
+    """Raise a `StereocalError` if the settings name a camera that there is not."""
+    known, there = {*recording.labels, *recording.cameras}, " and ".join(recording.labels)
+    for what, named in (("lenses", settings.lenses), ("free_distortion", settings.free_distortion)):
+        if unknown := [name for name in named if name not in known]:
+            raise StereocalError(f"{what} names the camera {unknown[0]}: there are {there}.")
+
+
 def settings_for(recording: Recording, settings: RefineSettings) -> RefineSettings:
     """The settings with what the recording says of its lenses and its timing.
 
     Raises:
-        StereocalError: `free_distortion` names a camera that there is not.
+        StereocalError: they name a camera that there is not.
     """
-    if not set(settings.free_distortion) <= set(recording.labels):
-        named = " or ".join(recording.labels)
-        raise StereocalError(f"free_distortion names a camera that is not {named}.")
+    check_named(recording, settings)
     lenses = lenses_of(recording, settings)
-    for label, camera in zip(recording.labels, recording.cameras.values(), strict=True):
-        if label in settings.free_distortion:
+    for label, (name, camera) in zip(recording.labels, recording.cameras.items(), strict=True):
+        if {label, name} & {*settings.free_distortion}:
             lenses[label] = replace(lenses[label], distortion=free_distortion(camera))
     known: dict[str, Any] = {"lenses": lenses}
     if not recording.offsets:
@@ -358,15 +364,23 @@ def free_distortion(camera: Camera) -> tuple[float, float, float, float]:
 
 def lenses_of(recording: Recording, settings: RefineSettings) -> dict[str, LensPrior]:
     """The priors of the lenses, by camera (`Recording.labels`)."""
-    cameras = zip(recording.labels, recording.cameras.values(), strict=True)
-    return {label: lens_prior(camera, settings.lenses.get(label)) for label, camera in cameras}
+    stated = stated_lenses(recording, settings)
+    cameras = zip(recording.labels, recording.cameras.items(), strict=True)
+    return {label: lens_prior(camera, stated.get(name)) for label, (name, camera) in cameras}
 
 
-def of_two(lenses: Mapping[str, LensPrior], pair: CameraPair) -> dict[str, LensPrior]:
-    """Those of two of more cameras, by their labels."""
-    return {
-        label: lenses[name] for label, name in zip(CAMERAS, pair, strict=True) if name in lenses
-    }
+def stated_lenses(recording: Recording, settings: RefineSettings) -> dict[str, LensPrior]:
+    """Those of the settings, by the cameras' names."""
+    labels = zip(recording.cameras, recording.labels, strict=True)
+    given = {name: settings.lenses.get(label, settings.lenses.get(name)) for name, label in labels}
+    return {name: lens for name, lens in given.items() if lens is not None}
+
+
+def of_two(recording: Recording, settings: RefineSettings, pair: CameraPair) -> RefineSettings:
+    """The settings of a fit of two of the cameras."""
+    stated, own = stated_lenses(recording, settings), zip(CAMERAS, pair, strict=True)
+    lenses: dict[str, LensPrior] = {label: stated[name] for label, name in own if name in stated}
+    return replace(settings, lenses=lenses)
 
 
 def length_sigma(recording: Recording, settings: RefineSettings) -> tuple[float, bool]:

@@ -439,8 +439,8 @@ def _fit_of_pair(
     if near.pose is not None:  # so that a baseline that is wrong hinders no reading
         dataset = dataset.changed(baseline_m=near.scale * dataset.baseline_m)
         start = Pose(near.pose.R, near.scale * near.pose.T)
-    held = _held(dataset.target_distance_m)
-    return refine(dataset, replace(held, lenses=of_two(lenses, pair)), start)
+    held = replace(_held(dataset.target_distance_m), lenses=lenses)
+    return refine(dataset, of_two(recording, held, pair), start)
 
 
 def _one_file(recording: Recording, group: Group) -> Iterator[Way]:

@@ -145,9 +145,7 @@ def pair_problem(
 ) -> tuple[Pair, RefineSettings]:
     """The data of a pair, and what is stated of its lenses and lengths."""
     dataset = recording.pair(*pair)
-    priors = replace(
-        settings, lenses=of_two(settings.lenses, pair), time_offset=False, time_drift=False
-    )
+    priors = of_two(recording, replace(settings, time_offset=False, time_drift=False), pair)
     return dataset, replace(priors, baseline_sigma_m=None) if dataset.baseline_is_free else priors
 
 
