@@ -130,7 +130,7 @@ class Press:
     def _calibrate(self, step: Callable[[str], None] = lambda _: None) -> None:
         own = self.protocol.refined
         run = PairRun(self.dataset, self.settings, own, trace=True, progress=step)
-        self.project.keep_calibration(jobs.compute(lambda: run.calibration), self.inputs)
+        self.project.keep_calibration(jobs.compute(getattr, run, "calibration"), self.inputs)
 
     def _validate(self, job: jobs.Job) -> bool:
         """Evaluate the stored calibration and store the result; False if there is none any more."""
