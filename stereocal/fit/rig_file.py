@@ -93,6 +93,16 @@ class RigFile(ResultFile):
         return None if figures is None else figures.metric_error_p95
 
     @property
+    def length_m(self) -> float | None:
+        """The longest distance of that object; None if the file does not say."""
+        return None if self.object is None else self.object.longest_m
+
+    @property
+    def found_by(self) -> dict[str, Any]:
+        """What a file that is made with it says of it."""
+        return {"method": "refined", "inputs_sha256": None}
+
+    @property
     def object(self) -> RigidObject | None:
         """The object that the rig was calibrated with; None if the file does not say."""
         points = dict(self.about.object)

@@ -29,7 +29,6 @@ from stereocal.fit.rig_file import Parameters
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
-from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair
 from stereocal.system.array_types import FloatArray
 from stereocal.system.atomic_files import read_whole
@@ -67,9 +66,6 @@ def write_world(frame: WorldFrame, rig: Parameters) -> bytes:
         rig: the parameters it was found with.
     """
     pose = frame.pose
-    parameters = {"method": "refined", "inputs_sha256": None}
-    if isinstance(rig, RigParameters):
-        parameters = {"method": rig.method, "inputs_sha256": rig.inputs.get("sha256")}
     content = {
         "format": WORLD_FORMAT,
         "convention": CONVENTION,
@@ -80,7 +76,7 @@ def write_world(frame: WorldFrame, rig: Parameters) -> bytes:
         **frame.about,
         "sentence": frame.sentence,
         "notes": list(frame.notes),
-        "parameters": parameters,
+        "parameters": rig.found_by,
         "software": {"stereocal": __version__},
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }

@@ -153,6 +153,17 @@ class RigParameters(Answer, Rig, ResultFile):
         return ((self.predicted or {}).get("p95_metric_error_3d") or {}).get("value")
 
     @property
+    def length_m(self) -> float | None:
+        """Of the bar of the calibration, of an object its longest distance; None if unknown."""
+        stated = self.inputs.get("target_distance_m")
+        return stated if isinstance(stated, float) else None
+
+    @property
+    def found_by(self) -> dict[str, Any]:
+        """What a file that is made with it says of it."""
+        return {"method": self.method, "inputs_sha256": self.inputs.get("sha256")}
+
+    @property
     def set_name(self) -> str:
         """In sentences, such as `2D set`."""
         short = {"2d": "2D", "3d": "3D"}

@@ -267,10 +267,7 @@ class Seen:
     @property
     def length_m(self) -> float | None:
         """The bar that they were calibrated with, if it is known."""
-        if isinstance(self.rig, RigFile):
-            return self.rig.object.longest_m if self.rig.object else None
-        stated = None if self.rig is None else self.rig.inputs.get("target_distance_m")
-        return stated if isinstance(stated, float) else None
+        return None if self.rig is None else self.rig.length_m
 
     @property
     def photographs(self) -> ProjectPhotographs:

@@ -14,6 +14,7 @@ import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.fit.results import Calibration
 from stereocal.projects.application import Use
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
@@ -63,7 +64,7 @@ class Press:
 
             if large:
                 job.begin("steps")
-                self._calibrate(step)
+                self._keep(jobs.compute(getattr, self._run(step), "calibration"))
                 if (found := self.project.run) is not None:
                     step("forecast")
                     make(found, "forecast")
@@ -116,7 +117,7 @@ class Press:
             jobs.start(self.work)
             return
         with st.spinner("Calibrating."):
-            self._calibrate()
+            self._keep(jobs.compute(getattr, self._run(), "calibration"))
         frames = len(self.dataset.correspondences.frames)
         if frames < FEWEST_TO_VALIDATE:
             self._conclude()
@@ -127,10 +128,12 @@ class Press:
             with shown, suppress(StoppedError), st.spinner("Validating."):
                 self._validate(jobs.Job(self.work, jobs.pool()))
 
-    def _calibrate(self, step: Callable[[str], None] = lambda _: None) -> None:
+    def _run(self, step: Callable[[str], None] = lambda _: None) -> PairRun:
         own = self.protocol.refined
-        run = PairRun(self.dataset, self.settings, own, trace=True, progress=step)
-        self.project.keep_calibration(jobs.compute(getattr, run, "calibration"), self.inputs)
+        return PairRun(self.dataset, self.settings, own, trace=True, progress=step)
+
+    def _keep(self, calibration: Calibration) -> None:
+        self.project.keep_calibration(calibration, self.inputs)
 
     def _validate(self, job: jobs.Job) -> bool:
         """Evaluate the stored calibration and store the result; False if there is none any more."""
