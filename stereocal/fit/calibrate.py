@@ -102,16 +102,7 @@ def _of_pairs(
     recording: Recording, pairs: Pairs, settings: RefineSettings, progress: Progress | None
 ) -> RigCalibration:
     """The rig, from its pairs."""
-    if not pairs.fits:
-        raise StereocalError(_no_pair(recording, pairs))
-    names = reached(list(recording.cameras), pairs.fits)
-    unreached = {
-        name: _why_unreached(name, pairs) for name in recording.cameras if name not in names
-    }
-    for name in unreached:
-        own = [it for pair, it in pairs.moved.items() if name in pair]
-        if own:
-            raise MovedError(moved_in_words(own[0], [name], settings))
+    names, unreached = _connected(recording, pairs, settings)
     kept = recording.of_cameras(names)
     pairs, fused = _consistent(kept, pairs, settings)
     noise = float(np.median([fit.noise_px for fit in pairs.fits.values()]))
@@ -128,7 +119,7 @@ def _of_pairs(
     moved = ""
     if (found := movement(screening, partial(fitted_to, screening, near=False))) is not None:
         moved = moved_in_words(found, [names[number] for number in found.cameras], settings)
-        if found.is_far:
+        if found.is_far or len(found.cameras) == len(names):  # no camera is known to stand still
             raise MovedError(moved)
     wrong = wrong_images(screening)
     out = screening.frames[screening.outlying]
@@ -156,6 +147,27 @@ def _of_pairs(
         rig = better_held_out(rig, fitted(Start.of(rig.fit, rig.shifts), freed))
     report(steps, steps)
     return rig
+
+
+def _connected(
+    recording: Recording, pairs: Pairs, settings: RefineSettings
+) -> tuple[list[str], dict[str, str]]:
+    """The cameras that pairs connect, and of others why they do not.
+
+    Raises:
+        StereocalError: there is no pair, or a camera has moved.
+    """
+    if not pairs.fits:
+        for pair, movement_of_pair in pairs.moved.items():
+            raise MovedError(moved_in_words(movement_of_pair, pair, settings))
+        raise StereocalError(_no_pair(recording, pairs))
+    names = reached(list(recording.cameras), pairs.fits)
+    others = [name for name in recording.cameras if name not in names]
+    for name in others:
+        for pair, movement_of_pair in pairs.moved.items():
+            if name in pair:
+                raise MovedError(moved_in_words(movement_of_pair, [name], settings))
+    return names, {name: _why_unreached(name, pairs) for name in others}
 
 
 def _consistent(
