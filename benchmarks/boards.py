@@ -19,7 +19,8 @@ import cv2
 import numpy as np
 
 from stereocal.fit.parameter_file import standard_errors
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.frames.pairing import Pairing, pair_names
 from stereocal.intrinsics.boards import BoardSearch, find_board

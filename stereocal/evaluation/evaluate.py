@@ -31,7 +31,8 @@ from stereocal.evaluation.counting import BINS, count_pairs
 from stereocal.fit.least_squares.distortion import lenses_of_cameras
 from stereocal.fit.least_squares.small_steps import undistort_rays
 from stereocal.fit.least_squares.unknowns import RefineSettings
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, triangulate_rays
 from stereocal.rig.pair import Pair

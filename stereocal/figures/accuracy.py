@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 
 from stereocal.figures.style import AXIS, NEUTRAL, blank, note, scatter, sentence_only
 from stereocal.fit.errors.uncertainty import AccuracyMap
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded

@@ -14,7 +14,7 @@ from stereocal.figures.style import in_order
 from stereocal.figures.validation import COLUMNS, standings
 from stereocal.fit.least_squares.small_steps import FACTOR, largest_turn_sigma
 from stereocal.fit.parameter_file import errors_of_set
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.results import Calibration
 from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import ForecastEntries

@@ -10,7 +10,7 @@ from stereocal.fit.errors.stated_inputs import Input
 from stereocal.fit.least_squares.small_steps import FACTOR, OF_PAIR, lens_places, pose_places
 from stereocal.fit.least_squares.unknowns import FIXED, baseline_sigma_m
 from stereocal.fit.least_squares.views import DRIFT, EACH, TIME
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.pair import Pair

@@ -13,7 +13,7 @@ from stereocal.errors import StereocalError
 from stereocal.fit.errors.disagreement import InputComparison, compare_inputs
 from stereocal.fit.errors.stated_inputs import Input
 from stereocal.fit.parameter_file import refined_parameters
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.screening.screen import Screening
 from stereocal.rig.geometry import triangulate_rays
 from stereocal.rig.pair import Pair

@@ -12,7 +12,8 @@ from stereocal.calibration.montecarlo import MethodResult
 from stereocal.errors import StereocalError, damaged
 from stereocal.fit.least_squares.small_steps import OF_PAIR
 from stereocal.fit.least_squares.unknowns import RefineSettings
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.results import Calibration
 from stereocal.fit.screening.screen import Screening
 from stereocal.rig.geometry import Pose

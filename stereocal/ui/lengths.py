@@ -10,7 +10,7 @@ import numpy as np
 import streamlit as st
 
 from stereocal.fit.least_squares import unknowns
-from stereocal.fit.refine import robust_start
+from stereocal.fit.start.first_poses import robust_start
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.inputs import LENGTHS
 from stereocal.projects.project import Project

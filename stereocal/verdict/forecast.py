@@ -23,7 +23,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.fit.least_squares.small_steps import FACTOR, baseline_direction, rig_at, step_between
 from stereocal.fit.parameter_file import covariance_entry
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.results import Calibration
 from stereocal.rig.camera import LENS_UNKNOWNS
 from stereocal.rig.parameters import ForecastEntries

@@ -24,7 +24,7 @@ from stereocal.evaluation.summary import Estimate, crossing
 from stereocal.fit.least_squares.design_effect import lenses_without
 from stereocal.fit.least_squares.small_steps import FACTOR, moved, rig_at
 from stereocal.fit.least_squares.views import Cameras
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import without_nan

@@ -32,7 +32,7 @@ from scipy.special import gammaln
 
 from stereocal.errors import StereocalError
 from stereocal.fit.errors.uncertainty import bar_innovations, length_freedom
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.volume import Volume
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.verdict.judging import photograph

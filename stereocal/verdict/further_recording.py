@@ -30,7 +30,7 @@ from stereocal.calibration.methods import METHOD_NAMES, Method, errors_of
 from stereocal.errors import StereocalError
 from stereocal.evaluation import evaluate
 from stereocal.evaluation.summary import Estimate, MethodSummary, figures_of_set, summarise
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.clusters import clusters_of
 from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair

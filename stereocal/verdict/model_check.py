@@ -17,7 +17,8 @@ from stereocal.evaluation.summary import Estimate
 from stereocal.fit.errors.uncertainty import Innovations, bar_innovations
 from stereocal.fit.least_squares.noise import ESTIMATED
 from stereocal.fit.least_squares.robust import SMALLEST_SCATTER
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.pair import Pair
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import rounded

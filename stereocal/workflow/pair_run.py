@@ -35,7 +35,8 @@ from stereocal.fit.readings.likely_cause import (
     warnings_about_fit,
 )
 from stereocal.fit.readings.wrong_inputs import check_inputs
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.results import Calibration
 from stereocal.fit.screening.misplaced_target import misplaced_target
 from stereocal.fit.screening.screen import Screening, screened

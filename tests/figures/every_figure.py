@@ -23,7 +23,8 @@ from stereocal.fit.errors.disagreement import compare_inputs
 from stereocal.fit.errors.misfit import misfit_of
 from stereocal.fit.errors.uncertainty import accuracy_map
 from stereocal.fit.least_squares.unknowns import RefineSettings
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.timing.offset_of_pair import offset_of_pair
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.intrinsics.calibrate_lens import calibrate_lens

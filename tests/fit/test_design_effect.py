@@ -6,7 +6,8 @@ import pytest
 from stereocal.fit.errors.disagreement import compare_inputs
 from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings
 from stereocal.fit.parameter_file import of_file, refined_parameters
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.matching.reconstruction import noise_of_file
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters

@@ -7,7 +7,8 @@ import pytest
 
 from stereocal.figures.lens import describe_misfit, plot_misfit
 from stereocal.fit.errors.misfit import FEWEST_POINTS, Misfit, misfit_of
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from tests.rigs.refined_rigs import Misjudged, waved
 
 

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from stereocal.fit.least_squares.small_steps import FACTOR, rig_at, step_between
 from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.fit.parameter_file import of_file
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.rig_file import RigFile
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import CameraPair, Recording

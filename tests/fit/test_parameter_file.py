@@ -6,7 +6,8 @@ import pytest
 from stereocal.fit.errors.disagreement import compare_inputs
 from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.fit.parameter_file import COVARIANCE_OF, errors_of_set, refined_parameters
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.library.calibrations import calibrate
 from stereocal.rig.parameters import RigParameters
 from tests import known_rig as rig

@@ -15,7 +15,8 @@ from stereocal.fit.errors.uncertainty import (
 )
 from stereocal.fit.least_squares.small_steps import OF_PAIR, moved, pose_at, pose_places
 from stereocal.fit.least_squares.unknowns import RefineSettings
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.geometry import triangulate
 from tests import known_rig as rig
 from tests.rigs.accuracy import deviations, over_bound

@@ -9,7 +9,8 @@ from stereocal.fit.errors.disagreement import compare_inputs
 from stereocal.fit.errors.uncertainty import length_sigmas, length_variances
 from stereocal.fit.least_squares.small_steps import pose_places, rig_at, step_between
 from stereocal.fit.least_squares.unknowns import RefineSettings
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.library.calibrations import calibrate
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.simulate import (

@@ -7,7 +7,8 @@ from scipy.stats import binom
 
 from stereocal.fit.errors.uncertainty import bar_innovations
 from stereocal.fit.least_squares.unknowns import RefineSettings
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.library.calibrations import calibrate
 from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import Nominal, observe

@@ -27,7 +27,7 @@ from stereocal.field.checking.prior import Prior
 from stereocal.field.checking.since import Since, since_when
 from stereocal.fit.least_squares.design_effect import clusters_in, design_effect
 from stereocal.fit.least_squares.small_steps import pose_at, rig_of
-from stereocal.fit.refine import robust_start
+from stereocal.fit.start.first_poses import robust_start
 from stereocal.rig.clusters import in_runs
 from stereocal.system.array_types import BoolArray, IntArray
 

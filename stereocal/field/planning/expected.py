@@ -17,7 +17,8 @@ from stereocal.field.planning.plan import Plan, common_points, sees
 from stereocal.fit.errors import uncertainty
 from stereocal.fit.least_squares.small_steps import baseline_direction, rig_at
 from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings, measured_baselines
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.pair import Pair

@@ -46,7 +46,8 @@ from stereocal.fit.least_squares.unknowns import (
     lens_prior,
     lenses_of,
 )
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS
 from stereocal.system.array_types import FloatArray
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.fit.least_squares.small_steps import derivatives_by_rig
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.residual_field import ResidualField, cells_of, residual_field
 from stereocal.system.array_types import FloatArray, IntArray
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.small_steps import OF_PAIR
 from stereocal.fit.least_squares.views import EACH, Cameras, jacobians_of
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 MEAN_OF_NORMAL = float(np.sqrt(2 / np.pi))

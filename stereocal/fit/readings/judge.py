@@ -36,7 +36,8 @@ from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.robust import RobustFit
 from stereocal.fit.least_squares.small_steps import with_lens
 from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings, of_two
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.start.fuse import PairFit, chained
 from stereocal.fit.start.pairs import (
     FEWEST_BARS,

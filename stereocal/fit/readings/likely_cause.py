@@ -13,7 +13,7 @@ from stereocal.calibration.wrong_inputs import essential_fit, inconsistency_mess
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.small_steps import largest_turn_sigma
 from stereocal.fit.readings.wrong_inputs import find_wrong_input, nothing_fits
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.screening.screen import (
     MAXIMUM_LEFT_OUT,
     Screening,

@@ -15,7 +15,8 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.unknowns import RefineSettings, baseline_sigma_m, distance_sigma_m
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 
 MOST_TARGETS = 12
 """Of an object with more, such as a board, all targets come from one print."""

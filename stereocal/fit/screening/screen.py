@@ -18,7 +18,8 @@ from stereocal.calibration.checks import refuse_same_points
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.screening.movement import MovedError
 from stereocal.fit.screening.two_recordings import camera_moved, other_size
 from stereocal.fit.timing.out_of_step import with_offset_if_out_of_step

@@ -9,7 +9,7 @@ upright, wrong ratios of fx and fy look the same.
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 

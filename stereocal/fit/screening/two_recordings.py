@@ -7,7 +7,8 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.robust import RobustFit
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.screening.movement import Movement, movement
 from stereocal.rig.lengths_in_words import word_of
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray

@@ -7,7 +7,7 @@ they are given the value that the refined method finds, and that is reported.
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.fit.refine import robust_start
+from stereocal.fit.start.first_poses import robust_start
 from stereocal.rig.lengths_in_words import word_of
 from stereocal.rig.pair import Pair
 from stereocal.system.numbers import rounded

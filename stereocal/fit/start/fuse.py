@@ -23,7 +23,7 @@ from stereocal.fit.least_squares.small_steps import (
 )
 from stereocal.fit.least_squares.unknowns import RefineSettings, Unknowns, unknowns_of
 from stereocal.fit.least_squares.views import EACH, LENS, TIME, TRANSLATION, Cameras
-from stereocal.fit.refine import RefinedResult
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.array_types import FloatArray

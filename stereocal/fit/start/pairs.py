@@ -8,7 +8,8 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.unknowns import RefineSettings, of_two
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.screening.movement import Movement
 from stereocal.fit.screening.screen import wide_settings
 from stereocal.fit.screening.two_recordings import movement_of_pair

@@ -18,8 +18,8 @@ import numpy as np
 from stereocal.calibration.corrections import fitting_px, with_targets
 from stereocal.calibration.offset_scan import FEWEST, Track, common_points, scan
 from stereocal.errors import StereocalError, naming
-from stereocal.fit.refine import robust_pose
 from stereocal.fit.screening.screen import wide_settings
+from stereocal.fit.start.first_poses import robust_pose
 from stereocal.fit.start.free_baseline import with_rough_baseline
 from stereocal.fit.timing.time_offset import fit_time_offset, spread_over_runs, usable_after
 from stereocal.rig.geometry import Pose, sampson, triangulate_rays

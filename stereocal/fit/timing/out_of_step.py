@@ -14,7 +14,8 @@ from stereocal.calibration.corrections import fewer_corners
 from stereocal.calibration.readings import counted_apart
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.unknowns import RefineSettings
-from stereocal.fit.refine import RefinedResult, refine
+from stereocal.fit.refine import refine
+from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.timing.time_offset import (
     LARGEST,
     MAXIMUM_SIGMA,

@@ -16,7 +16,9 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.design_effect import design_effect
 from stereocal.fit.least_squares.unknowns import RefineSettings
-from stereocal.fit.refine import RefinedResult, fit_from, median_residual, refine, robust_pose
+from stereocal.fit.refine import fit_from, refine
+from stereocal.fit.refined_result import RefinedResult
+from stereocal.fit.start.first_poses import median_residual, robust_pose
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair
