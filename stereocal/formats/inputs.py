@@ -7,6 +7,7 @@ from pathlib import Path
 
 from stereocal.errors import StereocalError, naming
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_pairs
+from stereocal.field.checking.to_check import PairToCheck, RigToCheck, ToCheck
 from stereocal.fit.rig_file import Parameters, RigFile
 from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.correspondences_csv import read_table
@@ -59,16 +60,16 @@ def pair_in_zip(content: bytes, label: str, lens_model: LensModel | None = None)
         return pair_to_calibrate(recording)
 
 
-def images_in(content: bytes, label: str, rig: Parameters) -> NewImages | Recording:
+def to_check(content: bytes, label: str, rig: Parameters) -> ToCheck:
     """New images in an uploaded file: a zip with `dataset.json`, or a table."""
     if isinstance(rig, RigFile):
-        return recording_in(content, label, rig)
+        return RigToCheck(rig, recording_in(content, label, rig))
     if is_zip(content):
-        return images_of_bars(pair_in_zip(content, label), rig)
+        return PairToCheck(rig, images_of_bars(pair_in_zip(content, label), rig))
     with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
         path = Path(folder) / f"table{Path(label).suffix.lower()}"
         path.write_bytes(content)
-        return images_in_table(path, label, rig)
+        return PairToCheck(rig, images_in_table(path, label, rig))
 
 
 def recording_in(content: bytes, label: str, rig: RigFile) -> Recording:

@@ -12,7 +12,7 @@ import pandas as pd
 
 from stereocal.errors import StereocalError, damaged
 from stereocal.fit.rig_file import RIG, Parameters, RigFile, is_rig, read_parameters
-from stereocal.formats.inputs import images_in
+from stereocal.formats.inputs import to_check
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.point_answers import Answers, answered, answers_alike, layout_of
 from stereocal.formats.point_files import read_points
@@ -303,7 +303,7 @@ class ProjectCheck(ProjectPart):
     def keep_images(self, label: str, content: bytes, rig: Parameters | None = None) -> None:
         """Store new images, if those of the parameters can be checked with them."""
         if rig is not None:
-            images_in(content, label, rig)
+            to_check(content, label, rig)
         self.database.give(CHECK, IMAGES, label, content)
 
     def file(self, name: str) -> StoredFile | None:

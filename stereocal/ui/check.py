@@ -15,20 +15,17 @@ from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.field.checking import check_words
 from stereocal.field.checking.findings import Recheck
 from stereocal.field.checking.fits import Smallest
-from stereocal.field.checking.new_images import NewImages
-from stereocal.field.checking.prior import prior_of
-from stereocal.field.checking.recheck import recheck
-from stereocal.field.checking.repair import REPAIRED, Residuals, repaired_parameters, residuals_of
-from stereocal.field.checking.rig_check import RigCheck, check_rig
+from stereocal.field.checking.repair import REPAIRED, Residuals, repaired_parameters
+from stereocal.field.checking.rig_check import RigCheck
+from stereocal.field.checking.to_check import ToCheck
 from stereocal.figures.frame_errors import describe_check, plot_check
-from stereocal.fit.rig_file import Parameters, RigFile, is_rig, read_parameters
+from stereocal.fit.rig_file import Parameters, is_rig, read_parameters
 from stereocal.fit.start.pairs import pair_name
 from stereocal.formats.dataset_description import POINTS, TABLE
 from stereocal.formats.dataset_files import pack_recording
 from stereocal.formats.dropped import Dropped
-from stereocal.formats.inputs import images_in
+from stereocal.formats.inputs import to_check
 from stereocal.frames.all_cameras import Found
-from stereocal.matching.point_noise import PointNoise, noise_of_calibration
 from stereocal.matching.point_table import PARQUET
 from stereocal.matching.views import PAIRS
 from stereocal.projects.application import (
@@ -45,7 +42,6 @@ from stereocal.projects.project import Project
 from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.numbers import count
 from stereocal.system.zip_files import pack_zip
@@ -107,16 +103,15 @@ def show_page(project: Project) -> None:
     if rig is None or new is None:
         return
     digest = hashlib.sha256(f"{rig.digest} {new[0]} ".encode() + new[1]).hexdigest()
-    images = _images_of(digest, rig, *new)
-    if isinstance(images, NewImages) and isinstance(rig, RigParameters) and not images.bars:
-        known = PointNoise(images.stated_px, "columns") if images.stated_px else None
-        usual = known or noise_of_calibration(rig) or ""
+    asked = _given(digest, rig, *new)
+    if asked.of_points_alone:
         otherwise = (
             "by the columns that Apply writes, else as exact as the targets of the calibration"
         )
-        stated = ask_noise(noise_field(project, "check_sigma_px"), usual, otherwise)
-        images, digest = images.stating(stated), f"{digest} {stated}"
-    answer = _checked(digest, smallest, rig, images)
+        field = noise_field(project, "check_sigma_px")
+        stated = ask_noise(field, asked.usual_noise or "", otherwise)
+        asked, digest = asked.stating(stated), f"{digest} {stated}"
+    answer = _checked(digest, smallest, asked)
     _show_answer(project, *answer, None if file is None else file.sha256)
 
 
@@ -216,23 +211,16 @@ def _are_in_use(project: Project, repaired: Callable[[], str]) -> bool:
 
 @st.cache_resource(show_spinner="Checking.", max_entries=16)
 def _checked(
-    key: str, smallest: Smallest, _rig: Parameters, _images: NewImages | Recording
-) -> tuple[Recheck | RigCheck, dict[str, Residuals]]:
-    """The answer, and the errors by pair; of two cameras the only pair has no name."""
+    key: str, smallest: Smallest, _given: ToCheck
+) -> tuple[Recheck | RigCheck, Mapping[str, Residuals]]:
     assert key
-    if isinstance(_rig, RigFile):
-        assert isinstance(_images, Recording)
-        of_rig = jobs.compute(check_rig, _rig, _images, smallest)
-        return of_rig, {pair_name(each): residuals_of(own) for each, own in of_rig.pairs.items()}
-    assert isinstance(_images, NewImages)
-    found = jobs.compute(recheck, prior_of(_rig), _images, smallest)
-    return found, {"": residuals_of(found)}
+    return jobs.compute(_given.check, smallest)
 
 
 @st.cache_resource(show_spinner="Reading.", max_entries=16)
-def _images_of(key: str, _rig: Parameters, _label: str, _content: bytes) -> NewImages | Recording:
+def _given(key: str, _rig: Parameters, _label: str, _content: bytes) -> ToCheck:
     assert key
-    return images_in(_content, _label, _rig)
+    return to_check(_content, _label, _rig)
 
 
 MATCHED, FILE = "The pairs of Apply", "A file"
