@@ -21,7 +21,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tools.photographs.flight_sample import LENGTH_M
 
@@ -116,7 +116,7 @@ def answer(store: ProjectClicks, how: ClickMeasure, footage: Footage, click: Cli
 
 
 def main() -> None:
-    sets = Answer(PairRun(read_dataset(SAMPLES / "field"))).sets
+    sets = PairAnswer(PairRun(read_dataset(SAMPLES / "field"))).sets
     flights, how = Flights.before_the_field(), ClickMeasure(sets["2d"], sets["refined"])
     for noise_px in (1.0, 0.3):
         lengths(flights, how, noise_px)

@@ -22,7 +22,7 @@ from stereocal.evaluation.summary import Estimate
 from stereocal.simulation.simulate import Scene, place_bars
 from stereocal.system.array_types import FloatArray
 from stereocal.system.executors import engine
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun, usual_frames
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 
@@ -47,7 +47,7 @@ def run_of(number: int, frames: int = 25) -> tuple[Scene, PairRun, Misjudged]:
     return scene, PairRun(data, CalibrationSettings(), settings), off
 
 
-def errors_in_metres(answer: Answer, scene: Scene, noise_px: float, number: int) -> FloatArray:
+def errors_in_metres(answer: PairAnswer, scene: Scene, noise_px: float, number: int) -> FloatArray:
     """(n,): relative errors of the true lengths of fresh bars, by the recommended file."""
     rng = np.random.default_rng([number, 59])
     fresh = place_bars(scene.rig, rng, FRESH, BAR_M, DEPTHS_M, 20.0)
@@ -66,7 +66,7 @@ def metres(rigs: int) -> None:
     within: dict[tuple[float, float], list[tuple[float, float, float]]] = {}
     for number in range(rigs):
         scene, run, off = run_of(number)
-        answer = Answer(run)
+        answer = PairAnswer(run)
         found = answer.recommendation.measure
         said, scatter = found.metric_p95.best(True), found.length_p95.best(True)
         assert isinstance(said, Estimate) and isinstance(scatter, Estimate)
@@ -102,7 +102,7 @@ def real(draws: int) -> None:
             bar = data.target_distance_m * (1.0 + known * rng.normal())
             sigma = known * data.target_distance_m
             asked = rest.changed(target_distance_m=bar, target_distance_sigma_m=sigma)
-            answer = Answer(PairRun(asked))
+            answer = PairAnswer(PairRun(asked))
             test = data.of_frames(quarter)
             found = answer.recommendation.measure
             file = answer.sets[found.method]
@@ -130,7 +130,7 @@ def agree(rigs: int) -> None:
         frames = usual_frames(len(run.calibration.screening.dataset.correspondences.frames))
         settings = EvaluationSettings(run.settings, 100, frames, refined=run.refined)
         with engine() as executor:
-            found = Answer(run, run.validate(settings, executor)).recommendation
+            found = PairAnswer(run, run.validate(settings, executor)).recommendation
         if found.contradiction:
             said.append(number)
             print(f"  rig {number}: {found.contradiction}")

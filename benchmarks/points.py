@@ -22,7 +22,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.array_types import FloatArray
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tests.rigs.refined_rigs import DEPTHS_M, Misjudged, random_scene, stated
 
@@ -57,7 +57,7 @@ def calibrated(seed: int) -> tuple[Rig, Mapping[str, RigParameters]]:
     """A random rig, and the files of its calibration."""
     rng, off = np.random.default_rng([seed, 99]), Misjudged(noise_px=TARGETS_PX)
     scene = random_scene(rng)
-    found = Answer(PairRun(stated(scene, rng, off), refined=off.settings()))
+    found = PairAnswer(PairRun(stated(scene, rng, off), refined=off.settings()))
     return scene.rig, {str(k): v for k, v in found.sets.items()}
 
 

@@ -37,7 +37,7 @@ from stereocal.library.calibrations import calibrate
 from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import Scene, observe
 from stereocal.verdict.forecast import forecast_files
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from tests.rigs.culprits import KINDS, bars_of, lit, sound, waved
 from tests.rigs.pair_mistakes import MISTAKES, Mistake
 from tests.rigs.population import figures_on
@@ -64,7 +64,7 @@ def further(scene: Scene, kind: str, number: int, bars: int = FURTHER) -> Scene:
     return bars_of(KINDS[kind], scene.rig, np.random.default_rng([number, 99]), bars)
 
 
-def error_of(scene: Scene, kind: str, number: int, answer: Answer) -> float:
+def error_of(scene: Scene, kind: str, number: int, answer: PairAnswer) -> float:
     """`error_of_files` on further bars."""
     fresh = further(scene, kind, number)
     cameras = scene.rig.primary, scene.rig.secondary

@@ -30,7 +30,7 @@ from stereocal.formats.dataset_files import read_recording
 from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tests.rigs.mistakes import Change
 from tests.rigs.pair_mistakes import MISTAKES as OF_PAIRS
@@ -44,7 +44,7 @@ OF_RIGS: Mapping[str, Change] = {
 """Those that need no truth."""
 
 
-def far_from(truth: Pose, sigma_rad: float, answer: Answer) -> float:
+def far_from(truth: Pose, sigma_rad: float, answer: PairAnswer) -> float:
     """How far the file to measure with is from that of the sound recording."""
     pose = answer.sets[answer.recommendation.measure.method].pose
     turn = Rotation.from_matrix(pose.R @ truth.R.T).magnitude() / sigma_rad
@@ -55,7 +55,7 @@ def of_pair(data: Pair, asked: argparse.Namespace) -> None:
     """Each kind of mistake in each part of a recording of two cameras."""
     for part in np.array_split(data.correspondences.frames, asked.parts):
         own = data.of_frames(part)
-        sound = Answer(PairRun(own))
+        sound = PairAnswer(PairRun(own))
         said = said_of(partial(run_data, own), None)
         print(f"  frames {part[0]} to {part[-1]}, sound: {said.accusations or 'nothing accused'}")
         pose = sound.sets[sound.recommendation.measure.method].pose
@@ -72,7 +72,7 @@ def run_data(data: Pair) -> Pair:
 
 
 def _of_pair(
-    name: str, mistake: Mistake, data: Pair, error: Callable[[Answer], float], say: bool
+    name: str, mistake: Mistake, data: Pair, error: Callable[[PairAnswer], float], say: bool
 ) -> None:
     assert mistake.change is not None
     begun, change = time.process_time(), mistake.change

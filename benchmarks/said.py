@@ -11,7 +11,7 @@ from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 
 MOST, MOST_BASELINE = 3.0, 0.05
@@ -42,7 +42,7 @@ class Said:
     is_cautioned: bool = False
 
 
-def said_of(make: Callable[[], Pair], error: Callable[[Answer], float] | None) -> Said:
+def said_of(make: Callable[[], Pair], error: Callable[[PairAnswer], float] | None) -> Said:
     """All that `calibrate` says of a recording.
 
     Args:
@@ -51,7 +51,7 @@ def said_of(make: Callable[[], Pair], error: Callable[[Answer], float] | None) -
     """
     try:
         run = PairRun(with_baseline_found(make()))
-        answer = Answer(run)
+        answer = PairAnswer(run)
         accused = [item for item in run.inputs if item.accused]
         notes = (
             *filter(None, [run.screening.time_note]),
@@ -67,7 +67,7 @@ def said_of(make: Callable[[], Pair], error: Callable[[Answer], float] | None) -
     return Said(" ".join(notes).lower(), False, accusing, of_files, caution)
 
 
-def error_of_files(answer: Answer, truth: Rig, ends: FloatArray, length_m: float) -> float:
+def error_of_files(answer: PairAnswer, truth: Rig, ends: FloatArray, length_m: float) -> float:
     """The true 95 % length error of the file to measure with, over the upper end of the stated; at
     least the error of its baseline over `MOST_BASELINE`, times `MOST`.
 

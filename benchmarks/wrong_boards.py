@@ -28,7 +28,7 @@ from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.intrinsics.stereo_boards import found_of
 from stereocal.rig.camera import Camera
 from stereocal.rig.pair import Pair
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tests.rigs.board_mistakes import MISTAKES
 from tests.rigs.board_pairs import (
@@ -52,7 +52,7 @@ def said_of(pair: BoardPair, make: Callable[[], Pair] | None = None) -> Said:
     return said_of_dataset(make or (lambda: pair.dataset), error)
 
 
-def _error(pair: BoardPair, answer: Answer) -> float:
+def _error(pair: BoardPair, answer: PairAnswer) -> float:
     """`error_of_files` on the diagonals of further boards."""
     assert pair.truth is not None
     rng, corners = np.random.default_rng(5), true_corners(pair.board, 0.0)

@@ -39,7 +39,7 @@ from stereocal.system.numbers import count
 from stereocal.verdict.file_figures import stated_in
 from stereocal.verdict.in_words import digits, listed, refuse_unknown_frames
 from stereocal.verdict.recommendation import frames_to_come, in_percent
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun, usual_frames
 from stereocal.workflow.run import Run
 
@@ -92,7 +92,7 @@ def run(parsed: argparse.Namespace) -> None:
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
     calibrated = PairRun(dataset, settings, refined)
     validation = _validation(calibrated, parsed.runs) if parsed.runs else None
-    found = Answer(calibrated, validation, figures)
+    found = PairAnswer(calibrated, validation, figures)
     files = found.parameter_files
     if parsed.kit:
         files["paper_kit.zip"] = paper_kit(found)
@@ -118,7 +118,7 @@ def _all(recording: Recording, parsed: argparse.Namespace) -> None:
     write(Run(recording, rig, late, searches), parsed.out)
 
 
-def _lines_of(found: Answer) -> list[str]:
+def _lines_of(found: PairAnswer) -> list[str]:
     """The data, and what each method made of them."""
     calibration = found.run.calibration
     dataset, rows = calibration.dataset, calibration.dataset.correspondences
@@ -148,7 +148,7 @@ def _lines_of(found: Answer) -> list[str]:
     return lines
 
 
-def _notes_on(found: Answer) -> list[str]:
+def _notes_on(found: PairAnswer) -> list[str]:
     """Warnings, inputs that disagree, errors that cannot be detected, advice; or empty."""
     calibration, inputs = found.run.calibration, found.run.inputs
     pose = found.sets[found.recommendation.measure.method].pose
@@ -176,7 +176,7 @@ def _validation(run: PairRun, runs: int) -> Evaluation | None:
         return None
 
 
-def _forecast_lines(found: Answer, of: str) -> list[str]:
+def _forecast_lines(found: PairAnswer, of: str) -> list[str]:
     lines = [f"Forecast for {of} (95 % intervals), with the threshold in each file:"]
     held, thresholds = word_of(found.run.calibration.dataset), found.thresholds_px
     for method, entries in found.forecast_entries.items():

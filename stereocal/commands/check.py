@@ -26,9 +26,10 @@ from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import REPAIRED, repaired_parameters
 from stereocal.field.checking.rig_check import check_rig
 from stereocal.fit.rig_file import RigFile, holds_rig
-from stereocal.formats.inputs import STORED_PROJECT, images_in_table, recording_in
+from stereocal.formats.inputs import STORED_PROJECT
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.atomic_files import read_whole
+from stereocal.workflow.given import images_in_table, recording_in
 
 OPTIONS: Options = {
     "parameters": "the parameter file to check, or rig.json",

@@ -27,7 +27,7 @@ from stereocal.verdict.in_words import (
     why_held_out_not_trusted,
 )
 from stereocal.verdict.validation_in_words import validation_answer
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 
 OPTIONS: Options = {
@@ -56,7 +56,7 @@ def run(parsed: argparse.Namespace) -> None:
         runs = with_bar("runs", partial(evaluate, kept, settings, executor))
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
     answers = [
-        Answer(run, figures=validation_figures(own, settings))
+        PairAnswer(run, figures=validation_figures(own, settings))
         for run, own in zip(found, by_dataset.values(), strict=True)
     ]
     calibrated = [answer for answer in answers if _is_calibrated(answer.run)]

@@ -39,7 +39,7 @@ from stereocal.system.numbers import count
 from stereocal.verdict.in_words import refuse_unknown_frames
 from stereocal.verdict.recommendation import Recommendation
 from stereocal.verdict.validation_in_words import validation_answer
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import DEFAULT_REFINED, PairRun, usual_frames
 from stereocal.workflow.run import Run
 
@@ -89,9 +89,9 @@ class CalibrationRun(TableAnswer, Calibration):
     """The sets of all methods, which of them to use for what, and how good they are."""
 
     @cached_property
-    def found(self) -> Answer:
+    def found(self) -> PairAnswer:
         """What it comes to, made when it is asked for."""
-        return Answer(PairRun.of(self))
+        return PairAnswer(PairRun.of(self))
 
     @property
     def recommendation(self) -> Recommendation:
@@ -131,7 +131,7 @@ class CalibrationRun(TableAnswer, Calibration):
         )
         with engine() if executor is None else nullcontext(executor) as workers:
             validation = self.found.run.validate(settings, workers)
-        vars(self)["found"] = Answer(self.found.run, validation)
+        vars(self)["found"] = PairAnswer(self.found.run, validation)
         return Validation(validation)
 
     def save(self, folder: str | Path) -> None:

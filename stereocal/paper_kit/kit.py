@@ -10,13 +10,13 @@ from stereocal.formats.dataset_files import pack_dataset
 from stereocal.matching.application import Outcome
 from stereocal.paper_kit.methods_text import methods_md, references_bib
 from stereocal.system.zip_files import pack_zip
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 
 ENDS = ("value", "low", "high")
 INTERVAL = "_interval"
 
 
-def paper_kit(answer: Answer, applied: Outcome | None = None) -> bytes:
+def paper_kit(answer: PairAnswer, applied: Outcome | None = None) -> bytes:
     """The kit of a result as a zip.
 
     Args:
@@ -33,7 +33,7 @@ def paper_kit(answer: Answer, applied: Outcome | None = None) -> bytes:
     )
 
 
-def table_csv(answer: Answer) -> bytes:
+def table_csv(answer: PairAnswer) -> bytes:
     """One row per method, one column per figure of `summary.json`; errors are fractions.
 
     A figure with a 95 % interval has `_low` and `_high` beside it; forecast figures begin with

@@ -23,7 +23,7 @@ from stereocal.verdict.forecast import sure
 from stereocal.verdict.in_words import digits, interval, listed, named_frames, percent
 from stereocal.verdict.recommendation import NAMES, in_percent
 from stereocal.version import __version__
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 
 PAPER, PROGRAM = "beschi2021", "stereocal"
 """Keys of the entries."""
@@ -32,7 +32,7 @@ MOST_FRAMES = 40
 """Frames left out that are named one by one."""
 
 
-def methods_md(answer: Answer, applied: Outcome | None = None) -> str:
+def methods_md(answer: PairAnswer, applied: Outcome | None = None) -> str:
     """What was recorded, left out, computed and found, and which set serves what.
 
     Without a validation there are no held-out figures; without a forecast either, none at all.
@@ -58,7 +58,7 @@ def methods_md(answer: Answer, applied: Outcome | None = None) -> str:
     return "\n\n".join(["# Calibration", *warning, *filter(None, paragraphs), files]) + "\n"
 
 
-def _recording(answer: Answer) -> Iterator[str]:
+def _recording(answer: PairAnswer) -> Iterator[str]:
     dataset = answer.run.calibration.dataset
     rows = dataset.correspondences
     what, distances = "A bar with two targets", f"{count(len(rows.bars), 'bar')} with both targets"
@@ -100,7 +100,7 @@ def _known(sigma_m: float | None) -> str:
     return "" if sigma_m is None else f" (standard error {digits(1000 * sigma_m, 2)} mm)"
 
 
-def _left_out(answer: Answer) -> Iterator[str]:
+def _left_out(answer: PairAnswer) -> Iterator[str]:
     screening = answer.run.calibration.screening
     if frames := screening.contradicting:
         yield (
@@ -124,7 +124,7 @@ def _them(frames: tuple[int, ...]) -> str:
     return f"{named_frames(frames, MOST_FRAMES)} {'were' if len(frames) > 1 else 'was'}"
 
 
-def _sets(answer: Answer) -> Iterator[str]:
+def _sets(answer: PairAnswer) -> Iterator[str]:
     calibration = answer.run.calibration
     settings, search = calibration.settings, calibration.settings.search
     solver = "minimising the sum of the squared residuals over the five angles of the pose"
@@ -182,7 +182,7 @@ def _step(radians: float) -> str:
     return power if number == "1" else f"{number} × {power}"
 
 
-def _validation(answer: Answer) -> Iterator[str]:
+def _validation(answer: PairAnswer) -> Iterator[str]:
     evaluation = answer.evaluation
     if evaluation is None:
         return
@@ -207,7 +207,7 @@ def _validation(answer: Answer) -> Iterator[str]:
     )
 
 
-def _held_out(answer: Answer) -> Iterator[str]:
+def _held_out(answer: PairAnswer) -> Iterator[str]:
     if answer.evaluation is None:
         return
     every, found = answer.evaluation.summaries, []
@@ -224,7 +224,7 @@ def _held_out(answer: Answer) -> Iterator[str]:
     yield f"On held-out frames: {'; '.join(found)} (`table.csv`)."
 
 
-def _applied(applied: Outcome, answer: Answer) -> Iterator[str]:
+def _applied(applied: Outcome, answer: PairAnswer) -> Iterator[str]:
     """Which set matched and which measured the points of the project."""
     used, sets = applied.used, []
     for method, digest in (used["matching"], used["measuring"]):
@@ -237,7 +237,7 @@ def _applied(applied: Outcome, answer: Answer) -> Iterator[str]:
     yield f"Their positions were reconstructed with {sets[1]}."
 
 
-def _recommended(answer: Answer) -> Iterator[str]:
+def _recommended(answer: PairAnswer) -> Iterator[str]:
     """Which set is recommended for what; no points of the project were matched."""
     found = answer.recommendation
     match, measure, let_in = found.match, found.measure, ""
@@ -251,7 +251,7 @@ def _recommended(answer: Answer) -> Iterator[str]:
     yield f"To reconstruct positions and lengths, {NAMES[measure.method]} is recommended."
 
 
-def _lengths(answer: Answer) -> Iterator[str]:
+def _lengths(answer: PairAnswer) -> Iterator[str]:
     """How well lengths in metres are known, and what of that is the bar."""
     found = answer.recommendation
     metric, scatter = (
@@ -266,7 +266,7 @@ def _lengths(answer: Answer) -> Iterator[str]:
         )
 
 
-def _verdict(answer: Answer) -> Iterator[str]:
+def _verdict(answer: PairAnswer) -> Iterator[str]:
     verdict = answer.recommendation.verdict
     if verdict is None or not answer.recommendation.forecast_holds:
         return

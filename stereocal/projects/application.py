@@ -12,7 +12,6 @@ import pandas as pd
 
 from stereocal.errors import StereocalError, damaged
 from stereocal.fit.rig_file import RIG, Parameters, RigFile, is_rig, read_parameters
-from stereocal.formats.inputs import to_check
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.point_answers import Answers, answered, answers_alike, layout_of
 from stereocal.formats.point_files import read_points
@@ -31,6 +30,7 @@ from stereocal.system.csv_text import csv_text
 from stereocal.system.names import can_be_shown, label_of
 from stereocal.system.records import of_plain, pack, plain
 from stereocal.system.zip_files import pack_zip, unzip
+from stereocal.workflow.given import to_check
 
 Use = Literal["matching", "measuring"]
 USES: tuple[Use, Use] = ("matching", "measuring")

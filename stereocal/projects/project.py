@@ -21,7 +21,6 @@ from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
 from stereocal.formats.dataset_description import TABLE
 from stereocal.formats.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
-from stereocal.formats.inputs import pair_in_zip
 from stereocal.projects.calibration_files import as_stored, pack_calibration, unpack_calibration
 from stereocal.projects.contents import CALIBRATED, FURTHER, INPUT, SETTING, VALIDATION, VALUES
 from stereocal.projects.database import NOT_THERE, DamagedError
@@ -35,7 +34,8 @@ from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
 from stereocal.system.names import label_of
 from stereocal.system.records import of_plain, unpack
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
+from stereocal.workflow.given import pair_in_zip
 from stereocal.workflow.pair_run import PairRun
 
 T = TypeVar("T")
@@ -51,7 +51,7 @@ KEPT: dict[type, Latest[Any]] = {
     kind: Latest(most)
     for kind, most in (
         *((Camera, 64), (Table, 8), (Pair, 32), (Recording, 8)),
-        *((PairRun, 64), (Answer, 64), (Evaluation, 8)),
+        *((PairRun, 64), (PairAnswer, 64), (Evaluation, 8)),
     )
 }
 """In memory, by the digests of the contents."""
@@ -274,7 +274,7 @@ class Project:
         KEPT[PairRun].keep(digest, PairRun.of(calibration))
 
     @property
-    def answer(self) -> Answer | None:
+    def answer(self) -> PairAnswer | None:
         """What the last finished result comes to, with its validation if it has one; None before
         the first."""
         with self.database.reading():
@@ -284,7 +284,7 @@ class Project:
             with suppress(StereocalError):  # a damaged one costs itself only
                 evaluation = self.calibration_evaluation
             key = f"{self.calibration_digest} {self.database.result_digest(VALIDATION)}"
-            return once(Answer, key, lambda: Answer(run, evaluation))
+            return once(PairAnswer, key, lambda: PairAnswer(run, evaluation))
 
     @property
     def run(self) -> PairRun | None:

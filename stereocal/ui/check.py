@@ -24,7 +24,6 @@ from stereocal.fit.start.pairs import pair_name
 from stereocal.formats.dataset_description import POINTS, TABLE
 from stereocal.formats.dataset_files import pack_recording
 from stereocal.formats.dropped import Dropped
-from stereocal.formats.inputs import to_check
 from stereocal.frames.all_cameras import Found
 from stereocal.matching.point_table import PARQUET
 from stereocal.matching.views import PAIRS
@@ -58,6 +57,7 @@ from stereocal.ui.parameter_files import APPLY_SETS, Source
 from stereocal.ui.search import ask_held, press_search, search_work
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
+from stereocal.workflow.given import to_check
 
 OF_PAIR = "New bars or matched points: photographs, videos, a zip, or a table"
 OF_RIG = "New bars: photographs of all cameras, a zip, or a table"

@@ -44,7 +44,7 @@ from stereocal.ui.messages import ErrorsShown, readable
 from stereocal.ui.press import PAPER_SET_FOR, answer_when_ready, offer_again, wait_for_answer
 from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.ui.wizard import STATED, Questions, ask_about, ask_size
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 
 FILES: dict[Method, tuple[str, str]] = {
     "2d": ("parameters_2d.json", "to match"),
@@ -86,7 +86,7 @@ class Source:
         """Choose files."""
         self._field.set(GIVEN)
 
-    def answer(self) -> Answer | None:
+    def answer(self) -> PairAnswer | None:
         """The project's results; None if files are chosen, or while the results are computed."""
         project, dataset = self.project, self.project.dataset
         if not self.is_project:
@@ -110,7 +110,7 @@ class Source:
         st.page_link("pages/calibrate.py", label="Or calibrate on the Calibrate page")
 
 
-def parameter_downloads(answer: Answer | None) -> None:
+def parameter_downloads(answer: PairAnswer | None) -> None:
     """A download button for each file; those to use stand out. None: buttons without files yet."""
     with st.container(horizontal=True):
         for method, (name, purpose) in FILES.items():
@@ -122,7 +122,7 @@ def parameter_downloads(answer: Answer | None) -> None:
                 offer(label, answer.sets[method].dumps, name, key, primary=to_use)
 
 
-def other_formats(project: Project, answer: Answer) -> None:
+def other_formats(project: Project, answer: PairAnswer) -> None:
     """A file in the format of another program."""
     left, right = st.columns(2)
     sets, usual = answer.sets, answer.recommendation.match.method

@@ -27,7 +27,7 @@ from stereocal.ui.forms import form_values, since_calibration
 from stereocal.ui.messages import ErrorsShown, button, readable, show_stale
 from stereocal.ui.screening import asked_to_calibrate, calibrate_next, is_long
 from stereocal.ui.validation import kept_protocol
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import STEPS, PairRun
 
 PAPER_SET_FOR: Mapping[Use, Method] = {"matching": "2d", "measuring": "3d"}
@@ -198,7 +198,7 @@ def show_progress(project: Project, work: jobs.PageWork | None) -> None:
     jobs.show_job(project, KIND, NOT_VALIDATED)
 
 
-def final_answer(project: Project) -> Answer | None:
+def final_answer(project: Project) -> PairAnswer | None:
     """The last result with its validation, nothing computed yet.
 
     Returns:
@@ -218,7 +218,7 @@ def wait_for_answer(project: Project) -> None:
         jobs.show_job(project, KIND, NOT_VALIDATED)
 
 
-def answer_when_ready(project: Project) -> Answer | None:
+def answer_when_ready(project: Project) -> PairAnswer | None:
     """The last result with its files: at once, or for a long recording from a job, which is shown.
 
     Returns:
@@ -236,20 +236,20 @@ def answer_when_ready(project: Project) -> Answer | None:
     return answer
 
 
-def compute_all(answer: Answer) -> None:
+def compute_all(answer: PairAnswer) -> None:
     """Compute what pages show of a run; of a long recording also what takes seconds there."""
     make(answer, "sets")
     if is_long(answer.run.dataset):
         make(answer.run, "advice")
 
 
-def make(of: PairRun | Answer, step: str) -> None:
+def make(of: PairRun | PairAnswer, step: str) -> None:
     """Compute a step in the pool, unless it is made."""
     if not is_made(of, step):
         jobs.compute(getattr, of, step)
 
 
-def _show_job_of_answer(project: Project, answer: Answer) -> None:
+def _show_job_of_answer(project: Project, answer: PairAnswer) -> None:
     """Start the job of the answer, unless it has failed or was cancelled, and show it."""
 
     def compute(job: jobs.Job) -> None:
@@ -266,6 +266,6 @@ def _show_job_of_answer(project: Project, answer: Answer) -> None:
         jobs.start_button(work, "Compute it", "again_answer", primary=False)
 
 
-def set_in_use(project: Project, use: Use, answer: Answer) -> Field:
+def set_in_use(project: Project, use: Use, answer: PairAnswer) -> Field:
     """The set of a result to match or to measure with: as recommended until the user chooses."""
     return setting(project, f"apply_{use}", answer.recommendation.use[use], one_of([*answer.sets]))

@@ -9,7 +9,7 @@ from stereocal.ui.fields import choose
 from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.press import make
 from stereocal.ui.texts import escape_markdown
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 
 
@@ -24,7 +24,7 @@ def show_disagreement(inputs: list[Input]) -> None:
         show_figure(one_set.plot_disagreement(inputs), words, "disagreement")
 
 
-def show_inputs(answer: Answer | None) -> None:
+def show_inputs(answer: PairAnswer | None) -> None:
     """What was stated, what comes out, which errors would go unnoticed, and what would help."""
     inputs = answer.run.inputs if answer else []
     if answer is None or not inputs:
@@ -47,7 +47,7 @@ def show_inputs(answer: Answer | None) -> None:
         st.caption(escape_markdown("\n\n".join(lines)))
 
 
-def show_accuracy(project: Project, run: PairRun, _answer: Answer | None) -> None:
+def show_accuracy(project: Project, run: PairRun, _answer: PairAnswer | None) -> None:
     """Predicted errors by position."""
     if not _has_refined(run):
         return
@@ -60,7 +60,7 @@ def show_accuracy(project: Project, run: PairRun, _answer: Answer | None) -> Non
     show_figure(accuracy.plot_accuracy(run.maps, result, quantity), words, "accuracy")
 
 
-def show_misfit(_project: Project, run: PairRun, _answer: Answer | None) -> None:
+def show_misfit(_project: Project, run: PairRun, _answer: PairAnswer | None) -> None:
     """Residuals over the images: whether a lens is wrong, or all is noise."""
     if not _has_refined(run):
         return

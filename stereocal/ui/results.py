@@ -38,7 +38,7 @@ from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.file_figures import Figure
 from stereocal.verdict.in_words import digits, interval, percent
 from stereocal.verdict.recommendation import frames_to_come, in_percent
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 
 TILES = ("Wrong pairs let in", "95 % of lengths within", "Threshold")
@@ -48,7 +48,7 @@ COVERAGE = "coverage"
 """Key of the figure of the Data page."""
 
 
-def show_result(project: Project, run: PairRun, answer: Answer | None) -> None:
+def show_result(project: Project, run: PairRun, answer: PairAnswer | None) -> None:
     """Recommendation, tiles, downloads, the rig, and one closer look at a time.
 
     Args:
@@ -78,7 +78,7 @@ def show_result(project: Project, run: PairRun, answer: Answer | None) -> None:
     _show_closer_looks(project, run, answer)
 
 
-def show_recommendation(answer: Answer) -> None:
+def show_recommendation(answer: PairAnswer) -> None:
     """What to use; green if it may be relied on, and no input contradicts the images; yellow if
     held-out frames contradict the forecast."""
     recommendation = answer.recommendation
@@ -93,7 +93,7 @@ def show_recommendation(answer: Answer) -> None:
     show("\n\n".join([f"**{first}**", *others]))
 
 
-def _tile(title: str, answer: Answer) -> tuple[str, str]:
+def _tile(title: str, answer: PairAnswer) -> tuple[str, str]:
     calibration, match = answer.run.calibration, answer.recommendation.match
     if title == TILES[0]:
         return _expected(match.wrong_let_in, answer, f" of {match.wrong_pairs:,} wrong pairs")
@@ -111,7 +111,7 @@ def _tile(title: str, answer: Answer) -> tuple[str, str]:
     return "unknown" if value is None else f"{digits(value, 2)} px", of
 
 
-def _expected(figure: Figure, answer: Answer, counted: str = "") -> tuple[str, str]:
+def _expected(figure: Figure, answer: PairAnswer, counted: str = "") -> tuple[str, str]:
     """A figure and its words: the forecast first if it holds, and beneath it the other."""
     ahead, held_out = figure.forecast, figure.held_out
     tested = "not yet" if held_out is None else f"{percent(held_out)} %{counted}"
@@ -130,7 +130,7 @@ def _expected(figure: Figure, answer: Answer, counted: str = "") -> tuple[str, s
     return f"{percent(held_out)} %", f"held out here  \n{forecast}"
 
 
-def _offer_kit(project: Project, answer: Answer | None) -> None:
+def _offer_kit(project: Project, answer: PairAnswer | None) -> None:
     applied = readable(lambda: ProjectApplication(project).result)
 
     def make() -> bytes:
@@ -148,7 +148,7 @@ def dataset_download(dataset: Pair) -> None:
 
 
 @fragment
-def _show_rig(project: Project, found: Calibration, answer: Answer | None) -> None:
+def _show_rig(project: Project, found: Calibration, answer: PairAnswer | None) -> None:
     methods = ["2d", "3d", *(["refined"] if found.refined else [])]
     st.subheader("The rig in 3D")
     left, right = st.columns(2)
@@ -188,7 +188,7 @@ def open_clicked_frame(project: Project) -> None:
 
 
 @fragment
-def _show_closer_looks(project: Project, run: PairRun, answer: Answer | None) -> None:
+def _show_closer_looks(project: Project, run: PairRun, answer: PairAnswer | None) -> None:
     """A choice of views; only the chosen one is computed."""
     screening.rerun_if_changed()
     shown = _view(project)
@@ -196,7 +196,7 @@ def _show_closer_looks(project: Project, run: PairRun, answer: Answer | None) ->
     LOOKS[view](project, run, answer)
 
 
-def _show_frames(project: Project, run: PairRun, answer: Answer | None) -> None:
+def _show_frames(project: Project, run: PairRun, answer: PairAnswer | None) -> None:
     found = run.calibration
     chosen = screening.frame_field(project, found)
 
@@ -237,7 +237,7 @@ def _show_images(
             show_figure(figure, words, f"image_{side}", caption=True)
 
 
-def _show_two_sets(project: Project, run: PairRun, _answer: Answer | None) -> None:
+def _show_two_sets(project: Project, run: PairRun, _answer: PairAnswer | None) -> None:
     found = run.calibration
     frame = screening.choose_frame(project, found)
     views = frame_views(found, frame)
@@ -252,7 +252,7 @@ def _show_two_sets(project: Project, run: PairRun, _answer: Answer | None) -> No
         show_figure(two_sets.plot_gap(views, method), words, "gap", caption=True)
 
 
-def _show_parameters(project: Project, run: PairRun, answer: Answer | None) -> None:
+def _show_parameters(project: Project, run: PairRun, answer: PairAnswer | None) -> None:
     refined_looks.show_inputs(answer)
     found = run.calibration
     if answer is not None and answer.run.forecast is not None:
@@ -274,7 +274,7 @@ def _show_parameters(project: Project, run: PairRun, answer: Answer | None) -> N
         other_formats(project, answer)
 
 
-def _show_searches(_project: Project, run: PairRun, _answer: Answer | None) -> None:
+def _show_searches(_project: Project, run: PairRun, _answer: PairAnswer | None) -> None:
     found = run.calibration
     show_figure(plot_traces(found), describe_traces(found), "traces")
 

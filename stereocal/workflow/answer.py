@@ -16,7 +16,7 @@ from stereocal.workflow.pair_run import PairRun
 
 
 @dataclass(eq=False)
-class Answer:
+class PairAnswer:
     """The recommendation and the files of a run. Each step is made when it is first asked for, and
     kept; any thread may ask."""
 

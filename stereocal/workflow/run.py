@@ -19,7 +19,7 @@ from stereocal.rig.parameters import RigParameters, Timing
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.latest import step
 from stereocal.system.tasks import Progress
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_of_rig import data_of_pair, settings_of_pair
 from stereocal.workflow.pair_run import PairRun
 
@@ -83,7 +83,7 @@ class Run:
             run = PairRun(dataset, replace(self.searches, all_frames=True), settings)
             if run.forecast is None:
                 raise StereocalError("there is no forecast for it.")
-            sets = Answer(run).sets
+            sets = PairAnswer(run).sets
         when: Timing = {"time_offset": of_rig.time_offset, "start_frame": of_rig.start_frame}
         left_out, given = self.found.about.frames_left_out, self.recording.sha256
         return {

@@ -14,7 +14,7 @@ from stereocal.cli import main
 from stereocal.fit.rig_file import RigFile
 from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.dataset_files import read_recording
-from stereocal.formats.inputs import recording_in
+from stereocal.workflow.given import recording_in
 from tests.files import write
 
 

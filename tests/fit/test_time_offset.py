@@ -15,7 +15,7 @@ from stereocal.library.calibrations import calibrate
 from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tests import known_rig as rig
 from tests.further import further
@@ -62,7 +62,7 @@ def test_an_offset_that_nobody_asked_for_is_applied_and_all_files_carry_it(late:
     note = found.calibration.screening.time_note
     assert "out of step" in note
     assert ("counted 1 apart" in note) == (late == -1.0)
-    for own in Answer(found).sets.values():
+    for own in PairAnswer(found).sets.values():
         whole = round(late)  # a matter of counting, which other recordings need not share
         assert own.start_frame == whole
         entry = own.to_json()["time_offset_frames"]
@@ -76,7 +76,7 @@ def test_an_offset_that_nobody_asked_for_is_applied_and_all_files_carry_it(late:
 def test_cameras_in_step_get_no_offset_unasked() -> None:
     found = PairRun(moving(0.0))
     assert found.screening.time_note == ""
-    assert all(own.time_offset is None for own in Answer(found).sets.values())
+    assert all(own.time_offset is None for own in PairAnswer(found).sets.values())
 
 
 def test_where_all_frames_are_trusted_an_offset_is_only_offered() -> None:
@@ -98,7 +98,7 @@ def test_bars_placed_anew_for_each_photograph_are_in_step() -> None:
     run = PairRun(rig.dataset(25, 0.2), TIMED, TIMED_REFINED)
     assert "in step" in run.screening.time_note
     assert len(run.calibration.frames) == 25
-    sets = Answer(run).sets
+    sets = PairAnswer(run).sets
     assert sets["2d"].time_offset is None
     assert sets["refined"].time_offset is not None
 

@@ -21,7 +21,7 @@ from stereocal.ui import press
 from stereocal.verdict import recommendation
 from stereocal.verdict.in_words import digits
 from stereocal.workflow import pair_run
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from tests.pages.stored_projects import FEW, SLOW, again, ended, go, messages, project_of, told
 from tests.pages.test_pages import FIELD, give_zip, open_sample
 
@@ -236,7 +236,7 @@ def test_a_forecast_that_held_out_frames_contradict_is_yellow(
     """The box, the tile of the figure, and the words; without it the same box is green."""
     said = "Held-out frames contradict the forecast: seen in a test."
     for told_of, colour in ((said, "warning"), ("", "success")):
-        monkeypatch.setitem(KEPT, Answer, Latest(8))
+        monkeypatch.setitem(KEPT, PairAnswer, Latest(8))
         monkeypatch.setattr(recommendation, "_contradiction", lambda *_, own=told_of: own)
         app = again(pressed, "calibrate")
         first = next(box.value for box in getattr(app, colour) if "A length of" in str(box.value))

@@ -14,7 +14,7 @@ from stereocal.projects.home import bring_back, remove
 from stereocal.projects.project import KEPT
 from stereocal.ui import jobs, press, results, screening
 from stereocal.workflow import answer, pair_run
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tests.pages.stored_projects import FEW, SLOW, ended, go, messages, project_of, told, wait_until
 from tests.pages.test_pages import open_sample
@@ -148,7 +148,7 @@ def forget() -> None:
     """What a server that starts has not in memory."""
     screening.SCREENINGS.clear()
     KEPT[PairRun].clear()
-    KEPT[Answer].clear()
+    KEPT[PairAnswer].clear()
     jobs.JOBS.clear()
 
 

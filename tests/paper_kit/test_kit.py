@@ -15,7 +15,7 @@ from stereocal.paper_kit.methods_text import PAPER, PROGRAM, methods_md, referen
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import unzip
 from stereocal.verdict.in_words import digits, interval, percent
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tests.fit.test_time_offset import moving
 from tests.terminal import FIELD, ROOT
@@ -25,12 +25,12 @@ DATA = {"dataset.json", "primary.json", "secondary.json", "correspondences.csv"}
 
 
 @cache
-def of_field() -> Answer:
+def of_field() -> PairAnswer:
     """With a validation of few runs."""
     run = PairRun(read_dataset(FIELD))
     settings = EvaluationSettings(runs=8, calibration_frames=20, refined=run.refined)
     with ThreadPoolExecutor(2) as executor:
-        return Answer(run, run.validate(settings, executor))
+        return PairAnswer(run, run.validate(settings, executor))
 
 
 def test_a_kit_holds_all_parts_and_the_command_line_opens_it(tmp_path: Path) -> None:
@@ -51,7 +51,7 @@ def test_a_kit_holds_all_parts_and_the_command_line_opens_it(tmp_path: Path) -> 
 
 
 def test_the_methods_say_that_the_secondary_points_were_shifted() -> None:
-    text = methods_md(Answer(PairRun(moving(0.3))))
+    text = methods_md(PairAnswer(PairRun(moving(0.3))))
     assert "later than the primary. Its points were interpolated" in text
     assert "interpolated" not in methods_md(of_field())
 

@@ -29,7 +29,7 @@ from stereocal.verdict.forecast_draws import draw_forecast
 from stereocal.verdict.fresh_frames import _facing, _stand_by_rays, fresh_bars, noise_given
 from stereocal.verdict.intervals import mean_of, share_interval
 from stereocal.verdict.judging import add_noise
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tests import known_rig as rig
 from tests.fisheye_rig import recording
@@ -235,7 +235,7 @@ def test_sigmas_of_points_are_honest(k1: float, rigs: int = repeats(30, 60)) -> 
         scene = random_scene(rng, 25)
         data = with_k1(stated(scene, rng, Misjudged()), k1, rng)
         settings = RefineSettings(baseline_sigma_m=0.005, distance_sigma_m=0.0005)
-        files = Answer(PairRun.of(calibrate(data, refined=settings))).sets
+        files = PairAnswer(PairRun.of(calibrate(data, refined=settings))).sets
         test = place_bars(scene.rig, rng, 50, BAR_M, DEPTHS_M)
         seen = observe(test, rng, 0.2, "test").correspondences
         for method, file in files.items():

@@ -20,7 +20,7 @@ from stereocal.verdict.forecast_draws import ForecastDraws
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.model_check import HeldOutRatio, ModelCheck
 from stereocal.verdict.recommendation import NO_FORECAST, NO_REFINED, Recommendation, recommend
-from stereocal.workflow.answer import Answer
+from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tests import known_rig as rig
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
@@ -37,10 +37,10 @@ def forecast(calibration: Calibration) -> Forecast:
     return forecast_files(calibration)
 
 
-def answer_of(calibration: Calibration, forecast: Forecast, figures: Any = None) -> Answer:
+def answer_of(calibration: Calibration, forecast: Forecast, figures: Any = None) -> PairAnswer:
     run = PairRun.of(calibration)
     vars(run)["forecast_or_reason"] = forecast
-    return Answer(run, figures=figures)
+    return PairAnswer(run, figures=figures)
 
 
 def told(
@@ -162,7 +162,7 @@ def test_the_headline_has_the_error_of_the_bar() -> None:
     data = rig.dataset(25, 0.005)
     bar = data.target_distance_m
     assumed, careful = (
-        Answer(PairRun(data.changed(target_distance_sigma_m=sigma))).recommendation
+        PairAnswer(PairRun(data.changed(target_distance_sigma_m=sigma))).recommendation
         for sigma in (None, 0.0002 * bar)
     )
     scatter = [found.measure.length_p95.forecast for found in (assumed, careful)]
@@ -184,7 +184,7 @@ def test_a_bar_that_the_images_contradict_is_not_said_to_be_known() -> None:
     data = rig.dataset(25, 0.02)
     bar = 1.01 * data.target_distance_m
     run = PairRun(data.changed(target_distance_m=bar, baseline_sigma_m=0.001))
-    found = Answer(run).recommendation
+    found = PairAnswer(run).recommendation
     metric = found.measure.metric_p95.forecast
     assert metric is not None and metric.low <= metric.value <= metric.high
     assert "which the images contradict" in found.sentences[0] and "±" not in found.sentences[0]
