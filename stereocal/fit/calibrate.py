@@ -12,7 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.fit.errors.held_out import fitted_to
 from stereocal.fit.free_distortion import better_held_out, lenses_with_distortion
 from stereocal.fit.joint_fit import NO_RIG, Start, joint_fit
-from stereocal.fit.least_squares.unknowns import RefineSettings, check_named
+from stereocal.fit.least_squares.unknowns import RefineSettings, check_stated, of_some
 from stereocal.fit.readings.diagnosis import camera_warnings, moved_in_words, refuse_poor_fit
 from stereocal.fit.readings.wrong_inputs import (
     check_inputs,
@@ -57,7 +57,7 @@ def calibrate_rig(
         )
     refuse_same_points(recording)
     check_numbering(recording)
-    check_named(recording, settings or RefineSettings())
+    check_stated(settings or RefineSettings(), recording)
     try:
         rig = _calibrated(recording, settings or RefineSettings(), late, progress)
         refuse_poor_fit(rig)
@@ -103,7 +103,7 @@ def _of_pairs(
 ) -> RigCalibration:
     """The rig, from its pairs."""
     names, unreached = _connected(recording, pairs, settings)
-    kept = recording.of_cameras(names)
+    kept, settings = recording.of_cameras(names), of_some(recording, settings, names)
     pairs, fused = _consistent(kept, pairs, settings)
     noise = float(np.median([fit.noise_px for fit in pairs.fits.values()]))
     wide = replace(
@@ -158,9 +158,8 @@ def _connected(
         StereocalError: there is no pair, or a camera has moved.
     """
     if not pairs.fits:
-        for pair, movement_of_pair in pairs.moved.items():
-            raise MovedError(moved_in_words(movement_of_pair, pair, settings))
-        raise StereocalError(_no_pair(recording, pairs))
+        moved = [moved_in_words(own, pair, settings) for pair, own in pairs.moved.items()]
+        raise StereocalError(moved[0] if moved else _no_pair(recording, pairs))
     names = reached(list(recording.cameras), pairs.fits)
     others = [name for name in recording.cameras if name not in names]
     for name in others:

@@ -19,7 +19,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings, Splits
 from stereocal.evaluation.evaluate import evaluate as evaluate_runs
 from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
-from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.least_squares.unknowns import RefineSettings, check_stated
 from stereocal.fit.results import Calibration
 from stereocal.fit.rig_file import RigFile
 from stereocal.fit.start.baseline import with_baseline_found
@@ -78,8 +78,8 @@ def pair_of(given: Pair | Recording) -> Pair:
         return with_baseline_found(given)
     if len(given.cameras) > 2:
         raise StereocalError(
-            f"{given.name}: it has {len(given.cameras)} cameras. Choose two with "
-            "`recording.pair(first, second)`."
+            f"{given.name}: it has {len(given.cameras)} cameras. Calibrate them as one with "
+            "`stereocal.rig(recording)`, or choose two with `recording.pair(first, second)`."
         )
     return pair_to_calibrate(given)
 
@@ -89,19 +89,24 @@ class CalibrationRun(TableAnswer, Calibration):
     """The sets of all methods, which of them to use for what, and how good they are."""
 
     @cached_property
-    def found(self) -> PairAnswer:
+    def _found(self) -> PairAnswer:
         """What it comes to, made when it is asked for."""
         return PairAnswer(PairRun.of(self))
 
     @property
+    def run(self) -> PairRun:
+        """All that is computed from the recording, made when it is asked for."""
+        return self._found.run
+
+    @property
     def recommendation(self) -> Recommendation:
         """Which set to use for what, and how good it is."""
-        return self.found.recommendation
+        return self._found.recommendation
 
     @property
     def sets(self) -> dict[Method, RigParameters]:
         """The parameter sets: 2d, 3d and, if available, refined."""
-        return self.found.sets
+        return self._found.sets
 
     @property
     def answer(self) -> list[str]:
@@ -127,16 +132,16 @@ class CalibrationRun(TableAnswer, Calibration):
             runs,
             calibration_frames or usual_frames(frames),
             splits,
-            self.found.run.refined,
+            self.run.refined,
         )
         with engine() if executor is None else nullcontext(executor) as workers:
-            validation = self.found.run.validate(settings, workers)
-        vars(self)["found"] = PairAnswer(self.found.run, validation)
+            validation = self.run.validate(settings, workers)
+        vars(self)["_found"] = PairAnswer(self.run, validation)
         return Validation(validation)
 
     def save(self, folder: str | Path) -> None:
         """Write the parameter files of all sets, all or none."""
-        files = self.found.parameter_files
+        files = self._found.parameter_files
         write_all({Path(folder) / name: content for name, content in files.items()})
 
     def export(self, to: str, path: str | Path, method: Method | None = None) -> None:
@@ -179,7 +184,7 @@ class CalibrationRun(TableAnswer, Calibration):
         Raises:
             StereocalError: there is no such look, no validation yet, or no refined set.
         """
-        evaluation = self.found.evaluation
+        evaluation = self._found.evaluation
         look = look or ("rig" if evaluation is None else "validation")
         if look == "rig":
             return draw("rig.plot_rig", self, method or self.recommendation.measure.method)
@@ -192,9 +197,9 @@ class CalibrationRun(TableAnswer, Calibration):
         if look == "disagreement":
             return draw("one_set.plot_disagreement", self.inputs)
         if look == "accuracy":
-            return draw("accuracy.plot_accuracy", self.found.run.maps, self.found.run.refined_set)
+            return draw("accuracy.plot_accuracy", self.run.maps, self.run.refined_set)
         if look == "residuals":
-            return draw("lens.plot_misfit", self.found.run.misfit)
+            return draw("lens.plot_misfit", self.run.misfit)
         raise StereocalError(f'There is no look "{look}": choose of {", ".join(get_args(Look))}.')
 
 
@@ -249,7 +254,8 @@ def calibrate(
                 f"{dataset.name}: it has {len(dataset.cameras)} cameras. Settings of the paper's "
                 "methods are of two: choose them with `recording.pair(first, second)`."
             )
-        return answering(CalibratedRig, Run(dataset, refined).found)
+        run_of_all = Run(dataset, refined, begin=progress or (lambda _: None))
+        return answering(CalibratedRig, run_of_all.found)
     pair, settings = pair_of(dataset), settings or CalibrationSettings()
     refuse_unknown_frames(settings, [pair])
     run = PairRun(pair, settings, refined, trace=trace)
@@ -333,6 +339,8 @@ def evaluate(
         settings or CalibrationSettings(), runs, calibration_frames, splits, refined
     )
     refuse_unknown_frames(asked.calibration, pairs)
+    for pair in pairs:
+        check_stated(refined or RefineSettings(), pair.recording)
     kept = [PairRun(pair, asked.calibration).screening.dataset for pair in pairs]
     with engine() if executor is None else nullcontext(executor) as workers:
         found = evaluate_runs(kept, asked, workers)

@@ -283,7 +283,8 @@ class Project:
                 return None
             with suppress(StereocalError):  # a damaged one costs itself only
                 evaluation = self.calibration_evaluation
-            key = f"{self.calibration_digest} {self.database.result_digest(VALIDATION)}"
+            known = self.database.result_digest(VALIDATION) if evaluation else None
+            key = f"{self.calibration_digest} {known}"
             return once(PairAnswer, key, lambda: PairAnswer(run, evaluation))
 
     @property

@@ -67,7 +67,7 @@ class Press:
                 self._keep(jobs.compute(getattr, self._run(step), "calibration"))
                 if (found := self.project.run) is not None:
                     step("forecast")
-                    make(found, "forecast")
+                    make(found, "forecast_or_reason")
             job.begin("runs")
             return self._validate(job)
 

@@ -1,7 +1,7 @@
 """What is computed of two cameras: `PairRun`, whose steps are made when asked for.
 
 Screening, the paper's three methods (Section 3) and the refined one, a validation and the forecast.
-What it comes to is an `Answer`.
+What it comes to is a `PairAnswer`.
 """
 
 from collections.abc import Callable
@@ -108,7 +108,7 @@ class PairRun:
             return self.finished
         settings = self.settings
         if self.refined is not None:
-            check_stated(self.refined, self.dataset)
+            check_stated(self.refined, self.dataset.recording)
         screening = self.screening
         dataset, kept = screening.full_dataset, screening.dataset
         frames = _draw_frames(screening, settings.calibration_frames, settings.search.seed)

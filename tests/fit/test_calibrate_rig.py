@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from stereocal.errors import StereocalError
 from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.least_squares.small_steps import step_between
+from stereocal.fit.least_squares.unknowns import FIXED_LENS, RefineSettings
 from stereocal.fit.least_squares.views import EACH, TRANSLATION, fit_points
 from stereocal.fit.parameter_file import of_file
 from stereocal.fit.rig_calibration import RigCalibration, third_cameras
@@ -250,3 +251,31 @@ def test_points_behind_a_third_camera_have_no_distance_from_its_images() -> None
     behind[:, 0, 0], behind[:, 1:, 0] = 0.0, 1279.0
     behind[:, 2, 0] = 640.0
     assert all(np.isfinite([own.before, own.after]).all() for own in third_cameras(rig, behind))
+
+
+def test_what_is_stated_of_a_rig_is_checked_and_used() -> None:
+    """A free distortion is one of its camera in the rig; a camera that there is not, and an
+    impossible uncertainty, are refused at once."""
+    truth = simulated(4)
+    freed = replace(truth.settings, free_distortion=("c3",))
+    rig = calibrate_rig(truth.recording, freed)
+    assert not rig.unreached and len(rig.pairs.fits) == 3
+    names = [name for name in rig.fit.unknowns.names if name.endswith(" k1")]
+    assert names == ["c3 k1"]
+    for settings, why in (
+        (RefineSettings({"c9": FIXED_LENS}), "c9"),
+        (RefineSettings(free_distortion=("c9",)), "c9"),
+        (RefineSettings(distance_sigma_m=5.0), "uncertainty"),
+    ):
+        with pytest.raises(StereocalError, match=why):
+            calibrate_rig(truth.recording, settings)
+    measured = replace(truth.recording, baselines_m={("c1", "c2"): 5.27})
+    with pytest.raises(StereocalError, match="uncertainty of the baseline"):
+        calibrate_rig(measured, RefineSettings(baseline_sigma_m=5.0))
+
+
+def test_settings_of_named_cameras_round_trip() -> None:
+    settings = RefineSettings({"left": FIXED_LENS}, free_distortion=("left",))
+    assert RefineSettings.from_json(settings.to_json()) == settings
+    with pytest.raises(StereocalError, match="sigma_pixel"):
+        RefineSettings.from_json({"sigma_pixel": 0.2})

@@ -13,7 +13,6 @@ from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.in_words import rig_notes, rig_sentence
 from stereocal.fit.readings.judge import fewer_points, noise_of
 from stereocal.fit.rig_file import RigFile, rig_file
-from stereocal.fit.screening.movement import MovedError
 from stereocal.formats.dataset_files import read_recording
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
@@ -201,7 +200,7 @@ def test_lenses_that_are_not_as_their_model_make_no_movement_and_no_offsets(
 @pytest.mark.parametrize("degrees", [0.2, 2.0])
 def test_of_two_cameras_it_cannot_be_told_which_was_bumped(degrees: float) -> None:
     recording = bumped_from(simulated(1), "c2", degrees, 80)
-    with pytest.raises(MovedError, match=r"frame 80.*cannot be told which: c1 or c2"):
+    with pytest.raises(StereocalError, match=r"frame 80.*cannot be told which: c1 or c2"):
         calibrate_rig(recording.of_cameras(["c1", "c2"]))
 
 

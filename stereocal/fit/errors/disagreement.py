@@ -290,9 +290,9 @@ def _input(result: RefinedResult, key: str, standard_errors: float) -> Input:
 def _sigma_stated(result: RefinedResult, key: str) -> bool:
     settings, dataset = result.settings, result.dataset
     if key == "baseline":
-        return (settings.baseline_sigma_m or dataset.baseline_sigma_m) is not None
+        return {settings.baseline_sigma_m, dataset.baseline_sigma_m} != {None}
     if key == "distance":
-        return (settings.distance_sigma_m or dataset.target_distance_sigma_m) is not None
+        return {settings.distance_sigma_m, dataset.target_distance_sigma_m} != {None}
     which = key.split()[0]
     camera, given = getattr(dataset, which), settings.lenses.get(which)
     if key.endswith("distortion"):

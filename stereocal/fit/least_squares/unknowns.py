@@ -1,7 +1,7 @@
 """The unknowns of the refined method, their priors, and its settings."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -14,7 +14,7 @@ from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.measured_lengths import check_uncertainty
 from stereocal.rig.pair import Pair
-from stereocal.rig.recording import CameraPair, Recording
+from stereocal.rig.recording import Recording
 from stereocal.system.array_types import FloatArray
 from stereocal.system.settings import Settings
 
@@ -147,8 +147,9 @@ class RefineSettings(Settings):
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """As of `Settings`; earlier versions had `rest`, of a pair of a rig: it is made again."""
-        lenses = {key: data[key] for key in CAMERAS if data.get(key) is not None}
-        rest = {key: value for key, value in data.items() if key not in (*CAMERAS, "rest")}
+        own = {each.name for each in fields(cls)}
+        lenses = {key: it for key, it in data.items() if key not in own and isinstance(it, Mapping)}
+        rest = {key: it for key, it in data.items() if key not in (*lenses, *CAMERAS, "rest")}
         return super().from_json({"lenses": lenses, **rest})
 
 
@@ -332,8 +333,8 @@ def lens_prior(camera: Camera, given: LensPrior | None) -> LensPrior:
     )
 
 
-def check_named(recording: Recording, settings: RefineSettings) -> None:
-    """Raise a `StereocalError` if the settings name a camera that there is not."""
+def check_named(settings: RefineSettings, recording: Recording) -> None:
+    """Raise a `StereocalError` if settings name a camera that there is not."""
     known, there = {*recording.labels, *recording.cameras}, " and ".join(recording.labels)
     for what, named in (("lenses", settings.lenses), ("free_distortion", settings.free_distortion)):
         if unknown := [name for name in named if name not in known]:
@@ -346,12 +347,8 @@ def settings_for(recording: Recording, settings: RefineSettings) -> RefineSettin
     Raises:
         StereocalError: they name a camera that there is not.
     """
-    check_named(recording, settings)
-    lenses = lenses_of(recording, settings)
-    for label, (name, camera) in zip(recording.labels, recording.cameras.items(), strict=True):
-        if {label, name} & {*settings.free_distortion}:
-            lenses[label] = replace(lenses[label], distortion=free_distortion(camera))
-    known: dict[str, Any] = {"lenses": lenses}
+    check_named(settings, recording)
+    known: dict[str, Any] = {"lenses": lenses_of(recording, settings)}
     if not recording.offsets:
         known |= {"time_offset": False, "time_drift": False}
     return replace(settings, **known)
@@ -370,17 +367,24 @@ def lenses_of(recording: Recording, settings: RefineSettings) -> dict[str, LensP
 
 
 def stated_lenses(recording: Recording, settings: RefineSettings) -> dict[str, LensPrior]:
-    """Those of the settings, by the cameras' names."""
-    labels = zip(recording.cameras, recording.labels, strict=True)
-    given = {name: settings.lenses.get(label, settings.lenses.get(name)) for name, label in labels}
-    return {name: lens for name, lens in given.items() if lens is not None}
+    """Those of the settings, and those whose distortion is free, by the cameras' names."""
+    found: dict[str, LensPrior] = {}
+    for label, (name, camera) in zip(recording.labels, recording.cameras.items(), strict=True):
+        words = (label,) if name in recording.labels else (label, name)
+        given = next((settings.lenses[word] for word in words if word in settings.lenses), None)
+        if {*words} & {*settings.free_distortion}:
+            given = replace(lens_prior(camera, given), distortion=free_distortion(camera))
+        if given is not None:
+            found[name] = given
+    return found
 
 
-def of_two(recording: Recording, settings: RefineSettings, pair: CameraPair) -> RefineSettings:
-    """The settings of a fit of two of the cameras."""
-    stated, own = stated_lenses(recording, settings), zip(CAMERAS, pair, strict=True)
+def of_some(recording: Recording, settings: RefineSettings, names: Sequence[str]) -> RefineSettings:
+    """The settings of a fit of some of the cameras."""
+    stated = stated_lenses(recording, settings)
+    own = zip(CAMERAS if len(names) == 2 else names, names, strict=True)
     lenses: dict[str, LensPrior] = {label: stated[name] for label, name in own if name in stated}
-    return replace(settings, lenses=lenses)
+    return replace(settings, lenses=lenses, free_distortion=())
 
 
 def length_sigma(recording: Recording, settings: RefineSettings) -> tuple[float, bool]:
@@ -417,13 +421,20 @@ def measured_baselines(recording: Recording, settings: RefineSettings) -> FloatA
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 
-def check_stated(settings: RefineSettings, dataset: Pair) -> None:
-    """Check the uncertainties of the lengths that the settings state; 0 and infinity may be."""
-    for what, sigma, length in (
-        ("baseline", settings.baseline_sigma_m, dataset.baseline_m),
-        ("distance between the targets", settings.distance_sigma_m, dataset.target_distance_m),
+def check_stated(settings: RefineSettings, recording: Recording) -> None:
+    """Check the cameras that settings name, and the uncertainties of lengths; 0 and infinity may
+    be.
+
+    Raises:
+        StereocalError: which camera there is not, or which uncertainty is impossible.
+    """
+    check_named(settings, recording)
+    object_m = recording.object.longest_m
+    for what, sigma, lengths in (
+        ("baseline", settings.baseline_sigma_m, [*recording.baselines_m.values()]),
+        ("distance between the targets", settings.distance_sigma_m, [object_m]),
     ):
-        if sigma and np.isfinite(sigma):
+        for length in lengths if sigma and np.isfinite(sigma) else ():
             check_uncertainty(what, sigma, length)
 
 

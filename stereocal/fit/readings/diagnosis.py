@@ -60,7 +60,7 @@ def camera_warnings(fit: RobustFit) -> list[str]:
 def _baseline_warnings(fit: RobustFit) -> list[str]:
     """Measured baselines that the rig leaves by more than their uncertainty."""
     names, poses = list(fit.recording.cameras), fit.poses
-    stated = fit.settings.baseline_sigma_m or fit.recording.baseline_sigma_m
+    stated = {fit.settings.baseline_sigma_m, fit.recording.baseline_sigma_m} != {None}
     warnings = (
         moved_length(
             f"The baseline {names[int(first)]}-{names[int(second)]}",

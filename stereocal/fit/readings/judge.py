@@ -35,7 +35,7 @@ from stereocal.calibration.wrong_inputs import SCALED, PoseFit, essential_fit, s
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.robust import RobustFit
 from stereocal.fit.least_squares.small_steps import with_lens
-from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings, of_two
+from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings, of_some
 from stereocal.fit.refine import refine
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.start.fuse import PairFit, chained
@@ -441,7 +441,7 @@ def _fit_of_pair(
         dataset = dataset.changed(baseline_m=near.scale * dataset.baseline_m)
         start = Pose(near.pose.R, near.scale * near.pose.T)
     held = replace(_held(dataset.target_distance_m), lenses=lenses)
-    return refine(dataset, of_two(recording, held, pair), start)
+    return refine(dataset, of_some(recording, held, pair), start)
 
 
 def _one_file(recording: Recording, group: Group) -> Iterator[Way]:

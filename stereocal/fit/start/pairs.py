@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.fit.least_squares.unknowns import RefineSettings, of_two
+from stereocal.fit.least_squares.unknowns import RefineSettings, of_some
 from stereocal.fit.refine import refine
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.screening.movement import Movement
@@ -146,7 +146,7 @@ def pair_problem(
 ) -> tuple[Pair, RefineSettings]:
     """The data of a pair, and what is stated of its lenses and lengths."""
     dataset = recording.pair(*pair)
-    priors = of_two(recording, replace(settings, time_offset=False, time_drift=False), pair)
+    priors = of_some(recording, replace(settings, time_offset=False, time_drift=False), pair)
     return dataset, replace(priors, baseline_sigma_m=None) if dataset.baseline_is_free else priors
 
 
