@@ -10,12 +10,14 @@ from streamlit import config
 from streamlit.testing.v1 import AppTest
 
 from stereocal.errors import StereocalError
+from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects import files as files_module
 from stereocal.projects import home as home_module
+from stereocal.projects import project as project_module
 from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.home import recent_projects
-from stereocal.projects.project import Project
+from stereocal.projects.project import KEPT, Project
 from tests.pages.stored_projects import FULL, ROOT, dashboard, go, page_of, placed, told
 
 SECRET = "/srv/secret/place"
@@ -143,3 +145,21 @@ def acts(project: Project) -> dict[str, list[Callable[[AppTest], AppTest]]]:
         ],
         "apply": [lambda app: app.number_input(key="apply_threshold").set_value(2.0)],
     }
+
+
+def test_a_validation_that_could_not_be_read_once_is_there_again(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = placed(FULL, home)
+    validation = project.evaluation
+    assert validation is not None
+    project.keep_evaluation(validation, of_calibration=True)
+    KEPT[Evaluation].clear()
+
+    def unread(_content: bytes) -> Evaluation:
+        raise StereocalError("not now")
+
+    with monkeypatch.context() as once:
+        once.setattr(project_module, "unpack_evaluation", unread)
+        assert project.answer is not None and project.answer.evaluation is None
+    assert project.answer is not None and project.answer.evaluation is not None
