@@ -68,6 +68,11 @@ def read(
         return pair_to_calibrate(recording, pair)
 
 
+def recording_of(given: Pair | Recording) -> Recording:
+    """Of a view the recording of its two cameras."""
+    return given.recording if isinstance(given, Pair) else given
+
+
 def pair_of(given: Pair | Recording) -> Pair:
     """Two cameras; a baseline that was not measured is found.
 
@@ -248,13 +253,14 @@ def calibrate(
         StereocalError: the data contradict each other or do not suffice; it says which, and what to
             do.
     """
-    if isinstance(dataset, Recording) and len(dataset.cameras) > 2:
+    recording = recording_of(dataset)
+    if len(recording.cameras) > 2:
         if settings is not None or trace or refined is None:
             raise StereocalError(
-                f"{dataset.name}: it has {len(dataset.cameras)} cameras. Settings of the paper's "
-                "methods are of two: choose them with `recording.pair(first, second)`."
+                f"{recording.name}: it has {len(recording.cameras)} cameras. Settings of the "
+                "paper's methods are of two: choose them with `recording.pair(first, second)`."
             )
-        run_of_all = Run(dataset, refined, begin=progress or (lambda _: None))
+        run_of_all = Run(recording, refined, begin=progress or (lambda _: None))
         return answering(CalibratedRig, run_of_all.found)
     pair, settings = pair_of(dataset), settings or CalibrationSettings()
     refuse_unknown_frames(settings, [pair])

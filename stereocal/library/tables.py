@@ -23,7 +23,6 @@ from stereocal.matching.trajectories import POINT_COLUMNS
 from stereocal.matching.views import views_of
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
-from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras
 from stereocal.system.answers import TableAnswer
 
@@ -125,7 +124,7 @@ def match(
         which: PointTable(table, label=f"the {which} table") for which, table in tables.items()
     }
     first, last = (tables[name]["frame"] for name in (min(tables), max(tables)))
-    two = len(tables) == 2 and isinstance(rig, RigParameters)
+    two = len(tables) == 2 and views_of(rig).IN_PAIRS
     apart = two and rig.pair(*rig.placed).start_frame and len(first) and len(last)
     if two and not apart and not len(np.intersect1d(first, last)):
         further = further_names(*map(tuple, tables.values()))

@@ -23,6 +23,7 @@ from stereocal.frames.slips import find_slip
 from stereocal.intrinsics.held_object import held_object
 from stereocal.intrinsics.photograph_search import PhotographSearch
 from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
+from stereocal.library.calibrations import recording_of
 from stereocal.library.drawing import draw
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.pair import Pair
@@ -60,10 +61,8 @@ class FoundTargets(TableAnswer):
 
     def plot(self, pair: CameraPair | None = None) -> go.Figure:
         """Where the points lie in the images of two cameras: of the first pair, or of one."""
-        found = self.recording
-        if isinstance(found, Recording):
-            found = found.pair(*(pair or found.pairs[0]))
-        return draw("coverage.plot_coverage", found)
+        found = recording_of(self.recording)
+        return draw("coverage.plot_coverage", found.pair(*(pair or found.pairs[0])))
 
 
 def detect(

@@ -63,6 +63,8 @@ class Views:
     """Columns of the table of points for the number of cameras."""
     AT_ONCE: ClassVar[bool] = True
     """Whether all are measured at once, as noise and columns that are passed on may need."""
+    IN_PAIRS: ClassVar[bool] = False
+    """Whether points of two cameras are joined in pairs."""
     SECONDS: ClassVar[tuple[float, float, float]] = 0.012, 0.0, 1e-4
     """CPU time per frame, per row, and per pair of images of one frame: 60 frames of three cameras
     and three points took 1.4 s."""
@@ -173,6 +175,7 @@ class Views:
 class TwoViews(Views):
     """The points of two cameras, with a set to match and one to measure with."""
 
+    IN_PAIRS = True
     MAY_LACK = False
     TABLE, SOURCE, COUNTED, AT_ONCE = PAIRS, "of_pair", (), False
     SECONDS = 3.5e-3, 2.2e-5, 1.5e-9

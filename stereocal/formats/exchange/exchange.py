@@ -151,12 +151,12 @@ def export_files(
         rig: as for `export`.
     """
     known = _format(name)
-    if not (isinstance(rig, Rig) or known.of_rigs):
+    cameras = [(name, *it) for name, it in rig.placed.items()] if isinstance(rig, Rig) else rig
+    if len(cameras) != 2 and not known.of_rigs:
         others = ", ".join(key for key, each in FORMATS.items() if each.of_rigs)
         raise StereocalError(
             f"The format {name} is written for two cameras; for a rig there are {others}."
         )
-    cameras = [(name, *it) for name, it in rig.placed.items()] if isinstance(rig, Rig) else rig
     return known.write([known.fitting(own) for own in cameras], options or ExchangeOptions())
 
 
