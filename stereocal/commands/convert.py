@@ -48,9 +48,8 @@ def run(parsed: argparse.Namespace) -> None:
     )
     if parsed.to is not None:
         if holds_rig(parsed.parameters):
-            own = RigFile.load(parsed.parameters)
-            posed = [(name, own.cameras[name], own.poses[name]) for name in own.names]
-            report(written=export(posed, parsed.to, parsed.out, options))
+            of_all = RigFile.load(parsed.parameters)
+            report(written=export(of_all, parsed.to, parsed.out, options))
             return
         rig = RigParameters.load(parsed.parameters)
         written = export(rig, parsed.to, parsed.out, options)

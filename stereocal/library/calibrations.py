@@ -22,7 +22,6 @@ from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.fit.least_squares.unknowns import RefineSettings, check_stated
 from stereocal.fit.results import Calibration
 from stereocal.fit.rig_file import RigFile
-from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.evaluation_files import Evaluation, unique_names
@@ -79,14 +78,13 @@ def pair_of(given: Pair | Recording) -> Pair:
     Raises:
         StereocalError: the recording has more than two cameras.
     """
-    if isinstance(given, Pair):
-        return with_baseline_found(given)
-    if len(given.cameras) > 2:
+    recording = recording_of(given)
+    if len(recording.cameras) > 2:
         raise StereocalError(
-            f"{given.name}: it has {len(given.cameras)} cameras. Calibrate them as one with "
-            "`stereocal.rig(recording)`, or choose two with `recording.pair(first, second)`."
+            f"{recording.name}: it has {len(recording.cameras)} cameras. Calibrate them as one "
+            "with `stereocal.rig(recording)`, or choose two with `recording.pair(first, second)`."
         )
-    return pair_to_calibrate(given)
+    return pair_to_calibrate(recording)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -16,11 +16,10 @@ from stereocal.errors import StereocalError
 from stereocal.field.checking import check_words
 from stereocal.field.checking.findings import Recheck
 from stereocal.field.checking.fits import Smallest
-from stereocal.field.checking.new_images import images_of_bars, images_of_pairs
-from stereocal.field.checking.prior import prior_of
-from stereocal.field.checking.recheck import recheck
+from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_pairs
 from stereocal.field.checking.repair import repaired_parameters, residuals_of
-from stereocal.field.checking.rig_check import RigCheck, check_rig
+from stereocal.field.checking.rig_check import RigCheck
+from stereocal.field.checking.to_check import with_new
 from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer
 from stereocal.fit.rig_file import RigFile
 from stereocal.fit.timing.started_by_hand import BroughtIntoStep, bring_into_step
@@ -112,7 +111,7 @@ def sync(recording: str | Path | Recording, lens_model: LensModel | None = None)
     Raises:
         StereocalError: the data do not tell the offsets, or pairs contradict each other.
     """
-    if not isinstance(recording, Recording):
+    if isinstance(recording, str | Path):
         recording = read_recording(recording, lens_model, as_counted=True)
     found = bring_into_step(recording)
     return answering(InStep, found)
@@ -225,13 +224,16 @@ def check(
         usual.turn_rad if turn_deg is None else float(np.radians(turn_deg)),
         baseline_change or usual.baseline,
     )
-    if isinstance(parameters, RigFile):
+
+    def images(two: RigParameters) -> NewImages:
+        if isinstance(new, pd.DataFrame):
+            table = PointTable(pd.DataFrame(new), PIXELS, "the table of pairs")
+            return images_of_pairs(table, two).stating(sigma_px)
+        return images_of_bars(pair_of(new), two)
+
+    def recording(_rig: RigFile) -> Recording:
         if not isinstance(new, Recording):
             raise StereocalError("A rig is checked with a recording of its cameras.")
-        return Check(check_rig(parameters, new, smallest))
-    if isinstance(new, pd.DataFrame):
-        table = PointTable(pd.DataFrame(new), PIXELS, "the table of pairs")
-        images = images_of_pairs(table, parameters).stating(sigma_px)
-    else:
-        images = images_of_bars(pair_of(new), parameters)
-    return Check(recheck(prior_of(parameters, "the parameters"), images, smallest))
+        return new
+
+    return Check(with_new(parameters, images, recording).check(smallest)[0])

@@ -2,11 +2,12 @@
 
 import tempfile
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from stereocal.errors import StereocalError, naming
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_pairs
-from stereocal.field.checking.to_check import PairToCheck, RigToCheck, ToCheck
+from stereocal.field.checking.to_check import ToCheck, with_new
 from stereocal.fit.rig_file import Parameters, RigFile
 from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.correspondences_csv import read_table
@@ -34,14 +35,17 @@ def pair_in_zip(content: bytes, label: str, lens_model: LensModel | None = None)
 
 def to_check(content: bytes, label: str, rig: Parameters) -> ToCheck:
     """New images in an uploaded file: a zip with `dataset.json`, or a table."""
-    if isinstance(rig, RigFile):
-        return RigToCheck(rig, recording_in(content, label, rig))
+    return with_new(rig, partial(images_in, content, label), partial(recording_in, content, label))
+
+
+def images_in(content: bytes, label: str, rig: RigParameters) -> NewImages:
+    """New images of two cameras in a file."""
     if is_zip(content):
-        return PairToCheck(rig, images_of_bars(pair_in_zip(content, label), rig))
+        return images_of_bars(pair_in_zip(content, label), rig)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as folder:
         path = Path(folder) / f"table{Path(label).suffix.lower()}"
         path.write_bytes(content)
-        return PairToCheck(rig, images_in_table(path, label, rig))
+        return images_in_table(path, label, rig)
 
 
 def recording_in(content: bytes, label: str, rig: RigFile) -> Recording:

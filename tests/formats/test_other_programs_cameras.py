@@ -16,9 +16,9 @@ from stereocal.formats.camera_file import ImageSizeError, read_camera
 from stereocal.formats.exchange.camera_format import numbers
 from stereocal.formats.exchange.exchange import export_files, import_files
 from stereocal.formats.exchange.options import CORNERS, ExchangeOptions, OriginError
-from stereocal.rig.geometry import Angles, Pose
+from stereocal.rig.geometry import AT_ORIGIN, Angles, Pose
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.rig import Rig
+from stereocal.rig.rig import PlacedCamera, Rig, SeveralCameras
 from stereocal.system.array_types import FloatArray
 from tests.archives import CASES, PLAIN, case, focal, mat, stereo_struct
 from tests.known_rig import BASELINE_M, PRIMARY, RIG, SECONDARY
@@ -280,12 +280,13 @@ class TestMatlab:
 class TestDlt:
     def text(self, between: str = ",", corner: str = "upper-left", cameras: int = 2) -> bytes:
         """Coefficients of two cameras, or of three with another in their middle."""
-        posed = [("a", PRIMARY, Pose(np.eye(3), np.zeros(3))), ("c", SECONDARY, RIG)]
-        middle = Pose.from_angles(Angles(0.1, 0.0, 0.0, 0.1, 3.1), 1.2)
-        posed[1:1] = [("b", PRIMARY, middle)] * (cameras - 2)
+        middle = PlacedCamera(PRIMARY, Pose.from_angles(Angles(0.1, 0.0, 0.0, 0.1, 3.1), 1.2))
+        between_them = {f"b{number}": middle for number in range(cameras - 2)}
+        first, last = PlacedCamera(PRIMARY, AT_ORIGIN), PlacedCamera(SECONDARY, RIG)
+        placed = SeveralCameras({"a": first, **between_them, "c": last})
         in_front = Pose(np.eye(3), np.array([0.0, 0.0, -8.0]))
         options = ExchangeOptions(corner=corner, world=in_front)  # type: ignore[arg-type]
-        return export_files(posed, "dlt", options)["dlt.csv"].replace(b",", between.encode())
+        return export_files(placed, "dlt", options)["dlt.csv"].replace(b",", between.encode())
 
     def read(self, *texts: bytes, **said: object) -> RigParameters:
         """The rig of one file, or of a file of each camera."""

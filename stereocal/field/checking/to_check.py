@@ -1,6 +1,6 @@
 """Parameters with the new images that they are checked with: of two cameras, or of a rig."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from stereocal.field.checking.findings import Recheck
@@ -10,7 +10,7 @@ from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.field.checking.repair import Residuals, residuals_of
 from stereocal.field.checking.rig_check import RigCheck, check_rig
-from stereocal.fit.rig_file import RigFile
+from stereocal.fit.rig_file import Parameters, RigFile
 from stereocal.fit.start.pairs import pair_name
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
 from stereocal.rig.parameters import RigParameters
@@ -65,3 +65,18 @@ class RigToCheck:
 
 
 ToCheck = PairToCheck | RigToCheck
+
+
+def with_new(
+    parameters: Parameters,
+    images: Callable[[RigParameters], NewImages],
+    recording: Callable[[RigFile], Recording],
+) -> ToCheck:
+    """The parameters with new images: the one place that asks whether they are of two cameras.
+
+    Args:
+        images, recording: read the new images, of two cameras and of a rig.
+    """
+    if isinstance(parameters, RigFile):
+        return RigToCheck(parameters, recording(parameters))
+    return PairToCheck(parameters, images(parameters))

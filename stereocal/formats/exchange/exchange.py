@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import Any
@@ -29,7 +29,7 @@ from stereocal.formats.exchange.yaml_formats import KALIBR, OPENCV
 from stereocal.formats.file_storage import LARGEST_BYTES, ForeignFile, find_node
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.rig import Rig
+from stereocal.rig.rig import PlacedCameras, Rig
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import rounded
 
@@ -143,7 +143,7 @@ def _read(
 
 
 def export_files(
-    rig: Rig | Sequence[Posed], name: str, options: ExchangeOptions | None = None
+    rig: PlacedCameras, name: str, options: ExchangeOptions | None = None
 ) -> dict[str, bytes]:
     """The files of a format by name.
 
@@ -151,7 +151,7 @@ def export_files(
         rig: as for `export`.
     """
     known = _format(name)
-    cameras = [(name, *it) for name, it in rig.placed.items()] if isinstance(rig, Rig) else rig
+    cameras: list[Posed] = [(name, *it) for name, it in rig.placed.items()]
     if len(cameras) != 2 and not known.of_rigs:
         others = ", ".join(key for key, each in FORMATS.items() if each.of_rigs)
         raise StereocalError(
@@ -161,14 +161,14 @@ def export_files(
 
 
 def export(
-    rig: Rig | Sequence[Posed], name: str, path: str | Path, options: ExchangeOptions | None = None
+    rig: PlacedCameras, name: str, path: str | Path, options: ExchangeOptions | None = None
 ) -> list[Path]:
     """Write the files of a format into the folder `path`.
 
     A single file is written as `path` itself if that has an ending, as `dlt.csv`.
 
     Args:
-        rig: two cameras; or any number, each with its name, lens, and pose from the first.
+        rig: a parameter set, or a rig of any number of cameras.
 
     Returns:
         The written files.
