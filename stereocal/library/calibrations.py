@@ -259,7 +259,7 @@ def calibrate(
                 "paper's methods are of two: choose them with `recording.pair(first, second)`."
             )
         run_of_all = Run(recording, refined, begin=progress or (lambda _: None))
-        return answering(CalibratedRig, run_of_all.found)
+        return answering(CalibratedRig, run_of_all.bare_rig)
     pair, settings = pair_of(dataset), settings or CalibrationSettings()
     refuse_unknown_frames(settings, [pair])
     run = PairRun(pair, settings, refined, trace=trace)
@@ -384,4 +384,4 @@ def rig(
         StereocalError: a camera, its file or its points contradict the others; it says which.
     """
     settings = RefineSettings(baseline_sigma_m=baseline_sigma_m)
-    return answering(CalibratedRig, Run(recording, settings, time_offsets).found)
+    return answering(CalibratedRig, Run(recording, settings, time_offsets).bare_rig)

@@ -98,7 +98,7 @@ class Recording(TableAnswer):
     def labels(self) -> tuple[str, ...]:
         """What settings and files call the cameras: two are the primary and the secondary, more go
         by their names."""
-        return CAMERAS if len(self.cameras) == 2 else tuple(self.cameras)
+        return labels_of(tuple(self.cameras))
 
     @property
     def answer(self) -> list[str]:
@@ -563,6 +563,11 @@ class Recording(TableAnswer):
         _, one, other = np.intersect1d(of_first, of_second, True, return_indices=True)
         order = np.argsort(one)
         return rows[0][one[order]], rows[1][other[order]]
+
+
+def labels_of(names: Sequence[str]) -> tuple[str, ...]:
+    """The labels of some cameras (`Recording.labels`)."""
+    return CAMERAS if len(names) == 2 else tuple(names)
 
 
 def _of_two(rows: Correspondences) -> dict[str, Any]:

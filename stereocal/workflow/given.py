@@ -73,8 +73,8 @@ def images_in_table(path: Path, label: str, rig: RigParameters) -> NewImages:
     table = PointTable(path, PIXELS, label)
     if TARGET not in table.names or is_parquet(path):
         return images_of_pairs(table, rig)
-    length = rig.inputs.get("target_distance_m")
-    if not isinstance(length, float):
+    length = rig.length_m
+    if length is None:
         raise StereocalError(
             f"{label}: the length of the bars is unknown. Give a data set with dataset.json, or "
             "matched points without the column target."

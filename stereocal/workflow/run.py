@@ -49,7 +49,7 @@ class Run:
     """Called with what is done of it, and what there is in all."""
 
     @step
-    def found(self) -> RigFile:
+    def bare_rig(self) -> RigFile:
         """The rig, without the forecasts of its pairs."""
         self.begin("steps")
         return rig_file(calibrate_rig(self.recording, self.settings, self.late, self.progress))
@@ -58,7 +58,9 @@ class Run:
     def _of_pairs(self) -> tuple[dict[str, Sets], list[str]]:
         """The parameter sets of each pair by its name, and notes on pairs without any."""
         sets, notes = dict[str, Sets](), list[str]()
-        pairs = {name: it for name, it in self.found.about.pairs.items() if it.frames is not None}
+        pairs = {
+            name: it for name, it in self.bare_rig.about.pairs.items() if it.frames is not None
+        }
         self.begin("pairs")
         for number, (name, about) in enumerate(pairs.items()):
             try:
@@ -74,8 +76,8 @@ class Run:
 
     def _sets_of(self, pair: CameraPair) -> Sets:
         """The refined set of two cameras, which is the rig's, and the paper's two if asked for."""
-        dataset = data_of_pair(self.recording, pair, self.found)
-        settings, of_rig = settings_of_pair(dataset, pair, self.found), self.found.pair(*pair)
+        dataset = data_of_pair(self.recording, pair, self.bare_rig)
+        settings, of_rig = settings_of_pair(dataset, pair, self.bare_rig), self.bare_rig.pair(*pair)
         sets: Sets
         if self.searches is None:
             sets = {"refined": refined_parameters(refine(dataset, settings))}
@@ -85,7 +87,7 @@ class Run:
                 raise StereocalError("there is no forecast for it.")
             sets = PairAnswer(run).sets
         when: Timing = {"time_offset": of_rig.time_offset, "start_frame": of_rig.start_frame}
-        left_out, given = self.found.about.frames_left_out, self.recording.sha256
+        left_out, given = self.bare_rig.about.frames_left_out, self.recording.sha256
         return {
             method: replace(
                 own, inputs={**own.inputs, "sha256": given}, frames_left_out=left_out, **when
@@ -101,14 +103,14 @@ class Run:
     @step
     def rig(self) -> RigFile:
         """The rig, with the forecasts of its pairs."""
-        about = self.found.about
+        about = self.bare_rig.about
         pairs = {**about.pairs, **{name: self._forecast_of(name) for name in self.sets}}
-        return replace(self.found, about=replace(about, pairs=pairs))
+        return replace(self.bare_rig, about=replace(about, pairs=pairs))
 
     def _forecast_of(self, name: str) -> PairOfRig:
         predicted = self.sets[name]["refined"].predicted or {}
         figures = {key: predicted[key] for key in FORECAST if key in predicted}
-        return replace(self.found.about.pairs[name], **figures)
+        return replace(self.bare_rig.about.pairs[name], **figures)
 
     @property
     def pair_files(self) -> dict[str, bytes]:

@@ -30,7 +30,7 @@ def run_of(seed: int) -> Run:
 
 def rig_of(seed: int) -> tuple[Recording, RigFile]:
     run = run_of(seed)
-    return run.recording, run.found
+    return run.recording, run.bare_rig
 
 
 def refined_of(pair: CameraPair) -> tuple[RefinedResult, RefineSettings]:
@@ -79,7 +79,7 @@ def to_free(found: RefinedResult) -> np.ndarray:
 
 def test_the_sets_of_all_pairs() -> None:
     run = run_of(5)
-    rig = run.found
+    rig = run.bare_rig
     assert not run.notes_on_pairs and len(run.sets) == 3
     for name, own in run.sets.items():
         found = RigParameters.loads(own["refined"].dumps())

@@ -71,8 +71,8 @@ class Prior:
         """The prior for the bar of a data set: that of the calibration, whose factor is correlated
         with the baseline, if its stated length is the same; another has its own standard error.
         """
-        stated, length = self.rig.inputs.get("target_distance_m"), dataset.target_distance_m
-        if isinstance(stated, float) and np.isclose(stated, length, rtol=1e-6, atol=0.0):
+        stated, length = self.rig.length_m, dataset.target_distance_m
+        if stated is not None and np.isclose(stated, length, rtol=1e-6, atol=0.0):
             return self
         q, covariance = self.at.q.copy(), self.covariance
         q[FACTOR], covariance[FACTOR], covariance[:, FACTOR] = 1.0, 0.0, 0.0

@@ -14,7 +14,7 @@ from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.measured_lengths import check_uncertainty
 from stereocal.rig.pair import Pair
-from stereocal.rig.recording import Recording
+from stereocal.rig.recording import Recording, labels_of
 from stereocal.system.array_types import FloatArray
 from stereocal.system.settings import Settings
 
@@ -381,9 +381,8 @@ def stated_lenses(recording: Recording, settings: RefineSettings) -> dict[str, L
 
 def of_some(recording: Recording, settings: RefineSettings, names: Sequence[str]) -> RefineSettings:
     """The settings of a fit of some of the cameras."""
-    stated = stated_lenses(recording, settings)
-    own = zip(CAMERAS if len(names) == 2 else names, names, strict=True)
-    lenses: dict[str, LensPrior] = {label: stated[name] for label, name in own if name in stated}
+    stated, own = stated_lenses(recording, settings), zip(labels_of(names), names, strict=True)
+    lenses = {label: stated[name] for label, name in own if name in stated}
     return replace(settings, lenses=lenses, free_distortion=())
 
 

@@ -17,7 +17,6 @@ from stereocal.fit.start.free_baseline import with_rough_baseline
 from stereocal.fit.start.fuse import PairFit
 from stereocal.fit.timing.out_of_step import with_offset_if_out_of_step
 from stereocal.fit.timing.time_offset import fit_time_offset
-from stereocal.rig.pair import Pair
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import FEWEST_TO_PLACE
 from stereocal.system.array_types import BoolArray, IntArray
@@ -141,20 +140,14 @@ def calibrate_pairs(
     return Pairs(bars, dict(best), failed, moved)
 
 
-def pair_problem(
-    recording: Recording, pair: CameraPair, settings: RefineSettings
-) -> tuple[Pair, RefineSettings]:
-    """The data of a pair, and what is stated of its lenses and lengths."""
-    dataset = recording.pair(*pair)
-    priors = of_some(recording, replace(settings, time_offset=False, time_drift=False), pair)
-    return dataset, replace(priors, baseline_sigma_m=None) if dataset.baseline_is_free else priors
-
-
 def _fit(
     recording: Recording, pair: CameraPair, settings: RefineSettings, late: bool | None
 ) -> RefinedResult:
     """The robust refined set of a pair; in step if that was asked for, or if it is out of step."""
-    dataset, priors = pair_problem(recording, pair, settings)
+    dataset = recording.pair(*pair)
+    priors = of_some(recording, replace(settings, time_offset=False, time_drift=False), pair)
+    if dataset.baseline_is_free:
+        priors = replace(priors, baseline_sigma_m=None)
     dataset = with_rough_baseline(dataset)
     if late:
         in_step = fit_time_offset(dataset, wide_settings(dataset)).fit
