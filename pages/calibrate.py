@@ -2,27 +2,30 @@
 
 from stereocal.ui.menu import page_head
 
-page_head("Calibrate", "What is the pose of the cameras, and which set serves what?")
+page_head("Calibrate", "What is the pose of the cameras, and which file do I use?")
 
 import streamlit as st
 
-from stereocal.calibration.methods import CalibrationSettings
 from stereocal.ui.forms import refine_form, settings_form
+from stereocal.ui.frames import show_exchanged
 from stereocal.ui.messages import end_here, readable
 from stereocal.ui.plan import show_planned
-from stereocal.ui.prerequisites import project_with_data
-from stereocal.ui.press import Press, answer_when_ready
+from stereocal.ui.prerequisites import project_with_data, two_cameras_of
+from stereocal.ui.press import answer_when_ready, calibrate_all, show_press
 from stereocal.ui.results import show_result
-from stereocal.ui.screening import show_exchanged
 
-project, inputs, dataset = project_with_data("calibrate")
+project = project_with_data()
+if project.is_rig:
+    calibrate_all(project)
+    st.header("Two cameras of them", divider="gray")
+project, dataset = two_cameras_of(project)
 top = st.container()
 with st.expander("Settings"):
-    values = settings_form(project, dataset)
+    settings_form(project, dataset)
     refine_form(project, dataset)
 show_exchanged(project)
 with top:
-    Press(project, inputs, dataset, CalibrationSettings.from_json(values)).show()
+    show_press(project)
 run = readable(lambda: project.run)
 if run is None:
     end_here()

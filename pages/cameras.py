@@ -8,6 +8,6 @@ from stereocal.ui.lens import show_cameras_of_rig, show_lenses
 from stereocal.ui.project import current_project
 
 project = current_project()
-of_rig = project is not None and project.pair is None and show_cameras_of_rig(project)
+of_rig = project is not None and show_cameras_of_rig(project)
 if not of_rig:
     show_lenses(project)

@@ -7,12 +7,12 @@ page_head("Validate", "How often would a wrong pair be accepted, and how far off
 import streamlit as st
 
 from stereocal.ui.messages import ErrorsShown
-from stereocal.ui.prerequisites import project_with_data
+from stereocal.ui.prerequisites import project_with_data, two_cameras_of
 from stereocal.ui.texts import VALIDATE
 from stereocal.ui.validation import choose_data, choose_protocol
 from stereocal.ui.validation_results import show_validation
 
-project, _, own = project_with_data("validate")
+project, own = two_cameras_of(project_with_data())
 with ErrorsShown(end=True):
     datasets = choose_data(project, own)
     settings = choose_protocol(project, datasets)

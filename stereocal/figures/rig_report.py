@@ -8,11 +8,23 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from stereocal.figures.html import html_list, html_page, html_plot, html_table, paragraphs
-from stereocal.figures.space import above_or_below, outline_of, set_scene
-from stereocal.figures.style import FAINT, METHOD_COLOURS, NEUTRAL, add_trace, blank, line_of
+from stereocal.figures.space import NARROW, WIDE, Eye, above_or_below, outline_of, set_scene
+from stereocal.figures.style import (
+    FAINT,
+    METHOD_COLOURS,
+    NEUTRAL,
+    add_trace,
+    blank,
+    evenly_drawn,
+    line_of,
+    n_drawn,
+    with_gaps,
+)
 from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.fit.rig_file import RigFile
+from stereocal.matching.view_groups import ViewFitter
 from stereocal.rig.camera import Camera
+from stereocal.rig.recording import Recording
 from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import digits, rounded
 from stereocal.version import __version__
@@ -77,9 +89,18 @@ def describe_rig_graph(rig: RigFile) -> str:
     return " ".join(filter(None, [rig_sentence(rig), loops_sentence(rig), seen]))
 
 
-def plot_cameras(rig: RigFile) -> go.Figure:
-    """All cameras in 3D, as pyramids; equal axes, metres."""
+def plot_cameras(
+    rig: RigFile, recording: Recording | None = None, narrow: bool = False
+) -> go.Figure:
+    """All cameras in 3D, as pyramids, and the object in each frame; equal axes, metres.
+
+    Args:
+        recording: whose points are drawn; None: the cameras alone.
+        narrow: for a screen of 420 px.
+    """
     centres, figure = _centres(rig), blank(HEIGHT + 60)
+    if recording is not None:
+        _add_objects(figure, rig, recording)
     apart = np.linalg.norm(centres[:, None] - centres, axis=2)
     for name, pose in rig.poses.items():
         outline = outline_of(rig.cameras[name], pose.inverse(), MAGNIFIED * float(apart.max()))
@@ -88,8 +109,32 @@ def plot_cameras(rig: RigFile) -> go.Figure:
     marker = {"size": 4, "color": METHOD_COLOURS["2d"]}
     names = {"text": list(rig.poses), "textposition": _name_sides(-centres[:, 1])}
     add_trace(figure, centres, "camera %{text}", marker=marker, **names, showlegend=False)
-    set_scene(figure)
+    set_scene(figure, Eye(shape=NARROW if narrow else WIDE))
     return figure
+
+
+def _add_objects(figure: go.Figure, rig: RigFile, recording: Recording) -> None:
+    """The object in each frame: a line from end to end, of the points that two cameras see."""
+    own, first = recording.of_cameras(rig.names), rig.names[0]
+    late = {name: rig.shift(first, name) for name in rig.names[1:]}
+    own = own.shifted({name: offset for name, offset in late.items() if offset.is_shift})
+    frames, images = own.where(own.usable).images()
+    fitter, pixels = ViewFitter(rig), images.reshape(-1, *images.shape[2:])
+    found = fitter.fit(pixels, fitter.rays(pixels)).xyz.reshape(*images.shape[:2], 3)
+    ends = found[:, own.object.longest]
+    shown = np.flatnonzero(np.isfinite(ends).all(axis=(1, 2)))
+    shown = shown[evenly_drawn(len(shown))]
+    lengths = np.linalg.norm(ends[shown, 0] - ends[shown, 1], axis=1)
+    texts = [f"frame {f}<br>length {m:.4g} m" for f, m in zip(frames[shown], lengths, strict=True)]
+    add_trace(
+        figure,
+        with_gaps(np.insert(ends[shown], 1, ends[shown].mean(axis=1), axis=1)),
+        "%{text}",
+        mode="lines",
+        line=line_of(METHOD_COLOURS["refined"], 3),
+        text=np.repeat(texts, 4),
+        name=f"{recording.object.word.capitalize()}s ({n_drawn(len(shown))})",
+    )
 
 
 def _name_sides(up: FloatArray) -> list[str]:

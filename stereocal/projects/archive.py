@@ -4,7 +4,7 @@ project.json                          what the files are, lengths, settings, cor
 dataset.json, correspondences.csv ... the data set as used; the command line opens it
 parameters_2d.json ...                the last result's parameter files, as the page offers them
 inputs/, photographs/, results/ ...   all uploaded files, and all results
-pairs/1/inputs/ ...                   the same of each pair of a rig that was opened
+pairs/1/results/ ...                  the results of each pair of a rig that was looked at
 """
 
 import json
@@ -28,6 +28,7 @@ from stereocal.projects.contents import (
     CONTENTS,
     INPUT,
     PAGES,
+    SCOPE,
     TABLES,
     Held,
     Table,
@@ -35,10 +36,10 @@ from stereocal.projects.contents import (
     held,
     travels,
 )
-from stereocal.projects.files import PAIR, Store, StoredFile, new_database
+from stereocal.projects.files import Store, StoredFile, new_database
+from stereocal.projects.pairs_of_before import pairs_of_before
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import check_quota
 from stereocal.system.atomic_files import write_in_parts
 from stereocal.system.json_text import read_json
@@ -107,7 +108,7 @@ class _Manifest:
         """The part that a scoped one is, and what is said of its scope."""
         scope, _, part = scoped.rpartition("/")
         if scope not in self._scopes:
-            named = {"name": scope.removeprefix(PAIR), "folder": f"pairs/{len(self._scopes)}/"}
+            named = {"name": scope.removeprefix(SCOPE), "folder": f"pairs/{len(self._scopes)}/"}
             self._scopes[scope] = {**named, "values": {}, "files": []}
             self.whole.setdefault("pairs", []).append(self._scopes[scope])
         return part, self._scopes[scope]
@@ -183,14 +184,14 @@ def _fill(project: Project, opened: OpenZip, source: str, tell: Callable[[str], 
         if travels("edit"):
             edits = [(json.dumps(dict(edit)),) for edit in manifest["edits"]]
             db.executemany("INSERT INTO edit (json) VALUES (?)", edits)
-        recording = ProjectRecording(project)
-        _ = recording.read(), recording.rig
+        _ = project.recording, project.rig
         for own in of_pairs:
-            store = _scoped(recording, own["name"])
+            store = _scoped(project, own["name"])
             if store.scope in scopes:
                 raise ValueError(store.scope)
             scopes.add(store.scope)
             unknown += _restore(own, store, members)
+        pairs_of_before(db)
         before = int(manifest.get("edition", 1))
     newer = [one.words for one in CONTENTS.values() if one.since > before and not one.stays]
     if newer:
@@ -230,16 +231,13 @@ class _Members:
         return store.keep_file(self._path, path)
 
 
-def _scoped(recording: ProjectRecording, name: str) -> Store:
+def _scoped(project: Project, name: str) -> Store:
     """The store of a pair of the rig, of a page, or of a page of a pair, by its name in the zip."""
     first, _, page = name.rpartition("/")
     pair = first if page in PAGES else name
-    store = recording.database
+    store = project.database
     if pair:
-        if (whole := recording.read()) is None:
-            raise StereocalError(f'There is no pair "{pair[:60]}": the project has no recording.')
-        whole.pair_named(pair)
-        store = store.of_pair(pair)
+        store = project.of_pair(pair).results
     return store.of_page(page) if page in PAGES else store
 
 

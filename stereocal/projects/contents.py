@@ -30,6 +30,11 @@ VALIDATION = "calibration_evaluation"
 """The kind of the validation that was made with the last result."""
 PAGES = (CHECK, CLICKS)
 """Pages with photographs of their own, which are a project in the same file."""
+SCOPE = "pair "
+"""How parts and kinds begin that are of a pair of a rig, or of a page with photographs of its own:
+this, the name of the pair or of the page, and a slash."""
+PAIRED = {"value": "part", "named": "part", "result": "kind", "job": "kind", "found": "kind"}
+"""Tables, and their columns with a scope."""
 VALUES = tuple(each.name for each in fields(Inputs) if each.name not in ("files", "labels"))
 ANY = "*"
 Key = tuple[Table, str, str]
@@ -69,6 +74,7 @@ def _results() -> Iterator[tuple[Key, Held]]:
 
 CONTENTS: dict[Key, Held] = {
     **{("value", INPUT, name): Held("measured lengths and frames") for name in VALUES},
+    ("value", INPUT, "baselines_m"): Held("measured baselines of several cameras", since=3),
     ("value", SETTING, ANY): Held("settings"),
     ("value", BAR, "pairs"): Held("edited pairs"),
     ("value", BAR, "pairing"): Held("how photographs are paired"),

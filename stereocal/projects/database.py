@@ -9,7 +9,7 @@ import os
 import secrets
 import sqlite3
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
@@ -18,10 +18,11 @@ from typing import Any, Literal
 from urllib.parse import quote
 
 from stereocal.errors import StereocalError
+from stereocal.projects.pairs_of_before import pairs_of_before
 
 LOCK_TIMEOUT_S = 120.0
 """Ten times what another tab needs to store 900 MB."""
-VERSION = 3
+VERSION = 4
 SCHEMA = """
 CREATE TABLE value (part TEXT, name TEXT, json TEXT NOT NULL, PRIMARY KEY (part, name));
 CREATE TABLE file (sha256 TEXT PRIMARY KEY, stored REAL NOT NULL);
@@ -39,7 +40,7 @@ CREATE TABLE found (kind TEXT, key TEXT, content BLOB NOT NULL, PRIMARY KEY (kin
 does not rewrite a large content. named: what each content is used for. edit: corrections that can
 be undone. result: what was computed. job: what runs. found: by an unfinished search, by
 photograph."""
-MIGRATIONS = {
+MIGRATIONS: dict[int, tuple[str | Callable[[sqlite3.Connection], None], ...]] = {
     1: (
         "ALTER TABLE result ADD COLUMN sha256 TEXT NOT NULL DEFAULT ''",
         "UPDATE result SET sha256 = sha256(content)",
@@ -52,8 +53,9 @@ MIGRATIONS = {
         "DROP TABLE job_2",
         "CREATE TABLE found (kind TEXT, key TEXT, content BLOB NOT NULL, PRIMARY KEY (kind, key))",
     ),
+    3: (pairs_of_before,),
 }
-"""What brings a file of a version to the next."""
+"""What brings a file of a version to the next: statements, and functions."""
 VACUUMED = 2000
 """Pages freed in one step, 8 MB: an almost full disk has room for the log of a step."""
 REMOVED = ".removed"
@@ -114,7 +116,7 @@ class Database:
 
     path: Path
     scope: str = ""
-    """Prefix of the parts and kinds of a pair of a rig, which is a project in the rig's file."""
+    """Prefix of the parts and kinds, as `contents.SCOPE`."""
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
@@ -345,8 +347,8 @@ def _bring_up_to_date(db: sqlite3.Connection) -> None:
         for number in range(db.execute(asked).fetchone()[0], VERSION):
             if number not in MIGRATIONS:
                 raise DamagedError("This file is not a project of stereocal, or it is damaged.")
-            for statement in MIGRATIONS[number]:
-                db.execute(statement)
+            for change in MIGRATIONS[number]:
+                change(db) if callable(change) else db.execute(change)
             db.execute(f"PRAGMA user_version = {number + 1}")
 
 

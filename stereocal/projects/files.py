@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.projects.contents import ANY, PAGES, Key, refuse_unlisted
+from stereocal.projects.contents import ANY, PAGES, PAIRED, SCOPE, Key, refuse_unlisted
 from stereocal.projects.database import (
     BESIDE,
     WAITING,
@@ -41,10 +41,6 @@ FREE = (
     "(SELECT 1 FROM named WHERE named.sha256 = ?1)"
 )
 """Deletes a content without a name."""
-PAIRED = {"value": "part", "named": "part", "result": "kind", "job": "kind", "found": "kind"}
-"""Tables, and their columns with a scope."""
-PAIR = "pair "
-"""Scopes are this, the name of a pair, and a slash."""
 
 
 @dataclass(frozen=True)
@@ -173,19 +169,20 @@ class Store(Database):
                     db.execute(FREE, [file.sha256])
 
     def of_pair(self, name: str) -> "Store":
-        return replace(self, scope=f"{PAIR}{name}/")
+        """Of the results of a pair of a rig."""
+        return replace(self, scope=f"{SCOPE}{name}/")
 
     def of_page(self, page: str) -> "Store":
         """Of the photographs that are given on another page, of a project or a pair."""
         assert page in PAGES, page
-        return replace(self, scope=f"{self.scope or PAIR}{page}/")
+        return replace(self, scope=f"{self.scope or SCOPE}{page}/")
 
     def forget_pairs(self) -> None:
-        """Delete all pairs, but not the project's own pages; the sweep frees their contents."""
+        """Delete the results of all pairs; the project's own pages stay."""
         with self.transaction() as db:
             for table, column in PAIRED.items():
-                pages = "".join(f" AND {column} NOT GLOB '{PAIR}{page}/*'" for page in PAGES)
-                db.execute(f"DELETE FROM {table} WHERE {column} GLOB '{PAIR}*'{pages}")
+                pages = "".join(f" AND {column} NOT GLOB '{SCOPE}{page}/*'" for page in PAGES)
+                db.execute(f"DELETE FROM {table} WHERE {column} GLOB '{SCOPE}*'{pages}")
 
     def forget_all(self, key: Key) -> None:
         """Delete all of an entry of `contents`, of the project itself, its pairs and its pages."""

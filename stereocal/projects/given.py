@@ -1,19 +1,19 @@
 """Which camera the files of a project belong to, as far as it is known, and what is to be asked.
 
 Photographs whose names do not tell are put into the folder of their camera. Camera files that are
-of no camera yet are kept among the parts of `ProjectRecording`, where the files of three cameras
-and more stay.
+of no camera yet are kept as parts, with which the files of three cameras and more stay.
 """
 
 from collections.abc import Mapping
 from pathlib import PurePosixPath
 
 from stereocal.errors import StereocalError
-from stereocal.formats.archives.all_cameras import names_cameras
+from stereocal.formats.archives.all_cameras import cameras_in, names_cameras
 from stereocal.formats.archives.easywand import open_easywand
-from stereocal.formats.archives.gather import nominal_baseline
+from stereocal.formats.archives.gather import is_table, nominal_baseline
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.exchange.exchange import camera_names
+from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.other_files import is_matlab
 from stereocal.formats.recognition import recognise
 from stereocal.frames.all_cameras import by_folder
@@ -25,11 +25,10 @@ from stereocal.frames.which_camera import (
     which_camera,
     which_of,
 )
-from stereocal.projects.contents import INPUT
+from stereocal.projects.contents import INPUT, PARTS, REPLACED
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project, ProjectPart
-from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.system.latest import Latest, read_once
 from stereocal.system.numbers import plural
@@ -43,7 +42,44 @@ class ProjectGiven(ProjectPart):
     def __init__(self, project: Project) -> None:
         super().__init__(project)
         self.photographs = ProjectPhotographs(project)
-        self.recording = ProjectRecording(project)
+
+    @property
+    def parts(self) -> dict[str, StoredFile]:
+        """Files of cameras and a table by name, to be put together."""
+        return self.database.files(PARTS)
+
+    def add_parts(self, files: Mapping[str, bytes]) -> None:
+        """Add files; one of the same name is replaced, which `undo_part` takes back."""
+        for name, content in files.items():
+            file = self.database.keep_file(content, name)
+            with self.database.transaction():
+                before = self.parts.get(name)
+                if before is not None and before != file:
+                    self.database.name_files(REPLACED, {name: before})
+                self.database.name_files(PARTS, {name: file})
+
+    def drop_part(self, name: str) -> None:
+        for part in (PARTS, REPLACED):
+            self.database.forget_files(part, [name])
+
+    @property
+    def replaced(self) -> list[str]:
+        """The files that replaced one of the same name."""
+        return list(self.database.files(REPLACED))
+
+    def undo_part(self, name: str) -> None:
+        with self.database.transaction():
+            self.database.name_files(PARTS, {name: self.database.files(REPLACED)[name]})
+            self.database.forget_files(REPLACED, [name])
+
+    @property
+    def cameras(self) -> dict[str, Camera]:
+        """The cameras of three and more, of the recording or of files that are none yet."""
+        if (recording := self.project.recording_as_given) is not None:
+            return dict(recording.cameras)
+        files = {name: file.read_bytes() for name, file in self.parts.items()}
+        cameras = {name: each for name, each in files.items() if not is_table(name, each)}
+        return cameras_in(cameras, ExchangeOptions())
 
     @property
     def is_of_rig(self) -> bool:
@@ -68,14 +104,14 @@ class ProjectGiven(ProjectPart):
     @property
     def _parts(self) -> dict[str, tuple[str, ...]]:
         """Names of the cameras in each part that has some."""
-        parts = self.recording.parts.items()
+        parts = self.parts.items()
         read = {name: self.cameras_in(name, file.read_bytes()) for name, file in parts}
         return {name: cameras for name, cameras in read.items() if cameras}
 
     @property
     def _has_points(self) -> bool:
         """Whether a part is a table that names cameras."""
-        parts = self.recording.parts.items()
+        parts = self.parts.items()
         return any(read_once(names_cameras, file.read_bytes(), name) for name, file in parts)
 
     @property
@@ -159,9 +195,9 @@ class ProjectGiven(ProjectPart):
         lenses = {f"{name}.json": write_camera(camera) for name, camera in cameras.items()}
         if len(cameras) <= len(CAMERAS):
             lenses = {}
-        for name in self.recording.parts.keys() - lenses.keys():
-            self.recording.drop_part(name)
-        self.recording.add_parts(lenses)
+        for name in self.parts.keys() - lenses.keys():
+            self.drop_part(name)
+        self.add_parts(lenses)
 
     def answer(self, series: Series, camera: str) -> None:
         """Keep which camera took photographs; of two, another series is the other camera's."""
@@ -182,7 +218,7 @@ class ProjectGiven(ProjectPart):
         """
         labels = self.project.inputs.labels
         used = {labels[slot]: slot for slot in CAMERAS if slot in labels}
-        self.recording.add_parts(new)
+        self.add_parts(new)
         if self.is_of_rig:
             self.settle()
             return {}
@@ -206,7 +242,7 @@ class ProjectGiven(ProjectPart):
         """
         used, labels = self.database.files(INPUT), self.project.inputs.labels
         files = {labels[slot]: used[slot].read_bytes() for slot in CAMERAS if slot in labels}
-        self.recording.add_parts({**files, **more})
+        self.add_parts({**files, **more})
         self.project.give({}, CAMERAS)
         self.settle()
 

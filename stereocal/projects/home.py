@@ -18,7 +18,7 @@ from pathlib import Path
 from stereocal.calibration.methods import METHOD_NAMES, PAPER_SETS
 from stereocal.errors import StereocalError, disk_errors
 from stereocal.fit.in_words import rig_errors_in_words
-from stereocal.projects.contents import CONTENTS, POINT_FILES
+from stereocal.projects.contents import CONTENTS, PARTS, POINT_FILES
 from stereocal.projects.database import (
     NOT_THERE,
     REMOVED,
@@ -36,7 +36,6 @@ from stereocal.projects.photographs import (
     ProjectPhotographs,
 )
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import check_quota
 from stereocal.system.atomic_files import flush_folder
 from stereocal.system.numbers import count, rounded
@@ -221,9 +220,8 @@ class Card:
 
 
 def card_of(project: Project) -> Card:
-    recording = ProjectRecording(project)
-    if recording.is_given:
-        return Card(f"{recording.camera_count} cameras", _rig_of(recording))
+    if project.is_rig:
+        return Card(f"{project.camera_count} cameras", _rig_of(project))
     dataset = project.dataset
     if dataset is not None:
         data = count(len(dataset.correspondences.frames), "frame")
@@ -233,9 +231,9 @@ def card_of(project: Project) -> Card:
     return Card(data, _result_of(project))
 
 
-def _rig_of(recording: ProjectRecording) -> str:
+def _rig_of(project: Project) -> str:
     """The errors of three cameras and more."""
-    if (rig := recording.rig) is None:
+    if (rig := project.rig) is None:
         return "not calibrated"
     figures, pairs = rig.about.figures, rig.about.pairs
     assert figures is not None, "a project's rig has a recording"
@@ -256,7 +254,7 @@ def title_of(project: Project) -> str:
         name = Path(inputs.labels.get("correspondences", TABLE_LABEL)).stem
         if name in FOUND_LABELS:
             points = [file.label for file in project.database.files(POINT_FILES).values()]
-            files = [*points, *inputs.labels.values(), *ProjectRecording(project).parts]
+            files = [*points, *inputs.labels.values(), *project.database.files(PARTS)]
             own = (label for label in files if label not in FOUND_LABELS)
             name = _photographs_of(project) or next(own, "Nothing yet")
         ((first,),) = project.database.rows("SELECT min(stored) FROM file")

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system.names import can_be_shown
+from stereocal.system.records import of_plain
 
 Slot = Literal["primary", "secondary", "correspondences"]
 Length = Literal["baseline_m", "target_distance_m"]
@@ -51,8 +52,11 @@ class Inputs:
     """Slot to the SHA-256 of its file."""
     labels: Mapping[Slot, str] = field(default_factory=dict)
     """Slot to the name of the uploaded file."""
-    exchanged: list[int] = field(default_factory=list)
-    """Frames of the table whose targets the user has exchanged in the secondary image."""
+    baselines_m: Mapping[str, float] = field(default_factory=dict)
+    """Of three cameras and more: the measured baselines by the name of their pair, in the place of
+    those of the files."""
+    exchanged: Mapping[str, list[int]] = field(default_factory=dict)
+    """By camera, the frames in whose image the user has exchanged the targets."""
     put_back: list[int] = field(default_factory=list)
     """Frames of the table that contradict the others, but that the user keeps."""
     left_out: list[int] = field(default_factory=list)
@@ -68,6 +72,7 @@ class Inputs:
             all(map(can_be_shown, (self.name, *self.labels.values())))
             and self.files.keys() <= self.labels.keys()
             and all(getattr(self, name) is not None for name in self.planned)
+            and all(map(can_be_shown, (*self.baselines_m, *self.exchanged)))
             and all(sigma is None or 0 <= sigma < math.inf for sigma in sigmas)
         )
         if not sound:
@@ -95,9 +100,28 @@ class Inputs:
             step_notes=tuple(self.step_notes),
         )
         dataset = recording.with_pairs(rows).pair(*CAMERAS)
-        if self.exchanged:
-            dataset = dataset.with_targets_exchanged(self.exchanged)
+        if exchanged := self.exchanged.get(CAMERAS[1]):
+            dataset = dataset.with_targets_exchanged(exchanged)
         return with_baseline_found(dataset)
+
+    def of_rig(self, given: Recording) -> Recording:
+        """A recording of three cameras and more as given, with what was stated and corrected."""
+        held, sigma_m = given.object, self.target_distance_sigma_m
+        found = replace(
+            given,
+            name=self.name or given.name,
+            object=held if sigma_m is None else replace(held, sigma_m=sigma_m),
+        )
+        if self.baseline_free:
+            found = replace(found, baselines_m={}, baseline_sigma_m=math.inf)
+        elif self.baselines_m:
+            measured = {found.pair_named(pair): m for pair, m in self.baselines_m.items()}
+            found = replace(found, baselines_m=measured, baseline_sigma_m=None)
+        if self.baseline_sigma_m is not None and found.baselines_m:
+            found = replace(found, baseline_sigma_m=self.baseline_sigma_m)
+        for camera, frames in self.exchanged.items():
+            found = found.with_targets_exchanged(camera, frames)
+        return found
 
     def _known(self, which: CameraName, camera: Camera) -> Camera:
         """A camera with the stated uncertainty instead of its file's.
@@ -130,3 +154,29 @@ class Inputs:
     def needs_measuring(self) -> list[Length]:
         """The planned lengths that a calibration would use."""
         return [name for name in self.planned if not (self.baseline_free and name == "baseline_m")]
+
+
+def inputs_of(stored: Mapping[str, Any]) -> Inputs:
+    """Inputs as they are stored; earlier versions knew exchanged targets of the secondary only.
+
+    Raises:
+        TypeError, ValueError: these are none.
+    """
+    exchanged = stored.get("exchanged")
+    own = {CAMERAS[1]: exchanged} if isinstance(exchanged, list) and exchanged else exchanged
+    return of_plain({**stored, "exchanged": own or {}}, Inputs)
+
+
+def stated_in(dataset: Pair) -> dict[str, Any]:
+    """What a data set states beside its files, as values of the inputs."""
+    free = dataset.baseline_is_free
+    return {
+        "name": dataset.name,
+        "baseline_m": None if dataset.baseline_is_to_be_found else dataset.baseline_m,
+        "baseline_free": free,
+        "baseline_sigma_m": None if free else dataset.baseline_sigma_m,
+        "target_distance_m": dataset.target_distance_m,
+        "target_distance_sigma_m": dataset.target_distance_sigma_m,
+        "start_frame": dataset.start_frame,
+        "step_notes": [*dataset.recording.step_notes],
+    }

@@ -16,6 +16,7 @@ from stereocal.projects.contents import BAR
 from stereocal.projects.database import DamagedError, DiskFullError
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
+from stereocal.projects.kept import packed_files, packed_table
 from stereocal.projects.pair_rows import (
     Decided,
     PairRow,
@@ -26,7 +27,7 @@ from stereocal.projects.pair_rows import (
     taken_of,
     with_new,
 )
-from stereocal.projects.project import ProjectPart, packed_files, packed_table
+from stereocal.projects.project import ProjectPart
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.system.latest import Latest

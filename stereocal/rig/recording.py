@@ -341,6 +341,15 @@ class Recording(TableAnswer):
         known = {name: getattr(self, name) for name in (*COLUMNS, *OF_TABLES, *SHIFTED)}
         return replace(self, **{k: v[kept] for k, v in known.items() if v is not None})
 
+    def with_targets_exchanged(self, camera: str, frames: npt.ArrayLike) -> "Recording":
+        """The recording with A and B exchanged in the images of one camera in the given frames.
+
+        An object is turned (`RigidObject.half_turn`).
+        """
+        number = [*self.cameras].index(camera) if camera in self.cameras else -1
+        here = (self.camera == number) & np.isin(self.frame, np.asarray(frames))
+        return replace(self, target=np.where(here, self.object.half_turn[self.target], self.target))
+
     def counted_from(self, starts: Mapping[str, int]) -> "Recording":
         """The recording with the frames of some cameras renumbered: 0 becomes their start."""
         added = np.array([starts.get(name, 0) for name in self.cameras])[self.camera]

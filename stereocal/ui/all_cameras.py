@@ -1,7 +1,6 @@
 """The Data page for three cameras and more: their files, and one table of points or photographs."""
 
-import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -20,21 +19,23 @@ from stereocal.frames.all_cameras import Found, by_folder
 from stereocal.frames.pairing import Pairing, natural
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import Camera
+from stereocal.rig.lengths_in_words import METRES_PER
+from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.ui import jobs
-from stereocal.ui.fields import Number, setting
+from stereocal.ui.fields import Field, Number, choose_from_menu, one_of, setting
 from stereocal.ui.holding import settle
 from stereocal.ui.intake import give_pair
-from stereocal.ui.length_known import ask_object_known
+from stereocal.ui.length_known import ask_known, give_lengths
 from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import button, readable, show_stale, show_with_button
 from stereocal.ui.navigation import go_to
-from stereocal.ui.rig import rig_work
+from stereocal.ui.press import press
 from stereocal.ui.search import ask_held, press_search, search_work
 from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.ui.videos import show_frames_taken
@@ -44,21 +45,93 @@ FOUND_BY, UNUSED, TOLD = "several_found_by", "several_unused", "several_told"
 GATHERED: Latest[Gathered] = Latest(8)
 
 
-def show_recording(project: Project) -> None:
-    """A recording of all cameras, and the files that it was read from."""
-    st.success(
-        "This project holds a recording of three cameras or more. The page Rig calibrates them "
-        "together."
+def show_all_cameras(project: Project) -> None:
+    """Three cameras and more: their files, the questions about them, what was read, the lengths."""
+    if ProjectGiven(project).parts:
+        _show_files(project)
+    elif (given := project.recording_as_given) is not None:
+        _show_recording(given, [])
+        _ask_lengths(project, given)
+
+
+def _ask_lengths(project: Project, given: Recording) -> None:
+    """The measured baselines, and how well they and the lengths of the object are known."""
+    left, right = st.columns(2)
+    with left:
+        measured = _ask_baselines(project, given)
+        if measured:
+            ask_known(project, "baseline_m", "± 1 %")
+    with right:
+        st.markdown(f"The {given.object.word} is {given.object.longest_m:.6g} m long.")
+        files = "± 0.1 %" if given.object.sigma_m is None else "what the files state"
+        ask_known(project, "target_distance_m", files, given.object.longest_m)
+
+
+def _ask_baselines(project: Project, given: Recording) -> bool:
+    """The distances of two cameras that were measured, typed in any unit; whether there are any."""
+    of_files = {"-".join(pair): metres for pair, metres in given.baselines_m.items()}
+    known = project.inputs.baselines_m or of_files
+    names = ["-".join(pair) for pair in given.pairs]
+    title, told = (
+        "Measured distance of two cameras",
+        "Any of them, or none: the bars give the scale.",
     )
-    if (given := ProjectRecording(project).as_given()) is not None:
-        ask_object_known(project, given.object)
-    if ProjectRecording(project).parts:
-        show_files(project)
+    pair = choose_from_menu(
+        project, "baseline_of", title, names, next(iter(known), None), help=told
+    )
+    scale = _unit(project, "unit_of_baselines")
+
+    def take(metres: float | None) -> None:
+        rest = {name: own for name, own in known.items() if name != pair}
+        give_lengths({}, {"baselines_m": rest if metres is None else {**rest, pair: metres}})
+
+    _length(f"Cameras {pair}", f"baseline_{pair}", scale, lambda: known.get(pair), take)
+    if known:
+        listed = ", ".join(
+            f"{name} {own / scale:.6g} {_UNIT_OF[scale]}" for name, own in known.items()
+        )
+        st.caption(f"Measured: {escape_markdown(listed)}")
+    return bool(known)
 
 
-def show_files(project: Project) -> None:
+_UNIT_OF = {metres: unit for unit, metres in METRES_PER.items()}
+
+
+def _unit(project: Project, key: str) -> float:
+    """Metres of the unit in which this tab shows the lengths of a rig."""
+    own = setting(project, key, "m", one_of(METRES_PER), name="rig_unit", tabs_own=True)
+    return METRES_PER[own.buttons("Unit")]
+
+
+def _length(
+    title: str,
+    key: str,
+    scale: float,
+    read: Callable[[], float | None],
+    take: Callable[[float | None], object],
+) -> None:
+    """The field of a length, which is stored in metres."""
+
+    def shown() -> float | None:
+        metres = read()
+        return None if metres is None else float(f"{metres / scale:.12g}")
+
+    own = Field(
+        key,
+        key,
+        shown,
+        lambda value: take(None if value is None else float(f"{value * scale:.12g}")),
+        fit=Number(0.0, or_none=True),
+    )
+    unit = _UNIT_OF[scale]
+    own.number_input(
+        f"{escape_markdown(title)} ({unit})", format="%.10g", placeholder="measured length"
+    )
+
+
+def _show_files(project: Project) -> None:
     """The files, the questions, what was read, and the press."""
-    store = ProjectRecording(project)
+    store = ProjectGiven(project)
     _show_parts(store)
     show_frames_taken(project)
     if jobs.is_running(project, "video"):
@@ -81,19 +154,16 @@ def show_files(project: Project) -> None:
     except StereocalError as error:
         st.warning(escape_markdown(str(error)))
         return
-    _show(found)
-    if not store.is_given:
-        ask_object_known(project, found.recording.object)
+    _show_recording(found.recording, found.remarks)
+    _ask_lengths(project, found.recording)
     title = "Calibrate all" if len(found.recording.cameras) > 2 else "Use these points"
-    # Of what is in use already, the next thing to do is on the page Rig.
-    digests = (hashlib.sha256(content).hexdigest() for content in found.files.values())
-    is_used = sorted(digests) == sorted(store.digest)
-    if store.is_given:
-        st.session_state[PRESS_FIRST] = not is_used
+    # Of what is in use already, the next thing to do is on the page Calibrate.
+    is_used = project.is_given(found.files)
+    st.session_state[PRESS_FIRST] = not is_used
     button(title, "several_run", _calibrate, store, found, first=not is_used)
 
 
-def _use_two(store: ProjectRecording, name: str) -> None:
+def _use_two(store: ProjectGiven, name: str) -> None:
     """Ask which two cameras of a file of all to use, and of the table (a callback)."""
     asked = ProjectApplication(store.project)
     for part, content in _contents(store.parts).items():
@@ -101,7 +171,7 @@ def _use_two(store: ProjectRecording, name: str) -> None:
         store.drop_part(part)
 
 
-def _show_parts(store: ProjectRecording) -> None:
+def _show_parts(store: ProjectGiven) -> None:
     """The files in use, to remove, and those that replaced one."""
     with st.container(horizontal=True):
         for name in sorted(store.parts, key=natural):
@@ -134,23 +204,19 @@ def _lengths(project: Project, targets: Sequence[str]) -> dict[str, float]:
     if len(targets) < 2:
         return {}
     first, *others = targets
-    found = {
-        target: setting(
-            project, f"several_{target}_m", None, Number(0.0, or_none=True)
-        ).number_input(
-            f"{escape_markdown(first)} to {escape_markdown(target)} (m)",
-            column,
-            format="%.10g",
-            placeholder="measured length, along the bar",
-        )
-        for target, column in zip(others, st.columns(len(others)), strict=True)
-    }
-    return {target: value for target, value in found.items() if value}
+    scale, found = _unit(project, "unit_of_object"), dict[str, float]()
+    for target, column in zip(others, st.columns(len(others)), strict=True):
+        name = f"several_{target}_m"
+        own = setting(project, name, None, Number(0.0, or_none=True))
+        with column:
+            _length(f"{first} to {target}, along the bar", name, scale, own.value, own.set)
+        if value := own.value():
+            found[target] = value
+    return found
 
 
-def _show(gathered: Gathered) -> None:
+def _show_recording(recording: Recording, remarks: Sequence[str]) -> None:
     """What was read, camera by camera."""
-    recording = gathered.recording
     rows = []
     for number_of, (name, camera) in enumerate(recording.cameras.items()):
         frames = recording.frame[recording.camera == number_of]
@@ -159,22 +225,22 @@ def _show(gathered: Gathered) -> None:
     table = pd.DataFrame(rows, columns=["Camera", "Image, px", "Points", "Frames"])
     st.table(escaped_table(table).set_index("Camera"))
     st.caption(escape_markdown(recording.describe_pairs()))
-    for remark in gathered.remarks:
+    for remark in remarks:
         st.warning(escape_markdown(remark))
 
 
-def _calibrate(store: ProjectRecording, gathered: Gathered) -> None:
+def _calibrate(store: ProjectGiven, gathered: Gathered) -> None:
     """Store the recording and go on with it: calibrate a rig, or open a pair (a callback)."""
     recording = gathered.recording
     if len(recording.cameras) == 2:
-        known = store.known(recording)
+        known = store.project.inputs.of_rig(recording)
         give_pair(store.project, pair_to_calibrate(known))
         for name in store.parts:
             store.drop_part(name)
         return
-    store.give(recording, gathered.files)
-    jobs.start(rig_work(store.project, False))
-    go_to("rig")
+    store.project.give_recording(recording, gathered.files)
+    press(store.project)
+    go_to("calibrate")
 
 
 def _photographs_of_all(project: Project, cameras: Mapping[str, Camera]) -> bool:
@@ -215,11 +281,11 @@ def _search(store: ProjectPhotographs, cameras: Mapping[str, Camera], pairing: P
 
 def _keep(store: ProjectPhotographs, found: Found, digest: str) -> None:
     """Store the table of the targets that were found, of boards the whole recording."""
-    project, recording = store.project, ProjectRecording(store.project)
+    project = store.project
     if found.recording.object.board is not None:
         whole = replace(found.recording, name=project.inputs.name or "Rig")
-        recording.give(whole, pack_recording(whole))
+        project.give_recording(whole, pack_recording(whole))
     else:
-        recording.add_parts({POINTS: write_points(found.recording)})
+        ProjectGiven(project).add_parts({POINTS: write_points(found.recording)})
     project.keep_settings({FOUND_BY: digest, UNUSED: [*found.unused], TOLD: found.pairing.sentence})
     settle(project)

@@ -18,7 +18,6 @@ from stereocal.matching.settled import Stated
 from stereocal.projects.application import USES, ProjectApplication
 from stereocal.projects.clicks import ProjectClicks
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
@@ -59,7 +58,7 @@ class ApplyInputs(NamedTuple):
 
 def choose_apply_inputs(project: Project, store: ProjectApplication) -> ApplyInputs | None:
     """Uploaders of points, and the inputs; None if something is missing."""
-    if project.pair is None and (ProjectRecording(project).is_given or store.rig_given):
+    if project.is_rig or store.rig_given:
         return _choose_for_rig(project, store)
     return _choose_for_pair(project, store)
 
@@ -148,19 +147,18 @@ def _choose_sets(
 
 def _choose_for_rig(project: Project, store: ProjectApplication) -> ApplyInputs | None:
     """Points of three cameras and more, and the rig that matches and measures them."""
-    recording = ProjectRecording(project)
-    rig, label = recording.rig, "the rig of this project"
-    if not recording.is_given and (given := store.rig_given) is not None:
+    rig, label = project.rig, "the rig of this project"
+    if not project.is_rig and (given := store.rig_given) is not None:
         label, rig = given
         with st.container(horizontal=True, vertical_alignment="center"):
             st.caption(f"In use: {escape_markdown(label)}, a rig of {len(rig.names)} cameras")
             button("Use other parameters", "forget_rig", store.forget_rig)
     if rig is None:
         st.info("The cameras are not calibrated yet.")
-        st.page_link("pages/rig.py", label="Calibrate all on the page Rig")
+        st.page_link("pages/calibrate.py", label="Calibrate them on the page Calibrate")
         return None
     heights = {name: camera.image_size[1] for name, camera in rig.cameras.items()}
-    form = PointsForm(store, heights, recording.read(), is_rig=True)
+    form = PointsForm(store, heights, project.recording, is_rig=True)
     form.take()
     points_at, noise_at, rig_at = st.columns([2, 1, 1])
     with points_at:

@@ -46,9 +46,9 @@ from stereocal.ui.apply_points import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
+from stereocal.ui.frames import NAME, frames_photographed, photographs_of
 from stereocal.ui.messages import ErrorsShown, button, fragment, readable, show_stale
 from stereocal.ui.press import PAPER_SET_FOR
-from stereocal.ui.screening import NAME, frames_photographed, photographs_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.world import WORLD_FILE
 

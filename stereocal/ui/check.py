@@ -38,7 +38,6 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rigid_object import RigidObject
@@ -67,17 +66,16 @@ VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
 def show_page(project: Project) -> None:
     """The parameters, and the place for new images; and the answer, unless something is missing."""
     store, given = ProjectCheck(project), ProjectCheck(project).file(PARAMETERS)
-    recording, source = ProjectRecording(project), Source(project, "check_parameters")
-    whole = project.pair is None and recording.is_given
-    of_rig = whole or (project.pair is None and given is not None and is_rig(given.read_bytes()))
+    source, whole = Source(project, "check_parameters"), project.is_rig
+    of_rig = whole or (given is not None and is_rig(given.read_bytes()))
     left, *sizes = st.columns([3, 2, 2])
     own = not of_rig and source.is_project
     file = None if whole or own else given
-    rig: Parameters | None = recording.rig
+    rig: Parameters | None = project.rig
     used = "this project's rig"
     if whole and rig is None:
         st.info("The cameras are not calibrated yet.")
-        st.page_link("pages/rig.py", label="Calibrate all on the page Rig")
+        st.page_link("pages/calibrate.py", label="Calibrate them on the page Calibrate")
         end_here()
     if not whole:
         rig, used = _own_set(source) if own else _set_in(file)

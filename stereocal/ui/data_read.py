@@ -12,7 +12,6 @@ from stereocal.figures.started_by_hand import describe_offsets, plot_offsets
 from stereocal.figures.tables import contents_table
 from stereocal.fit.timing.started_by_hand import bring_into_step
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.ui.figure import is_narrow, show_figure
@@ -69,9 +68,7 @@ def _say_how_many(pairs: int, frames: int) -> None:
 
 def show_in_step(project: Project) -> None:
     """What was found, and on demand the figure of each pair; nothing of cameras in step."""
-    recording = ProjectRecording(project).read() if project.pair is None else None
-    if recording is None and (data := readable(lambda: project.dataset, told=False)) is not None:
-        recording = data.recording
+    recording = readable(lambda: project.recording, told=False)
     if recording is None or not (recording.step_notes or any(recording.start_frames.values())):
         return
     starts, notes = recording.start_frames, recording.step_notes

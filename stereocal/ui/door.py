@@ -23,7 +23,6 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.inputs import Slot
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui import intake
 from stereocal.ui.downloads import offer
@@ -31,7 +30,6 @@ from stereocal.ui.fields import page_shown
 from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import drop_zone
 from stereocal.ui.messages import button, readable, show_refusal
-from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import ask_about_archive
 from stereocal.ui.prerequisites import missing_of
 from stereocal.ui.project import current_project, project_to_write
@@ -99,7 +97,7 @@ def _show_state(project_files: ProjectGiven) -> None:
     if not used:
         return
     st.caption(f"In use: {escape_markdown(', '.join(used))}")
-    if project_files.is_of_rig or project_files.is_undivided or ProjectRecording(project).is_given:
+    if project_files.is_of_rig or project_files.is_undivided or project.is_rig:
         return
     if missing := missing_of(project):
         st.warning(f"Still missing: {missing}.")
@@ -119,9 +117,7 @@ def _take(given: Dropped[StoredFile], use_videos: UseVideos) -> None:
     if given.of("data set"):
         intake.store_dataset(given)
         project = current_project()
-        if project is not None and ProjectRecording(project).is_given:
-            go_to("rig")
-        else:
+        if project is None or not project.is_rig:
             given.use(partial(place_videos, given.of("video"), use_videos))
         return
     if not (given.photographs or given.files):
@@ -156,12 +152,11 @@ def _take_cameras(project_files: ProjectGiven, given: Dropped[StoredFile]) -> No
 
 def _use_kept(project_files: ProjectGiven, names: Mapping[CameraName, str]) -> None:
     """Store camera files that were kept as those of their cameras."""
-    kept = project_files.recording
     contents: dict[Slot, tuple[str, bytes]] = {
-        camera: (name, kept.parts[name].read_bytes()) for camera, name in names.items()
+        camera: (name, project_files.parts[name].read_bytes()) for camera, name in names.items()
     }
     for name in names.values():
-        kept.drop_part(name)
+        project_files.drop_part(name)
     if contents:
         intake.store_cameras(contents)
 
@@ -174,7 +169,7 @@ def _take_tables(project_files: ProjectGiven, tables: Mapping[str, bytes]) -> No
         elif is_correspondences(text, name):
             intake.store_files({"correspondences": (name, text)})
         elif project_files.is_of_rig and _cameras_of(name, text) > 2:
-            project_files.recording.add_parts({name: text})
+            project_files.add_parts({name: text})
         else:
             ProjectApplication(project_files.project).ask("bars", name, text)
 

@@ -14,7 +14,6 @@ from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.fit.results import Calibration
 from stereocal.projects.project import Project
-from stereocal.projects.recording import REFINED
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.pair import Pair
 from stereocal.system.settings import About, asked, descriptions
@@ -37,6 +36,9 @@ _LENGTHS = {
     "target_distance_sigma_m": "uncertainty of the distance between the targets",
 }
 """What is asked on the Data page and changes a result."""
+OF_PAIR = {"all_frames": True, "frames_put_back": [], "time_offset": False, "time_drift": False}
+"""Of a pair of a rig: the rig has left out what contradicts it, and brought its cameras into
+step."""
 _FRAMES = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
 """Shown with the frames left out and the time offset, not in the line of settings."""
 
@@ -48,7 +50,7 @@ def settings_form(project: Project, dataset: Pair) -> dict[str, Any]:
         title = "Frames to calibrate with (the others test the result)"
         told = f"All {frames}, or fewer, drawn at random. Paper: 20 of 25."
         _frames_field(project, frames).slider(title, help=told)
-    fields, columns = _search_fields(project), cycle(st.columns(3))
+    fields, columns = _search_fields(project, bool(project.pair)), cycle(st.columns(3))
     for name, field in fields.items():
         if name != "time_drift" or fields["time_offset"].value():
             place = next(columns) if isinstance(field.fit, Number) else st.container()
@@ -78,11 +80,11 @@ def field_of(project: Values, key: str, about: About) -> Field:
     return setting(project, key, about.default, fit)
 
 
-def _search_fields(project: Values) -> dict[str, Field]:
+def _search_fields(project: Values, of_pair: bool = False) -> dict[str, Field]:
     return {
         name: field_of(project, name, about)
         for name, about in ASKED.items()
-        if not isinstance(about.default, tuple)
+        if not isinstance(about.default, tuple) and not (of_pair and name in OF_PAIR)
     }
 
 
@@ -91,7 +93,8 @@ def search_values(project: Project) -> dict[str, Any]:
     values = {key: field.value() for key, field in _search_fields(AsRead(project)).items()}
     values["time_drift"] = values["time_offset"] and values["time_drift"]
     inputs = project.inputs
-    return values | {"frames_put_back": inputs.put_back, "frames_left_out": inputs.left_out}
+    values |= {"frames_put_back": inputs.put_back, "frames_left_out": inputs.left_out}
+    return values | (OF_PAIR if project.pair else {})
 
 
 def search_form(project: Project) -> None:
@@ -118,11 +121,13 @@ def ask(place: DeltaGenerator, about: About, own: Field, disabled: bool = False)
 
 
 def refine_form(project: Project, dataset: Pair) -> None:
-    """The form of the refined method: uncertainties from the Data page, and the image noise."""
-    st.markdown("**The refined set**")
-    if project.settings.get(REFINED) is not None:
-        st.caption("The refined set is the rig's: its lenses, lengths and noise are set there.")
+    """The form of the refined method: uncertainties from the Data page, and the image noise.
+
+    That of a pair of a rig is the rig's.
+    """
+    if project.pair:
         return
+    st.markdown("**The refined set**")
     st.caption(REFINED_SET)
     st.caption(escape_markdown(describe_uncertainties(dataset)))
     st.page_link("pages/data.py", label="State it on the Data page")
@@ -139,9 +144,8 @@ def refine_settings(project: Project, dataset: Pair) -> RefineSettings:
     They hold the uncertainties of the lengths, which a data set's digest does not cover. Those of a
     pair of a rig hold what the rig says.
     """
-    of_rig = project.settings.get(REFINED)
-    if of_rig is not None:
-        return RefineSettings.from_json(of_rig)
+    if (of_rig := project.of_rig) is not None:
+        return of_rig
     search, (noise, free) = search_values(project), _refined_fields(project)
     return RefineSettings(
         baseline_sigma_m=dataset.baseline_sigma_m,

@@ -22,10 +22,10 @@ from stereocal.formats.dropped import Dropped, sort_files
 from stereocal.formats.exchange.options import ImageSize
 from stereocal.formats.recognition import CAMERA_SUFFIXES
 from stereocal.projects.files import StoredFile
-from stereocal.projects.inputs import Slot
+from stereocal.projects.inputs import Slot, stated_in
+from stereocal.projects.kept import NAMES, as_read, packed_files
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.project import NAMES, Project, as_read, packed_files, stated_in
-from stereocal.projects.recording import ProjectRecording
+from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.pair import Pair
 from stereocal.system.limits import Limits
@@ -153,7 +153,7 @@ def give_dataset(
         with naming(source):
             recording = in_step(recording)
         own = {name: content for name, content in stated.items() if name.startswith(folder)}
-        ProjectRecording(project).give(recording, own)
+        project.give_recording(recording, own)
         return
     with naming(source):
         survey = pair_to_calibrate(recording) if with_points else recording.pair(*CAMERAS)

@@ -47,6 +47,9 @@ UNFORESEEN = "Unexpected error. Earlier results are unchanged; the server's log 
 INTERRUPTED = "The server stopped while this ran, and it was not finished. Start it again."
 UNEVEN = "steps"
 """A stage whose parts take differently long: it has no time left to state."""
+WAIT_S = 1.0
+"""How long a page waits for a job that has just begun, so that short work shows its result at once,
+and no progress."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -89,6 +92,9 @@ class Job:
     state: Literal["running", "done", "cancelled", "failed"] = "running"
     sentence: str = ""
     """Why it failed."""
+    note: str = ""
+    """What its page says of it once it is done."""
+    begun: float = field(default_factory=time.monotonic)
     cancelled: bool = False
     started: float = field(default_factory=time.monotonic)
     begun_with: int = 0
@@ -115,7 +121,7 @@ class Job:
 
     def found_before(self, of: Any) -> FoundBefore:
         """What such a search has found if it was not finished."""
-        return FoundBefore(self.work.project.database, self.work.kind, of)
+        return FoundBefore(self.work.project.results, self.work.kind, of)
 
 
 @cache
@@ -136,7 +142,7 @@ _STARTING = threading.Lock()
 
 def job_of(project: Project, kind: Kind) -> Job | None:
     """The last job of this kind; None before the first."""
-    return JOBS.get((project.database, kind))
+    return JOBS.get((project.results, kind))
 
 
 def is_running(project: Project, kind: Kind) -> bool:
@@ -145,17 +151,24 @@ def is_running(project: Project, kind: Kind) -> bool:
     return job is not None and job.state == "running"
 
 
-def start(work: PageWork) -> None:
-    """Begin a job, unless one of its kind is running (a callback)."""
+def start(work: PageWork, anew: bool = False) -> None:
+    """Begin a job, unless one of its kind is running (a callback).
+
+    Args:
+        anew: in the place of the one that is running, which is cancelled.
+    """
     job = Job(work, pool())
     with _STARTING:
-        if is_running(work.project, work.kind):
-            return
+        last = job_of(work.project, work.kind)
+        if last is not None and last.state == "running":
+            if not anew:
+                return
+            last.cancelled = True
         try:
-            stored_jobs.begin(work.project.database, work.kind)
+            stored_jobs.begin(work.project.results, work.kind)
         except StereocalError as error:
             job.sentence, job.state = str(error), "failed"
-        JOBS[work.project.database, work.kind] = job
+        JOBS[work.project.results, work.kind] = job
     if job.state == "running":
         _begin(job)
 
@@ -163,7 +176,7 @@ def start(work: PageWork) -> None:
 def follow(work: PageWork) -> Job:
     """The job of this digest, begun unless it runs or has failed; one of another digest is
     cancelled, and leaves its place at once."""
-    key = work.project.database, work.kind
+    key = work.project.results, work.kind
     with _STARTING:
         last = JOBS.get(key)
         if last is not None:
@@ -178,7 +191,7 @@ def follow(work: PageWork) -> Job:
 def forget(job: Job) -> None:
     """Let `follow` begin the work of a failed job again (for callbacks)."""
     if job_of(job.work.project, job.work.kind) is job:
-        JOBS.pop((job.work.project.database, job.work.kind), None)
+        JOBS.pop((job.work.project.results, job.work.kind), None)
 
 
 def _begin(job: Job) -> None:
@@ -224,7 +237,9 @@ def _end(job: Job, state: Literal["done", "cancelled", "failed"], sentence: str 
     if job.work.follows:
         job.state = state
         return
-    stored_jobs.end(job.work.project.database, job.work.kind, failed=state == "failed")
+    with _STARTING:
+        if job_of(job.work.project, job.work.kind) is job:  # else another has taken its place
+            stored_jobs.end(job.work.project.results, job.work.kind, failed=state == "failed")
     job.state = state
 
 
@@ -235,16 +250,21 @@ def show_job(project: Project, kind: Kind, cancelled: str) -> None:
         cancelled: message for a cancelled job.
     """
     job = job_of(project, kind)
-    if is_running(project, kind):
+    if job is not None:
+        while job.state == "running" and time.monotonic() - job.begun < WAIT_S:
+            time.sleep(0.01)
+    if job is not None and job.state == "running":
         # Only now: a permanent timer would interrupt every longer run of the page.
-        _show_progress(project, kind)
-    elif stored_jobs.is_interrupted(project.database, kind):
+        _show_progress(project, kind, job.at)
+    elif stored_jobs.is_interrupted(project.results, kind):
         st.warning(INTERRUPTED)
         button("Discard", f"discard_{kind}", abandon, project, kind)
     elif job is not None and job.state == "failed":
         st.error(escape_markdown(job.sentence))
     elif job is not None and job.state == "cancelled":
         st.info(cancelled)
+    elif job is not None and job.note:
+        st.info(escape_markdown(job.note))
 
 
 def abandon(project: Project, kind: Kind) -> None:
@@ -253,26 +273,26 @@ def abandon(project: Project, kind: Kind) -> None:
     if job is not None and job.state == "running":
         job.cancelled = True
     elif not is_running(project, kind):
-        stored_jobs.end(project.database, kind)
-        JOBS.pop((project.database, kind), None)
+        stored_jobs.end(project.results, kind)
+        JOBS.pop((project.results, kind), None)
 
 
 @st.fragment(run_every=0.5)
-def _show_progress(project: Project, kind: Kind) -> None:
-    """How far a job is."""
+def _show_progress(project: Project, kind: Kind, stage: int) -> None:
+    """How far a job is; the page is drawn again when it ends, or has ended a stage."""
     job, left = job_of(project, kind), ""
-    if job is None or job.state != "running":
+    if job is None or job.state != "running" or job.at != stage:
         st.rerun()
     counted, stages = job.done - job.begun_with, job.work.stages
     if counted > 0 and stages[job.at] != UNEVEN:
         pace = (time.monotonic() - job.started) / counted
         left = f", about {pace * (job.total - job.done):.0f} s left"
-    for number, stage in enumerate(stages):
+    for number, named in enumerate(stages):
         if number < job.at:
-            st.progress(1.0, f"{stage.capitalize()}: all")
-        elif number == job.at and (job.done or (job.total and stage == UNEVEN)):
-            words = f"{job.done} of {job.total} {stage}{left}"
+            st.progress(1.0, f"{named.capitalize()}: all")
+        elif number == job.at and (job.done or (job.total and named == UNEVEN)):
+            words = f"{job.done} of {job.total} {named}{left}"
             st.progress(job.done / max(job.total, 1), words)
         else:
-            st.progress(0.0, "Starting" if number == job.at else f"{stage.capitalize()}: not yet")
+            st.progress(0.0, "Starting" if number == job.at else f"{named.capitalize()}: not yet")
     button("Cancel", f"cancel_{kind}", setattr, job, "cancelled", True)

@@ -8,8 +8,6 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.errors import StereocalError
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
-from stereocal.rig.rigid_object import RigidObject
 from stereocal.ui.fields import Field, Number, one_of
 from stereocal.ui.messages import clear_refusal, set_refusal
 from stereocal.ui.project import project_to_write
@@ -51,15 +49,18 @@ def give_lengths(
         set_refusal(error, ways=ways)
 
 
-def ask_known(project: Project | None, name: str, assumed: str) -> None:
-    """The fields of a length's uncertainty: a preset, or a typed value; not of a pair of a rig.
+def ask_known(
+    project: Project | None, name: str, assumed: str, length_m: float | None = None
+) -> None:
+    """The fields of a length's uncertainty: a preset, or a typed value.
 
     Args:
         name: `baseline_m` or `target_distance_m`.
-        assumed: the default, in words.
+        assumed: what holds where nothing is stated, in words.
+        length_m: the length, where the inputs do not have it; None: as they have it.
     """
-    if project is not None and project.pair is not None:
-        return
+    if length_m is None and project is not None:
+        length_m = getattr(project.inputs, name)
     key, baseline = f"{name}_known", name == "baseline_m"
     sigma = sigma_of(name)
 
@@ -72,13 +73,13 @@ def ask_known(project: Project | None, name: str, assumed: str) -> None:
         chosen = project and project.settings.get(key)
         if (stated := mm()) is None:
             # Of a length that is not there yet, no share is known.
-            waits = chosen == PRINTED and (project is None or getattr(project.inputs, name) is None)
+            waits = chosen == PRINTED and length_m is None
             return str(chosen) if chosen == TYPED or waits else NOT_STATED
-        return str(chosen) if _preset_mm(project, name, str(chosen)) == stated else TYPED
+        return str(chosen) if _preset_mm(length_m, str(chosen)) == stated else TYPED
 
     def choose(option: str) -> None:
         free = {"baseline_free": option == FREE} if FREE in (option, read()) else {}
-        preset = _preset_mm(project, name, option)
+        preset = _preset_mm(length_m, option)
         stated = {} if option == TYPED else {sigma: preset and preset / 1000}
         give_lengths({key: option}, {**stated, **free})
 
@@ -95,12 +96,11 @@ def ask_known(project: Project | None, name: str, assumed: str) -> None:
         ask_number("± mm", f"{name}_sigma_mm", mm, take, right, least=LEAST_MM)
 
 
-def _preset_mm(project: Project | None, name: str, option: str) -> float | None:
+def _preset_mm(length_m: float | None, option: str) -> float | None:
     """What an option says of a length; None if it says nothing."""
     if option != PRINTED:
         return PRESETS_MM.get(option)
-    length = getattr(project.inputs, name) if project else None
-    return scaled(length and OF_PRINTER * length, 1000)
+    return scaled(length_m and OF_PRINTER * length_m, 1000)
 
 
 def sigma_of(name: str) -> str:
@@ -124,30 +124,3 @@ def ask_number(
 def scaled(value: float | None, scale: float) -> float | None:
     """As shown, to six digits."""
     return None if value is None else float(f"{scale * value:.6g}")
-
-
-def ask_object_known(project: Project, held: RigidObject) -> None:
-    """How well the lengths of an object of three cameras and more are known.
-
-    Args:
-        held: the object as its files say.
-    """
-    store = ProjectRecording(project)
-    files = "Not known: ± 0.1 % assumed" if held.sigma_m is None else "As its files state"
-    titles = {NOT_STATED: files} | TITLES
-    for option in (TYPED, FREE):
-        del titles[option]
-    presets = {name: mm / 1000 for name, mm in PRESETS_MM.items()}
-    presets[PRINTED] = OF_PRINTER * held.longest_m
-
-    def read() -> str:
-        stated = store.object_sigma_m
-        return next((name for name, own in presets.items() if own == stated), NOT_STATED)
-
-    def choose(option: str) -> None:
-        store.know_object(presets.get(option))
-
-    key, told = "object_known", HELP.format(assumed="± 0.1 %")
-    Field(key, key, read, choose, fit=one_of(titles)).menu(
-        "How well are the lengths of the object known?", format_func=titles.__getitem__, help=told
-    )

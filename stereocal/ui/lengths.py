@@ -55,7 +55,7 @@ def ask_lengths(project: Project | None, of_board: bool) -> None:
     left, right = st.columns(2)
     with left:
         _length_field(project, "baseline_m", "Baseline: distance between the cameras")
-        if project is not None and project.pair is None:
+        if project is not None:
             _offer_nominal_baseline(project)
         ask_known(project, "baseline_m", "± 1 %")
     with right:
@@ -121,7 +121,7 @@ def _offer_nominal_baseline(project: Project) -> None:
 
 def _lens_uncertainties(project: Project | None) -> None:
     """The fields of each lens's uncertainty: from its file, typed, or not stated."""
-    if project is None or project.pair is not None:
+    if project is None:
         return
     for which, camera, column in zip(CAMERAS, project.cameras, st.columns(2), strict=True):
         if camera is not None:

@@ -19,9 +19,9 @@ from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens,
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.intrinsics.proposed_board import proposed_board
 from stereocal.projects.database import DamagedError
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.numbers import count
@@ -78,12 +78,11 @@ def show_lenses(project: Project | None) -> None:
 def show_cameras_of_rig(project: Project) -> bool:
     """The lenses of a recording of several cameras, or of the files given for one; with a rig,
     those that it refined too. False if there are none."""
-    store = ProjectRecording(project)
-    cameras = readable(lambda: store.cameras) or {}
-    if not (store.is_given or len(cameras) > len(CAMERAS)):
+    cameras = readable(lambda: ProjectGiven(project).cameras) or {}
+    if not (project.is_rig or len(cameras) > len(CAMERAS)):
         return False
-    _show_table(lens_table(cameras, store.rig))
-    if store.rig is not None:
+    _show_table(lens_table(cameras, project.rig))
+    if project.rig is not None:
         st.caption("Refined: by the rig, with its standard errors. Apply and Check use these.")
     st.markdown(
         "To give another lens, give its camera file on the page Data. From photographs of a board, "

@@ -24,11 +24,12 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
 }
 """Titles of the pages by group and by the name of their file in `pages/`, in the order of the
 work. The name is the last part of the address too. The first group is headed by the program's."""
-RIG = "rig"
-"""A page of projects with three cameras and more; other menus do not show it."""
-OF_PAIRS = ("calibrate", "validate")
-"""Pages that a whole rig has not; they open for a pair of it."""
-OTHER_ADDRESSES = {"one_set": "calibrate", "start": "start", "lenses": "cameras"}
+OTHER_ADDRESSES = {
+    "one_set": "calibrate",
+    "rig": "calibrate",
+    "start": "start",
+    "lenses": "cameras",
+}
 """Addresses in bookmarks, and what people type."""
 TITLES = {name: title for group in SECTIONS.values() for name, title in group.items()}
 _DRAWN = "menu_drawn"
@@ -38,38 +39,16 @@ STATES = "page_states"
 """Where the session keeps the state of each page as it was last."""
 
 
-def pages_shown(states: Mapping[str, PageState]) -> dict[str, dict[str, str]]:
-    """The pages of a project by group, as `SECTIONS`: a rig has its own page in place of those for
-    two cameras; a pair of it has both.
-
-    Args:
-        states: of its pages.
-    """
-    shown = {group: dict(titles) for group, titles in SECTIONS.items()}
-    if RIG in states:
-        before, *others = SECTIONS["Calibrate"].items()
-        others = [each for each in others if each[0] in states or each[0] not in OF_PAIRS]
-        shown["Calibrate"] = dict([before, (RIG, "Rig"), *others])
-    return shown
-
-
 def show_menu() -> StreamlitPage:
     """The menu with the state of each page as it was last; returns the chosen page."""
     st.session_state[_DRAWN] = True
     # The configuration hides Streamlit's own list of the files in `pages/`.
     st.set_option("client.showSidebarNavigation", True)
     states: Mapping[str, PageState] = st.session_state.get(STATES, {})
-    shown = pages_shown(states)
     sections = {
         group: [_page(name, title, states.get(name)) for name, title in titles.items()]
-        for group, titles in shown.items()
+        for group, titles in SECTIONS.items()
     }
-    visible = [name for titles in shown.values() for name in titles]
-    sections["Calibrate"] += [
-        _page(name, title, None, hidden=True)
-        for name, title in {RIG: "Rig", **TITLES}.items()
-        if name not in visible
-    ]
     sections["Use"] += [
         st.Page(f"pages/{name}.py", title=TITLES[name], url_path=address, visibility="hidden")
         for address, name in OTHER_ADDRESSES.items()
@@ -91,7 +70,7 @@ def page_head(title: str, question: str = "") -> None:
         st.subheader(question)
 
 
-def _page(name: str, title: str, state: PageState | None, hidden: bool = False) -> StreamlitPage:
+def _page(name: str, title: str, state: PageState | None) -> StreamlitPage:
     return st.Page(
         f"pages/{name}.py",
         title=title,
@@ -99,7 +78,6 @@ def _page(name: str, title: str, state: PageState | None, hidden: bool = False) 
         help=state.words if state else None,
         url_path="home" if name == "start" else name,  # the first page has no path
         default=name == "start",
-        visibility="hidden" if hidden else "visible",
     )
 
 

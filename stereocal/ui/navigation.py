@@ -15,16 +15,15 @@ from streamlit.runtime.scriptrunner import StopException
 from stereocal.errors import StereocalError
 from stereocal.projects.database import kept_open
 from stereocal.projects.one_server import take_projects
-from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import ServerSettings, default_home
 from stereocal.system.executors import scheduler_of
 from stereocal.system.limits import Limits
 from stereocal.ui.fields import begin_page, end_page
 from stereocal.ui.figure import tell_screen
-from stereocal.ui.menu import OTHER_ADDRESSES, PRESS_FIRST, RIG, STATES, pages_shown, show_menu
+from stereocal.ui.menu import OTHER_ADDRESSES, PRESS_FIRST, STATES, TITLES, show_menu
 from stereocal.ui.messages import ErrorsShown, button, forget_messages, show_messages
 from stereocal.ui.page_states import PageState, page_states
-from stereocal.ui.project import leave_pair, open_created, open_or_none, show_project, show_saved
+from stereocal.ui.project import open_created, open_or_none, show_project, show_saved
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.warm_up import compiling_shown
 
@@ -104,16 +103,12 @@ def run_page(page: StreamlitPage) -> None:
     if chosen := st.session_state.pop(_NEXT, None):
         st.switch_page(chosen)
     if open_created() and page.url_path == "":  # a sample that was just opened goes on
-        created = open_or_none()
-        several = created is not None and ProjectRecording(created).is_given
-        st.switch_page("pages/rig.py" if several else "pages/data.py")
+        st.switch_page("pages/data.py")
     top = st.container()
     told = show_messages(top)
     _take_focus(page)
     tell_screen()
     begin_page(page.url_path)
-    if page.url_path in ("", RIG):  # of the whole project
-        leave_pair()
     project = open_or_none()
     with st.sidebar:
         saved = show_project(project)
@@ -160,12 +155,11 @@ def _show_next(page: StreamlitPage, states: Mapping[str, PageState]) -> None:
     It stands out unless something on this page is to be pressed first.
     """
     first = st.session_state.pop(PRESS_FIRST, False)
-    titles = {n: title for own in pages_shown(states).values() for n, title in own.items()}
-    order = [name for name in titles if name != "help"]
+    order = [name for name in TITLES if name != "help"]
     following = dict(pairwise(order)).get(OTHER_ADDRESSES.get(page.url_path, page.url_path))
     data = states.get(page.url_path) if page.url_path == "data" else None
     if following is not None and (data is None or data.mark != "missing"):
-        label = f"Next: {titles[following]}"
+        label = f"Next: {TITLES[following]}"
         button(label, "next", go_to, following, first=not first, icon="arrow_forward")
 
 

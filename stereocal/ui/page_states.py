@@ -6,16 +6,15 @@ from typing import Literal, NamedTuple
 
 from stereocal.calibration.essential import MINIMUM_PAIRS
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.fit.rig_file import RIG
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.application import IMAGES, ProjectApplication, ProjectCheck
-from stereocal.projects.contents import RIG_FILES
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.system.numbers import count
 from stereocal.ui.forms import refine_settings, search_values, since_calibration
+from stereocal.ui.press import changed_since
+from stereocal.ui.rig import pair_field
 from stereocal.ui.validation import chosen_data
 
 Mark = Literal["done", "stale", "missing"]
@@ -48,14 +47,7 @@ def page_states(project: Project | None) -> dict[str, PageState]:
         return {}
     try:
         with project.database.reading():
-            recording = ProjectRecording(project.whole)
-            if not recording.is_given:
-                return _of_two(project)
-            kept = recording.database.file(RIG_FILES, RIG)
-            of_rig = {"rig": _done_if(kept, "Calibrated together", "Not calibrated yet")}
-            if project.pair is None:
-                return {**_of_several(recording), **of_rig}
-            return {**_of_two(project), **of_rig}
+            return _of_several(project) if project.is_rig else _of_two(project)
     except Exception:  # the pages themselves report what is wrong
         _LOG.debug("The states of the pages cannot be read.", exc_info=True)
         return {}
@@ -65,12 +57,22 @@ def _done_if(done: object, yes: str, no: str) -> PageState:
     return PageState("done", yes) if done else PageState("missing", no)
 
 
-def _of_several(recording: ProjectRecording) -> dict[str, PageState]:
-    count_of = f"{recording.camera_count} cameras"
-    project = recording.project
+def _of_several(project: Project) -> dict[str, PageState]:
+    count_of, rig = f"{project.camera_count} cameras", project.rig
+    calibrate = PageState("missing", "Not calibrated yet")
+    validate = PageState("missing", "Not validated yet")
+    if rig is not None:
+        calibrate = PageState("done", "Calibrated together")
+        if changed := changed_since(project):
+            calibrate = PageState("stale", f"Changed since: {changed}")
+        pair = project.of_pair(pair_field(project, rig).value())
+        if (dataset := pair.dataset) is not None:
+            validate = _validate(pair, dataset)
     return {
         "cameras": PageState("done", f"The lenses of {count_of} are known"),
         "data": PageState("done", f"A recording of {count_of}"),
+        "calibrate": calibrate,
+        "validate": validate,
         **_of_use(project, of_rig=True),
     }
 

@@ -92,7 +92,7 @@ class Source:
         if not self.is_project:
             return None
         if dataset is not None:
-            offer_again(project, project.inputs, dataset)
+            offer_again(project)
         return answer_when_ready(project)
 
     def asks_for_files(self) -> bool:

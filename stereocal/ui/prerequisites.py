@@ -3,17 +3,15 @@
 import streamlit as st
 
 from stereocal.projects.application import ProjectApplication
-from stereocal.projects.inputs import Inputs
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.rig.pair import Pair
 from stereocal.ui.holding import holds_board
 from stereocal.ui.lengths import ask_if_measured
 from stereocal.ui.messages import button, end_here, readable
 from stereocal.ui.photographs import has_photographs
 from stereocal.ui.project import current_project, project_to_write
-from stereocal.ui.rig import pair_buttons
+from stereocal.ui.rig import pair_field
 
 
 def is_asked(project: Project) -> bool:
@@ -48,27 +46,33 @@ def project_or_begin(needs: str, key: str) -> Project:
     return project
 
 
-def project_with_data(page: str) -> tuple[Project, Inputs, Pair]:
-    """The current project, its inputs and data set.
+def project_with_data() -> Project:
+    """The current project, whose data are complete.
 
-    If an input is missing, the page names it, links to the Data page, and stops; for a rig it opens
-    a pair.
-
-    Args:
-        page: the page's name, as it is to be opened for a pair.
+    If an input is missing, the page names it, links to the Data page, and stops.
     """
     project = current_project()
-    inputs = project.inputs if project else None
-    dataset = project.dataset_of(inputs) if project and inputs else None
-    if project is None or inputs is None or dataset is None:
+    if project is None or not (project.is_rig or project.dataset):
         if project is not None:
             ask_if_measured(project)
-        if project is not None and ProjectRecording(project).is_given:
-            st.info("This page is for two cameras of the rig. Open a pair of them:")
-            pair_buttons(project, page)
-        else:
-            missing = missing_of(project) if project else "points, cameras and two lengths"
-            st.info(f"Before this page can answer, it needs {missing}.")
-            st.page_link("pages/data.py", label="Give them on the Data page")
+        missing = missing_of(project) if project else "points, cameras and two lengths"
+        st.info(f"Before this page can answer, it needs {missing}.")
+        st.page_link("pages/data.py", label="Give them on the Data page")
         end_here()
-    return project, inputs, dataset
+    return project
+
+
+def two_cameras_of(project: Project) -> tuple[Project, Pair]:
+    """The project with the two cameras that the page is about, and their data: of three and more
+    those that are chosen from a menu. Without a rig, the page says so, and stops."""
+    if project.is_rig:
+        if (rig := project.rig) is None:
+            st.info("The cameras are not calibrated yet.")
+            st.page_link("pages/calibrate.py", label="Calibrate them on the page Calibrate")
+            end_here()
+        field = pair_field(project, rig)
+        field.menu("Pair of cameras", width=260)
+        project = project.of_pair(field.value())
+    dataset = project.dataset
+    assert dataset is not None, "of complete data"
+    return project, dataset

@@ -1,20 +1,16 @@
-"""The one press of the Calibrate page: screening, all methods, forecast, and validation; and what
-its result tells. No draw of a page may wait for a long recording.
+"""The one press of the Calibrate page: screening, all methods, forecast, and validation; of three
+cameras and more all of them together first, then the pair that is looked at.
 
-Short work is done while the page is drawn; longer work is a job. The job validates the calibration
-that is stored when it starts; if another one is stored meanwhile, it begins again with that one.
-"""
+A press starts a job, which takes the place of one that runs, and the page follows it."""
 
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
 
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings
-from stereocal.fit.results import Calibration
 from stereocal.projects.application import Use
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
@@ -24,8 +20,10 @@ from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.forms import form_values, since_calibration
-from stereocal.ui.messages import ErrorsShown, button, readable, show_stale
-from stereocal.ui.screening import asked_to_calibrate, calibrate_next, is_long
+from stereocal.ui.messages import ErrorsShown, button, clear_refusal, end_here, readable, show_stale
+from stereocal.ui.rig import ask_time_offsets, rig_is_current, rig_work, show_rig
+from stereocal.ui.screening import is_long
+from stereocal.ui.texts import escape_markdown
 from stereocal.ui.validation import kept_protocol
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import STEPS, PairRun
@@ -33,141 +31,75 @@ from stereocal.workflow.pair_run import STEPS, PairRun
 PAPER_SET_FOR: Mapping[Use, Method] = {"matching": "2d", "measuring": "3d"}
 KIND: jobs.Kind = "calibration"
 NOT_VALIDATED = "Cancelled: the result has no validation."
+RIG_CANCELLED = "Cancelled. The last result, if any, is unchanged."
 STAGES = ("steps", "runs")
 FEWEST_TO_VALIDATE = 5
-INSTANT = 120
-"""Runs of 25 frames that take under a second, and so are computed while the page is drawn."""
 
 
 @dataclass(frozen=True, eq=False)
 class Press:
-    """What a press calibrates and validates."""
+    """What a press calibrates and validates: two cameras, of a rig those of the chosen pair."""
 
     project: Project
     inputs: Inputs
     dataset: Pair
     settings: CalibrationSettings
+    protocol: EvaluationSettings
+    """Of the validation."""
 
-    @cached_property
-    def protocol(self) -> EvaluationSettings:
-        """Of the validation."""
-        return kept_protocol(self.project, [self.dataset])
-
-    @cached_property
-    def work(self) -> jobs.PageWork:
-        """As a job."""
-        large = is_long(self.dataset)
-
-        def run(job: jobs.Job) -> bool:
-            def step(name: str) -> None:
-                job.progress(STEPS.index(name), len(STEPS))
-
-            if large:
-                job.begin("steps")
-                self._keep(jobs.compute(getattr, self._run(step), "calibration"))
-                if (found := self.project.run) is not None:
-                    step("forecast")
-                    make(found, "forecast_or_reason")
-            job.begin("runs")
-            return self._validate(job)
-
-        return jobs.PageWork(self.project, KIND, STAGES if large else STAGES[1:], run)
-
-    def show(self, only_if_stale: bool = False) -> None:
-        """Do what was pressed; what has changed since the result, and the button.
-
-        While a job runs, its progress is in the place of the button.
-        """
-        asked, work = asked_to_calibrate(), None
-        errors, place = st.container(), st.empty()
-        with ErrorsShown(errors.error):
-            if asked is not None:
-                with place:  # instead of the button
-                    self.press(errors_first=asked == "errors first", note=errors.info)
-            work = self.work
-        with place.container():
-            self._show_button(work, only_if_stale)
-
-    def _show_button(self, work: jobs.PageWork | None, only_if_stale: bool) -> None:
-        if not only_if_stale:
-            show_progress(self.project, work)
-        if jobs.is_running(self.project, KIND):
-            return
-        result = readable(lambda: self.project.calibration, told=False)
-        changed = since_calibration(self.project, result, self.dataset) if result else ""
-        if only_if_stale and not changed:
-            return
-        show_stale(changed)
-        if result is None:
-            st.info("No result yet. The settings are good as they are: press Calibrate.")
-        label = "Calibrate again" if result else "Calibrate"
-        button(label, "run", calibrate_next, "all", first=bool(changed) or result is None)
-
-    def press(self, errors_first: bool = False, note: Callable[[str], object] = st.info) -> None:
-        """Calibrate and validate, at once or in a job.
-
-        Args:
-            errors_first: show the errors of the methods before forecast and validation are there.
-            note: shows why there is no validation.
+    @classmethod
+    def of(cls, project: Project) -> "Press":
+        """As the project says now.
 
         Raises:
-            StereocalError: the data do not determine the pose; the last result stays.
+            StereocalError: an input is missing.
         """
-        if is_long(self.dataset):
-            jobs.start(self.work)
-            return
-        with st.spinner("Calibrating."):
-            self._keep(jobs.compute(getattr, self._run(), "calibration"))
-        frames = len(self.dataset.correspondences.frames)
-        if frames < FEWEST_TO_VALIDATE:
-            self._conclude()
-        elif errors_first or self.protocol.runs * frames / 25 > INSTANT:
-            jobs.start(self.work)
-        else:
-            shown = ErrorsShown(lambda why: note(f"Not validated: {why}"))
-            with shown, suppress(StoppedError), st.spinner("Validating."):
-                self._validate(jobs.Job(self.work, jobs.pool()))
+        inputs = project.inputs
+        if (dataset := project.dataset_of(inputs)) is None:
+            raise StereocalError(f"Still missing: {', '.join(inputs.missing)}.")
+        settings = CalibrationSettings.from_json(form_values(project, dataset))
+        return cls(project, inputs, dataset, settings, kept_protocol(project, [dataset]))
 
-    def _run(self, step: Callable[[str], None] = lambda _: None) -> PairRun:
+    @property
+    def work(self) -> jobs.PageWork:
+        """As a job."""
+        return jobs.PageWork(self.project, KIND, STAGES, self._run)
+
+    def _run(self, job: jobs.Job) -> None:
+        def step(name: str) -> None:
+            job.progress(STEPS.index(name), len(STEPS))
+
+        job.begin("steps")
         own = self.protocol.refined
-        return PairRun(self.dataset, self.settings, own, trace=True, progress=step)
-
-    def _keep(self, calibration: Calibration) -> None:
+        run = PairRun(self.dataset, self.settings, own, trace=True, progress=step)
+        calibration = run.calibration
+        step("forecast")
         self.project.keep_calibration(calibration, self.inputs)
+        job.begin("runs")
+        try:
+            if len(self.dataset.correspondences.frames) >= FEWEST_TO_VALIDATE:
+                self._validate(job)
+        except StereocalError as error:
+            job.note = f"Not validated: {error}"
+        finally:  # without a validation too
+            self._conclude()
 
-    def _validate(self, job: jobs.Job) -> bool:
-        """Evaluate the stored calibration and store the result; False if there is none any more."""
-        project = self.project
-
-        def progress(digest: str | None, done: int, total: int) -> None:
-            job.progress(done, total)
-            if project.calibration_digest != digest:
-                raise StoppedError
-
-        while True:
-            digest, answer = project.calibration_digest, project.answer
-            if answer is None:
-                return False
-            if answer.evaluation is None:
-                run = answer.run
-                most = max(len(run.screening.dataset.correspondences.frames) - 2, 1)
-                settings = replace(
-                    self.protocol,
-                    calibration=replace(run.settings, calibration_frames=None),
-                    calibration_frames=min(self.protocol.calibration_frames, most),
-                    splits="runs",  # of which the tiles are, whatever Validate shows
-                )
-                try:
-                    found = run.validate(settings, job.executor, partial(progress, digest))
-                except StoppedError:
-                    if job.cancelled:
-                        self._conclude()
-                        raise
-                    continue
-                project.keep_evaluation(found, of_calibration=True)
-            elif project.calibration_digest == digest:
-                self._conclude()
-                return True
+    def _validate(self, job: jobs.Job) -> None:
+        """Evaluate the calibration, and store the result, unless another one is stored by then."""
+        digest, run = self.project.calibration_digest, self.project.run
+        if run is None:
+            raise StoppedError
+        most = max(len(run.screening.dataset.correspondences.frames) - 2, 1)
+        settings = replace(
+            self.protocol,
+            calibration=replace(run.settings, calibration_frames=None),
+            calibration_frames=min(self.protocol.calibration_frames, most),
+            splits="runs",  # of which the tiles are, whatever Validate shows
+        )
+        found = run.validate(settings, job.executor, job.progress)
+        if self.project.calibration_digest != digest:
+            raise StoppedError
+        self.project.keep_evaluation(found, of_calibration=True)
 
     def _conclude(self) -> None:
         """Make the answer, so that the page has it at once, and store what it recommends."""
@@ -178,24 +110,74 @@ class Press:
         self.project.keep_recommended(use.match.method, use.measure.method)
 
 
-def offer_again(project: Project, inputs: Inputs, dataset: Pair) -> None:
+def work_of(project: Project) -> jobs.PageWork:
+    """The work of a press: of all cameras of a rig, unless the project is of a pair of it."""
+    return rig_work(project) if project.is_rig and not project.pair else Press.of(project).work
+
+
+def press(project: Project) -> None:
+    """Calibrate as the project says now, in place of what runs (a callback)."""
+    clear_refusal()
+    jobs.start(work_of(project), anew=True)
+
+
+def show_press(project: Project, only_if_stale: bool = False) -> None:
+    """What has changed since the result, and the button; its progress in the place of both.
+
+    A pair of a rig is calibrated unasked, unless that was tried.
+    """
+    all_cameras = project.is_rig and not project.pair
+    kind: jobs.Kind = "rig" if all_cameras else KIND
+    last = jobs.job_of(project, kind)
+    tried = last is not None and last.state in ("failed", "cancelled")
+    if project.pair and project.calibration_digest is None and not tried:
+        with ErrorsShown():
+            jobs.start(work_of(project))
+    if not only_if_stale:
+        jobs.show_job(project, kind, RIG_CANCELLED if all_cameras else NOT_VALIDATED)
+    if jobs.is_running(project, kind):
+        return
+    is_there = readable(lambda: project.rig if all_cameras else project.calibration, told=False)
+    changed = changed_since(project) if is_there else ""
+    if (only_if_stale or project.pair) and is_there and not changed:
+        return
+    show_stale(changed)
+    if not is_there:
+        st.info("No result yet. The settings are good as they are: press Calibrate.")
+    label = f"Calibrate{' this pair' if project.pair else ''}{' again' if is_there else ''}"
+    key = "run_pair" if project.pair else "run"
+    button(label, key, press, project, first=bool(changed) or not is_there)
+
+
+def changed_since(project: Project) -> str:
+    """What was given, stated or set since the result; empty if nothing was, or there is none."""
+    if project.is_rig and not project.pair:
+        return "" if rig_is_current(project) else "data, lengths, frames left out or settings"
+    dataset, result = project.dataset, project.calibration
+    if result is None or dataset is None:
+        return ""
+    return since_calibration(project, result, dataset)
+
+
+def calibrate_all(project: Project) -> None:
+    """The press for all cameras of a rig, and the answer; without one the page ends."""
+    top = st.container()
+    with st.expander("Settings"):
+        ask_time_offsets(project)
+    with top:
+        show_press(project)
+    rig = readable(lambda: project.rig)
+    if rig is None:
+        if (recording := readable(lambda: project.recording, told=False)) is not None:
+            st.caption(escape_markdown(recording.describe_pairs()))
+        end_here()
+    show_rig(project, rig)
+
+
+def offer_again(project: Project) -> None:
     """On other pages: if the calibration is out of date, what changed and the button, as above."""
     if readable(lambda: project.calibration, told=False) is not None:
-        settings = CalibrationSettings.from_json(form_values(project, dataset))
-        Press(project, inputs, dataset, settings).show(only_if_stale=True)
-
-
-def show_progress(project: Project, work: jobs.PageWork | None) -> None:
-    """Show the job of a press, if there is one.
-
-    A result that was stored while the last job was ending was too late for it, and too early for a
-    new one: that begins now.
-    """
-    job = jobs.job_of(project, KIND)
-    done = job is not None and job.state == "done"
-    if work is not None and done and project.calibration and not project.calibration_evaluation:
-        jobs.start(work)
-    jobs.show_job(project, KIND, NOT_VALIDATED)
+        show_press(project, only_if_stale=True)
 
 
 def final_answer(project: Project) -> PairAnswer | None:

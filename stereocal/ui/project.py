@@ -10,39 +10,30 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.errors import StereocalError
 from stereocal.projects.home import bring_back, changed_at, removed_at, title_of
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import default_home
 from stereocal.ui.fields import Field
 from stereocal.ui.messages import attempt, button, end_here
 from stereocal.ui.texts import escape_markdown
 
 _BEGUN = "projects_begun"
-_ID, _PAIR = "project_id", "project_pair"
+_ID = "project_id"
 
 
 def keep_address() -> None:
-    """Restore the project's id in the URL, which a change of page removes, and that of its pair."""
+    """Restore the project's id in the URL, which a change of page removes."""
     if "project" in st.query_params:
         st.session_state[_ID] = st.query_params["project"]
-        st.session_state[_PAIR] = st.query_params.get("pair")
     elif _ID in st.session_state:
-        _set_address(st.session_state[_ID], st.session_state.get(_PAIR))
+        _set_address(st.session_state[_ID])
 
 
-def _set_address(project_id: str, pair: str | None) -> None:
-    st.session_state[_ID], st.session_state[_PAIR] = project_id, pair
-    st.query_params["project"] = project_id
-    if pair is not None:
-        st.query_params["pair"] = pair
-    elif "pair" in st.query_params:
-        del st.query_params["pair"]
+def _set_address(project_id: str) -> None:
+    st.session_state[_ID] = st.query_params["project"] = project_id
 
 
 def _open() -> Project:
-    """The project of the URL, or the pair of it."""
-    project = Project.open(default_home(), st.session_state.get(_ID, ""))
-    pair = st.session_state.get(_PAIR)
-    return project if pair is None else ProjectRecording(project).pair(pair)
+    """The project of the URL."""
+    return Project.open(default_home(), st.session_state.get(_ID, ""))
 
 
 def current_project() -> Project | None:
@@ -72,9 +63,6 @@ def show_project(project: Project | None) -> DeltaGenerator:
             key = "project_name"
             name = Field(key, key, lambda: project.inputs.name, project.rename)
             st.text_input("Project", placeholder=title_of(project), **name.widget())
-            if project.pair is not None:
-                label = f"Pair {escape_markdown(project.pair)}: back to the rig"
-                st.page_link("pages/rig.py", label=label, icon=":material/arrow_back:")
     return st.empty()
 
 
@@ -118,17 +106,11 @@ def project_to_write() -> Project:
     return project
 
 
-def open_project(project_id: str, pair: str | None = None) -> None:
-    """Open a project or a pair of it; the session state of another one is cleared."""
+def open_project(project_id: str) -> None:
+    """Open a project; the session state of another one is cleared."""
     if _ID in st.session_state:
         forget_project()
-    _set_address(project_id, pair)
-
-
-def leave_pair() -> None:
-    """Open the project whose pair is open."""
-    if st.session_state.get(_PAIR) is not None:
-        open_project(st.session_state[_ID])
+    _set_address(project_id)
 
 
 def projects_in_creation() -> list[Future[Project]]:
@@ -153,7 +135,7 @@ def open_created() -> bool:
     for key in list(st.session_state):
         if key != _BEGUN:
             del st.session_state[key]
-    _set_address(project.id, None)
+    _set_address(project.id)
     making.clear()
     return True
 

@@ -1,6 +1,6 @@
 """The Calibrate page: the result with its downloads, and closer looks at it, one at a time."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import streamlit as st
@@ -25,15 +25,16 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import as_held, word_of
 from stereocal.rig.pair import Pair
 from stereocal.system.zip_files import pack_zip
-from stereocal.ui import refined_looks, screening
+from stereocal.ui import frames, refined_looks
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting
 from stereocal.ui.figure import clicked_in, is_narrow, scroll_to, scrolled_part, show_figure
 from stereocal.ui.forms import describe_settings
-from stereocal.ui.messages import callback, fragment, readable
+from stereocal.ui.messages import button, callback, fragment, readable
 from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import FILES, other_formats, parameter_downloads
 from stereocal.ui.review import look_closely
+from stereocal.ui.rig import show_graph
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.file_figures import Figure
 from stereocal.verdict.in_words import digits, interval, percent
@@ -42,7 +43,11 @@ from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 
 TILES = ("Wrong pairs let in", "95 % of lengths within", "Threshold")
-FRAMES = "Errors by frame"
+FRAMES, ACCURACY, STATED = "Errors by frame", "How accurate, where", "Stated and estimated"
+IN_SIGHT = (FRAMES, ACCURACY, STATED)
+"""The looks that most people want; the others are under *More*."""
+CAMERAS_LOOK = "All cameras"
+Look = Callable[[Project, PairRun, PairAnswer | None], None]
 CHART, OPENED = "frames", "opened_frame"
 COVERAGE = "coverage"
 """Key of the figure of the Data page."""
@@ -59,12 +64,12 @@ def show_result(project: Project, run: PairRun, answer: PairAnswer | None) -> No
         st.info(escape_markdown(timing))
     for warning in found.warnings:
         st.warning(escape_markdown(warning))
-    screening.offer_to_bring_into_step(project, found)
+    frames.offer_to_bring_into_step(project, found)
     if answer:
         show_recommendation(answer)
     else:
         st.info("The errors below are of the new result.\n\nForecast and validation follow.")
-    screening.show_left_out(project, found, partial(_look_at_frame, project, found))
+    frames.show_left_out(project, found, partial(_look_at_frame, project, found))
     if answer:
         refined_looks.show_disagreement(answer.run.inputs)
     for title, column in zip(TILES, st.columns(3), strict=True):
@@ -74,7 +79,8 @@ def show_result(project: Project, run: PairRun, answer: PairAnswer | None) -> No
             st.caption(words)
     parameter_downloads(answer)
     _offer_kit(project, answer)
-    _show_rig(project, found, answer)
+    if project.pair is None:  # a rig shows all its cameras
+        _show_rig(project, found, answer)
     _show_closer_looks(project, run, answer)
 
 
@@ -160,8 +166,13 @@ def _show_rig(project: Project, found: Calibration, answer: PairAnswer | None) -
     show_figure(plot_rig(found, method, view, is_narrow()), describe_rig(found, method), "rig")
 
 
+def looks_of(project: Project) -> dict[str, Look]:
+    """The closer looks; of a rig also that at all its cameras."""
+    return LOOKS | ({CAMERAS_LOOK: _show_cameras} if project.pair else {})
+
+
 def _view(project: Project) -> Field:
-    return setting(project, "view", FRAMES, one_of([*LOOKS]), tabs_own=True)
+    return setting(project, "view", FRAMES, one_of(looks_of(project)), tabs_own=True)
 
 
 @callback
@@ -169,7 +180,7 @@ def _look_at_frame(project: Project, calibration: Calibration, frame: int) -> No
     """Open a frame (a callback)."""
     _view(project).set(FRAMES)
     scroll_to(OPENED)
-    screening.frame_field(project, calibration).set(frame)
+    frames.frame_field(project, calibration).set(frame)
 
 
 @callback
@@ -178,7 +189,7 @@ def open_clicked_frame(project: Project) -> None:
     frame, calibration = clicked_in(COVERAGE), project.calibration
     if frame is None:
         return
-    if screening.photographed(project):
+    if frames.photographed(project):
         look_closely(ProjectPhotographs(project), frame)
     elif calibration is not None:
         _look_at_frame(project, calibration, frame)
@@ -190,15 +201,22 @@ def open_clicked_frame(project: Project) -> None:
 @fragment
 def _show_closer_looks(project: Project, run: PairRun, answer: PairAnswer | None) -> None:
     """A choice of views; only the chosen one is computed."""
-    screening.rerun_if_changed()
-    shown = _view(project)
-    view = st.segmented_control("Look at", list(LOOKS), required=True, **shown.widget("default"))
-    LOOKS[view](project, run, answer)
+    shown, looks = _view(project), looks_of(project)
+    view = shown.value()
+    in_sight = [*IN_SIGHT, *([] if view in IN_SIGHT else [view])]
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        control = shown.widget("default")
+        st.segmented_control("Look at", in_sight, required=True, **control)
+        with st.popover("More"):
+            for name in looks:
+                if name not in in_sight:
+                    button(name, f"look_{name}", shown.set, name)
+    looks[view](project, run, answer)
 
 
 def _show_frames(project: Project, run: PairRun, answer: PairAnswer | None) -> None:
     found = run.calibration
-    chosen = screening.frame_field(project, found)
+    chosen = frames.frame_field(project, found)
 
     @callback
     def clicked() -> None:
@@ -209,9 +227,9 @@ def _show_frames(project: Project, run: PairRun, answer: PairAnswer | None) -> N
     figure, words = plot_frame_errors(found, chosen.value()), describe_frame_errors(found)
     show_figure(figure, words, CHART, on_select=clicked, selection_mode="points")
     with scrolled_part(OPENED):
-        frame = screening.choose_frame(project, found)
+        frame = frames.choose_frame(project, found)
         views = frame_views(found, frame)
-        words = f"{screening.state_of(found, frame)} {_in_words(found, views)}"
+        words = f"{frames.state_of(found, frame)} {_in_words(found, views)}"
         st.markdown(escape_markdown(words))
         method = answer.recommendation.match.method if answer else "2d"
         _show_images(project, frame, views, method, st.columns(2))
@@ -228,7 +246,7 @@ def _show_images(
     method: Method,
     columns: Sequence[DeltaGenerator],
 ) -> None:
-    photographs = screening.photographs_of(project, frame)
+    photographs = frames.photographs_of(project, frame)
     for camera, (side, column) in enumerate(zip(CAMERAS, columns, strict=True)):
         with column:
             st.markdown(f"**{side.capitalize()}**")
@@ -239,7 +257,7 @@ def _show_images(
 
 def _show_two_sets(project: Project, run: PairRun, _answer: PairAnswer | None) -> None:
     found = run.calibration
-    frame = screening.choose_frame(project, found)
+    frame = frames.choose_frame(project, found)
     views = frame_views(found, frame)
     named = METHOD_NAMES.__getitem__
     method = choose(project, "two_sets_method", "Set", views, format_func=named)
@@ -279,11 +297,16 @@ def _show_searches(_project: Project, run: PairRun, _answer: PairAnswer | None) 
     show_figure(plot_traces(found), describe_traces(found), "traces")
 
 
-LOOKS = {
+def _show_cameras(project: Project, _run: PairRun, _answer: PairAnswer | None) -> None:
+    if project.rig is not None:
+        show_graph(project, project.rig)
+
+
+LOOKS: dict[str, Look] = {
     FRAMES: _show_frames,
     "Why two sets": _show_two_sets,
-    "How accurate, where": refined_looks.show_accuracy,
+    ACCURACY: refined_looks.show_accuracy,
     "Residuals by place": refined_looks.show_misfit,
-    "Stated and estimated": _show_parameters,
+    STATED: _show_parameters,
     "Searches": _show_searches,
 }

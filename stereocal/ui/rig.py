@@ -1,4 +1,6 @@
-"""The Rig page: all cameras of a recording together, and buttons that open one of its pairs."""
+"""Three cameras and more on the page Calibrate: their work, and the answer for all of them."""
+
+from collections.abc import Callable
 
 import streamlit as st
 
@@ -6,115 +8,125 @@ from stereocal.errors import StereocalError
 from stereocal.figures import rig_report
 from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.fit.rig_file import RIG, RigFile
+from stereocal.projects.data import PAIRS
 from stereocal.projects.project import Project
-from stereocal.projects.recording import PAIRS, ProjectRecording
-from stereocal.system.numbers import count
+from stereocal.system.tasks import Progress
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
-from stereocal.ui.figure import clicked_in, show_figure
-from stereocal.ui.messages import button, callback, end_here
-from stereocal.ui.navigation import go_to
-from stereocal.ui.project import current_project, open_project
-from stereocal.ui.screening import calibrate_next
+from stereocal.ui.fields import Field, one_of, setting, yes_or_no
+from stereocal.ui.figure import clicked_in, is_narrow, show_figure
+from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
+from stereocal.verdict.in_words import digits
+from stereocal.verdict.recommendation import in_percent
 from stereocal.workflow.run import Run
 
-KIND: jobs.Kind = "rig"
 GRAPH = "rig_graph"
-TIME_OFFSETS = "rig_time_offsets"
-NOTES = "rig_pairs_without_files"
-OPENED = "The bars that both cameras saw, with the rig's lenses and baseline."
+NOTES, LATE = "rig_pairs_without_files", "rig_time_offsets"
+TILES = ("Mean reprojection error", "95 % of lengths within", "Noise of an image point")
 
 
-def rig_work(project: Project, time_offsets: bool) -> jobs.PageWork:
-    """The work of a press."""
-    store = ProjectRecording(project)
-
-    def run(job: jobs.Job) -> None:
-        recording = store.read()
-        if recording is None:
-            raise StereocalError("This project holds no recording of several cameras.")
-        late = time_offsets or None
-        found = Run(recording, late=late, begin=job.begin, progress=job.progress)
-        rig, files = found.rig.dumps(), pack_zip(found.pair_files)
-        project.keep_settings({NOTES: found.notes_on_pairs})
-        store.keep_rig(rig, files)
-
-    return jobs.PageWork(project, KIND, ("steps", "pairs"), run)
-
-
-def show_page() -> None:
-    """The press, and the rig if there is one."""
-    project = current_project()
-    store = None if project is None else ProjectRecording(project)
-    recording = None if store is None else store.read()
-    if project is None or store is None or recording is None:
-        st.info(
-            "This page is for recordings of three cameras and more: give their files on the Data "
-            "page."
-        )
-        st.page_link("pages/data.py", label="Give it on the Data page")
-        end_here()
-    rig = store.rig
-    left, right = st.columns([1, 2], vertical_alignment="center")
-    title, told = "Apply every time offset", "Else those that are significant are applied."
-    work = rig_work(project, right.toggle(title, key=TIME_OFFSETS, help=told))
-    with left:
-        label = "Calibrate all again" if rig else "Calibrate all"
-        jobs.start_button(work, label, "rig_run", primary=rig is None)
-    jobs.show_job(project, KIND, "Cancelled. The last result, if any, is unchanged.")
-    if rig is None:
-        frames = count(len({*recording.frame.tolist()}), "frame")
-        pairs = escape_markdown(recording.describe_pairs())
-        st.info(f"{len(recording.cameras)} cameras, {frames}. {pairs}")
-        end_here()
-    _show_rig(store, rig)
-
-
-def _show_rig(store: ProjectRecording, rig: RigFile) -> None:
-    st.success(escape_markdown(rig_sentence(rig)))
-    with st.container(horizontal=True):
-        offer("rig.json", rig.dumps(), RIG, "rig_json")
-        if store.pairs is not None:
-            offer("All pairs (zip)", store.pairs, PAIRS, "rig_zip")
-
-    @callback
-    def open_clicked() -> None:
-        if (pair := clicked_in(GRAPH)) is not None:  # None of a camera
-            open_pair(store, pair)
-
-    graph, words = rig_report.plot_rig_graph(rig), rig_report.describe_rig_graph(rig)
-    show_figure(graph, words, GRAPH, on_select=open_clicked, selection_mode="points")
-    st.caption("A click on a line opens that pair.")
-    if loops := loops_sentence(rig):
-        st.caption(escape_markdown(loops))
-    for note in [*rig_notes(rig), *store.project.settings.get(NOTES, [])]:
-        st.warning(escape_markdown(note))
-    st.caption("A pair by itself, on the pages Calibrate and Validate:")
-    pair_buttons(store.project)
-    st.header("The cameras", divider="gray")
-    show_figure(rig_report.plot_cameras(rig), words, "rig_cameras")
-    st.table(rig_report.camera_table(rig))
-
-
-def pair_buttons(project: Project, page: str = "calibrate") -> None:
-    """A button for each pair that shares bars.
+def run_of(
+    project: Project,
+    begin: Callable[[str], object] = lambda _: None,
+    progress: Progress = lambda *_: None,
+) -> Run | None:
+    """The run of all cameras as the project says now; None without a recording.
 
     Args:
-        page: what it opens.
+        begin, progress: as of `Run`.
     """
-    store = ProjectRecording(project)
+    if (recording := project.recording_in_use) is None:
+        return None
+    late = project.settings.get(LATE) is True or None
+    return Run(recording, late=late, begin=begin, progress=progress)
+
+
+def rig_is_current(project: Project) -> bool:
+    """Whether the rig is of what the project says now."""
+    rig, run, made_from = project.rig, run_of(project), project.rig_made_from
+    if rig is None or run is None:
+        return False
+    if not made_from:  # an earlier version forgot a rig with everything that changed it
+        return rig.about.inputs.get("sha256") == run.recording.sha256
+    return made_from == run.digest
+
+
+def rig_work(project: Project) -> jobs.PageWork:
+    """The work of a press."""
+
+    def work(job: jobs.Job) -> None:
+        found = run_of(project, job.begin, job.progress)
+        if found is None:
+            raise StereocalError("This project holds no recording of several cameras.")
+        rig, files = found.rig.dumps(), pack_zip(found.pair_files)
+        project.keep_settings({NOTES: found.notes_on_pairs})
+        project.keep_rig(rig, files, found.digest)
+
+    return jobs.PageWork(project, "rig", ("steps", "pairs"), work)
+
+
+def ask_time_offsets(project: Project) -> None:
+    """Whether every time offset is applied."""
+    title, told = "Apply every time offset", "Else those that are significant are applied."
+    st.toggle(title, help=told, **setting(project, LATE, False, yes_or_no).widget())
+
+
+def show_rig(project: Project, rig: RigFile) -> None:
+    """The answer for all cameras: how good they are, their files, and where they stand."""
+    st.success(escape_markdown(rig_sentence(rig)))
+    for note in [*rig_notes(rig), *project.settings.get(NOTES, [])]:
+        st.warning(escape_markdown(note))
+    for title, words, column in zip(TILES, _tiles(rig), st.columns(3), strict=True):
+        with column, st.container(border=True):
+            value, told = words
+            st.metric(title, value)
+            st.caption(told)
     with st.container(horizontal=True):
-        for name in store.pair_names:
-            key, shown = f"open_pair_{name}", f"Pair {escape_markdown(name)}"
-            button(shown, key, open_pair, store, name, page, help=OPENED)
+        offer("rig.json", rig.dumps(), RIG, "rig_json", primary=True)
+        if project.pair_files is not None:
+            offer("All pairs (zip)", project.pair_files, PAIRS, "rig_zip")
+    st.subheader("The cameras in 3D")
+    recording = project.recording_in_use
+    figure = rig_report.plot_cameras(rig, recording, is_narrow())
+    show_figure(figure, rig_report.describe_rig_graph(rig), "rig_cameras")
 
 
-def open_pair(store: ProjectRecording, name: str, page: str = "calibrate") -> None:
-    """Open a page of a pair; Calibrate calibrates it the first time (a callback)."""
-    pair = store.pair(name)
-    open_project(pair.id, name)
-    if page == "calibrate" and pair.calibration is None:
-        calibrate_next()
-    go_to(page)
+def _tiles(rig: RigFile) -> list[tuple[str, str]]:
+    """Value and words of each tile."""
+    figures = rig.about.figures
+    if figures is None:
+        return [("unknown", "not in this file")] * len(TILES)
+    expected, metric = figures.to_expect, figures.metric_error_p95
+    scatter = expected.length_error_p95
+    weakest = escape_markdown(figures.weakest_camera)
+    alone = "" if scatter is None else f"relative to the object: {in_percent(scatter)}"
+    return [
+        (f"{digits(figures.reprojection_px, 2)} px", f"of all images of {figures.frames} frames"),
+        ("unknown" if metric is None else in_percent(metric), alone or "no known length"),
+        (f"{digits(rig.noise_px, 2)} px", f"weakest camera: {weakest}"),
+    ]
+
+
+def pair_field(project: Project, rig: RigFile) -> Field:
+    """The pair whose two images the page is about."""
+    names = project.pair_names or ["-".join(rig.names[:2])]
+    return setting(project, "pair", names[0], one_of(names), tabs_own=True)
+
+
+def show_graph(project: Project, rig: RigFile) -> None:
+    """The cameras from above with a line for each pair, which a click chooses; and their errors."""
+    field = pair_field(project, rig)
+
+    @callback
+    def choose_clicked() -> None:
+        if (pair := clicked_in(GRAPH)) in project.pair_names:  # None of a camera
+            field.set(pair)
+
+    graph, words = rig_report.plot_rig_graph(rig), rig_report.describe_rig_graph(rig)
+    show_figure(graph, words, GRAPH, on_select=choose_clicked, selection_mode="points")
+    st.caption("A click on a line chooses that pair.")
+    if loops := loops_sentence(rig):
+        st.caption(escape_markdown(loops))
+    st.table(rig_report.camera_table(rig))

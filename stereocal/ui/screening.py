@@ -1,47 +1,19 @@
-"""Frames: cached screening, the chosen frame of all pages, and what can be changed about one."""
+"""The screenings of the data that pages look at, each made once."""
 
 import json
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Literal, TypeVar
-
-import numpy as np
-import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.detection.intensity import eight_bits
-from stereocal.errors import StereocalError
-from stereocal.figures.style import Photograph
-from stereocal.figures.two_sets import telling_frame
 from stereocal.fit.results import Calibration
 from stereocal.fit.screening.screen import Screening, screened
-from stereocal.frames.frame import Frame
-from stereocal.frames.review import swap
-from stereocal.projects.files import StoredFile
-from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
-from stereocal.projects.project import Project
-from stereocal.projects.review import change_review
 from stereocal.rig.pair import Pair
 from stereocal.system.latest import Latest
-from stereocal.system.photograph import read_photograph
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.messages import button, readable
-from stereocal.ui.review import look_closely
 
-T = TypeVar("T")
 SCREENINGS: Latest[Screening] = Latest(64)
 """The last ones, by all that they depend on."""
-_DECODED: Latest[Photograph | None] = Latest(8)
-NAME = "frame"
-"""Of the setting of the chosen frame; the review of photographs has the same."""
-MOST_BUTTONS = 6
-"""Maximum number of frames with an Exchange button."""
-_AGAIN = "calibrate_again"
-Shown = Literal["all", "errors first"]
-"""What a press shows first: the whole answer, or the errors before forecast and validation."""
 MOST_AT_ONCE = 1500
 """Frames that calibrate in about a second, and so while a page is drawn."""
 
@@ -78,169 +50,3 @@ def _key(dataset: Pair, settings: CalibrationSettings) -> str:
     """Includes name and notes, because messages show them."""
     names = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
     return json.dumps([*dataset.identity, *(getattr(settings, name) for name in names)])
-
-
-def show_left_out(project: Project, calibration: Calibration, look: Callable[[int], None]) -> None:
-    """Buttons to exchange targets, and to look at a frame that was left out.
-
-    Args:
-        look: opens a frame.
-    """
-    screening = calibration.screening
-    if not screening.left_out:
-        return
-    with st.container(horizontal=True):
-        told = "In the secondary image. The result is made again at once."
-        for frame in screening.exchanged[:MOST_BUTTONS]:
-            label, act = f"Exchange A and B in frame {frame}", (_exchange, project, frame)
-            button(label, f"exchange_{frame}", *act, icon="swap_horiz", help=told)
-        first, told = screening.left_out[0], "There it can be put back."
-        button(f"Look at frame {first}", "look_left_out", look, first, icon="search", help=told)
-
-
-def show_exchanged(project: Project) -> None:
-    """The frames whose targets the user has exchanged, with buttons to undo that."""
-    if frames := project.inputs.exchanged:
-        told = "A and B of this frame were exchanged in the secondary image."
-        with st.container(horizontal=True):
-            for frame in frames[:MOST_BUTTONS]:
-                label, act = f"Frame {frame}: take the exchange back", (_exchange, project, frame)
-                button(label, f"unexchange_{frame}", *act, icon="undo", help=told)
-
-
-def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None:
-    """A button to calibrate with the time offset, if the cameras seem to be out of step."""
-    if calibration.out_of_step:
-        told = "It becomes an unknown, and the secondary points are shifted by it."
-        act = "bring_into_step", _change, project.keep_settings, {"time_offset": True}
-        button("Calibrate with the time offset", *act, icon="schedule", help=told)
-
-
-def calibrate_next(shown: Shown = "errors first") -> None:
-    """Let the page calibrate when it is drawn next (for callbacks)."""
-    st.session_state[_AGAIN] = shown
-
-
-def asked_to_calibrate() -> Shown | None:
-    """What `calibrate_next` was called with since the last run of the page; None if it was not."""
-    found: Shown | None = st.session_state.pop(_AGAIN, None)
-    return found
-
-
-def rerun_if_changed() -> None:
-    """In a fragment: run the whole page if it is to calibrate again."""
-    if st.session_state.get(_AGAIN):
-        st.rerun()
-
-
-def _change(act: Callable[[T], object], value: T) -> None:
-    """Change the project, and calibrate again (a callback)."""
-    act(value)
-    calibrate_next()
-
-
-def _exchange(project: Project, frame: int) -> None:
-    """Exchange A and B in the secondary image, and calibrate again (a callback)."""
-    if photographed(project):
-        change_review(ProjectPhotographs(project), lambda review: swap(review, frame, 1))
-    else:
-        project.exchange_targets(frame)
-    calibrate_next()
-
-
-def _numbers(calibration: Calibration) -> list[int]:
-    return list(calibration.dataset.correspondences.frames.tolist())
-
-
-def frame_field(project: Project, calibration: Calibration) -> Field:
-    """The chosen frame; at first the one that shows best why there are two sets."""
-    numbers = _numbers(calibration)
-    fields = partial(setting, project, "chosen_frame", name=NAME, tabs_own=True)
-    found = fields(None, one_of(numbers))
-    if found.value() in numbers:
-        return found
-    return fields(telling_frame(calibration), one_of(numbers))
-
-
-def choose_frame(project: Project, calibration: Calibration) -> int:
-    """A menu of the frames, with buttons for the next and the previous one, and for corrections."""
-    numbers, field = _numbers(calibration), frame_field(project, calibration)
-    frame: int = field.value()
-    at = numbers.index(frame)
-    with st.container(horizontal=True, vertical_alignment="bottom"):
-        field.menu("Frame", width=140)
-        for way, side, to in (("previous", "left", at - 1), ("next", "right", at + 1)):
-            there = 0 <= to < len(numbers)
-            act = f"{way}_frame", field.set, numbers[to] if there else None
-            button(f"{way.capitalize()} frame", *act, icon=f"chevron_{side}", disabled=not there)
-        _actions(project, calibration.screening, frame)
-    return frame
-
-
-def _actions(project: Project, screening: Screening, frame: int) -> None:
-    """Buttons to leave the frame out, put it back, exchange its targets, or correct it."""
-    inputs, again = project.inputs, "The result is made again at once."
-    # As asked for last: without the frame there may have been no result.
-    back = frame in screening.left_out and frame not in inputs.put_back
-    if back or frame in inputs.left_out:
-        change = _change, project.take_in, frame
-        button("Put it back", "frame_put_back", *change, icon="undo", help=again)
-    else:
-        change = _change, project.leave_out, frame
-        button("Leave it out", "frame_leave_out", *change, icon="close", help=again)
-    if frame in screening.exchanged:
-        swap, told = (_exchange, project, frame), f"In the secondary image. {again}"
-        button("Exchange A and B", "frame_exchange", *swap, icon="swap_horiz", help=told)
-    if photographed(project):
-        told, store = "Its photographs on the Data page.", ProjectPhotographs(project)
-        look = look_closely, store, frame
-        if button("Correct it", "frame_correct", *look, icon="edit", help=told):
-            st.switch_page("pages/data.py")
-
-
-def state_of(calibration: Calibration, frame: int) -> str:
-    """What a frame is used for, as a sentence."""
-    screening = calibration.screening
-    if frame in screening.by_user:
-        return f"Frame {frame} was left out by you."
-    if frame in screening.copies:
-        first = screening.copies[frame]
-        return f"Frame {frame} has exactly the points of frame {first}, and was left out."
-    if frame in screening.without_neighbours:
-        return f"Frame {frame} has no neighbours in time to shift its points by; it was left out."
-    if frame in screening.left_out:
-        also = " A and B look exchanged in one camera." if frame in screening.exchanged else ""
-        return f"Frame {frame} contradicts the others and was left out.{also}"
-    use = "was held out" if frame in calibration.held_out_frames else "is used"
-    return f"Frame {frame} {use}."
-
-
-def photographed(project: Project) -> bool:
-    """Whether the points come from photographs of the project."""
-    return project.inputs.labels.get("correspondences") == TABLE_LABEL
-
-
-def frames_photographed(project: Project) -> dict[int, Frame]:
-    """The frames of the project's photographs."""
-    store = ProjectPhotographs(project)
-    frames = readable(lambda: store.frames) if photographed(project) else None
-    return {frame.frame: frame for frame in frames or ()}
-
-
-def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Photograph | None]:
-    """Both photographs of a frame; None for one that is not there."""
-    found = frames_photographed(project).get(frame)
-    files = ProjectPhotographs(project).photographs if found else {}
-    first, second = (
-        _DECODED.once(files[name].name, partial(_decoded, files[name], name))
-        if name in files
-        else None
-        for name in (found.files if found else ("", ""))
-    )
-    return first, second
-
-
-def _decoded(file: StoredFile, name: str) -> Photograph | None:
-    with suppress(StereocalError):
-        return np.asarray(eight_bits(read_photograph(file, name)), np.uint8)
-    return None

@@ -14,11 +14,11 @@ from stereocal.figures import story as figures
 from stereocal.formats.dataset_description import POINTS, TABLE
 from stereocal.projects.application import ProjectApplication, slot_of
 from stereocal.projects.files import StoredFile
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.home import find_projects
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import ServerSettings, default_home
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph_files import is_photograph
@@ -97,7 +97,7 @@ def three_cameras() -> Project:
     cameras = [path.name for path in sorted(RIG.glob("*.yaml"))]
     project = _sample(RIG, [DESCRIPTION[0], POINTS, *cameras], "three cameras")
     store = ProjectApplication(project)
-    for camera in ProjectRecording(project).cameras:
+    for camera in ProjectGiven(project).cameras:
         name = f"points_{camera}.csv"
         store.offer_points(slot_of(camera), name, (RIG / name).read_bytes())
     return project

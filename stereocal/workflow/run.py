@@ -1,6 +1,8 @@
 """What is computed of all cameras of a recording together: `Run`, whose steps are made when asked
 for."""
 
+import hashlib
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -47,6 +49,14 @@ class Run:
     """Called with the name of each stage that takes time."""
     progress: Progress = lambda *_: None
     """Called with what is done of it, and what there is in all."""
+
+    @property
+    def digest(self) -> str:
+        """Identifies what the rig is computed from, but for the name of the recording."""
+        own = self.recording
+        known = own.object.sigma_m, own.baseline_sigma_m, own.start_frames, own.own_frames
+        about = own.sha256, known, self.settings.to_json(), self.late
+        return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
 
     @step
     def bare_rig(self) -> RigFile:

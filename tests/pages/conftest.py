@@ -16,7 +16,8 @@ from streamlit.testing.v1.local_script_runner import LocalScriptRunner, require_
 
 from stereocal.projects.home import find_projects
 from stereocal.projects.project import Project
-from tests.pages.stored_projects import dashboard, page_of
+from stereocal.ui import jobs
+from tests.pages.stored_projects import SLOW, dashboard, page_of
 
 SCRIPTS = ScriptCache()
 """Pages that have been compiled; a server keeps them too."""
@@ -97,6 +98,8 @@ def as_in_a_server(patch: pytest.MonkeyPatch) -> None:
             thread.join(timeout)
         require_widgets_deltas(runner, 1)
 
+    # A page waits for the end of a job that has just begun, however slow the machine.
+    patch.setattr(jobs, "WAIT_S", SLOW)
     patch.setattr(PagesManager, "__init__", begin_with_navigation)
     patch.setattr(local_script_runner, "require_widgets_deltas", drawn)
     patch.setattr(local_script_runner, "ScriptCache", lambda: SCRIPTS)

@@ -60,6 +60,14 @@ def go(app: AppTest, page: str) -> AppTest:
     return app.switch_page(f"pages/{page}.py").run()
 
 
+def look_at(app: AppTest, look: str) -> AppTest:
+    """One of the looks of Calibrate: in sight, or under *More*."""
+    control = app.segmented_control(key="view")
+    if look in control.options:
+        return control.set_value(look).run()
+    return app.button(key=f"look_{look}").click().run()
+
+
 def told(app: AppTest, *kinds: str) -> str:
     wanted = kinds or ("error", "info", "warning", "success", "caption", "markdown")
     found = [str(item.value) for kind in wanted for item in getattr(app, kind)]

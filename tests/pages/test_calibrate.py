@@ -14,15 +14,26 @@ from stereocal.evaluation.evaluate import evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.library.calibrations import calibrate
 from stereocal.projects.archive import pack_project
-from stereocal.projects.project import KEPT, Project
+from stereocal.projects.kept import KEPT
+from stereocal.projects.project import Project
 from stereocal.system.latest import Latest
 from stereocal.system.zip_files import unzip
-from stereocal.ui import press
+from stereocal.ui import jobs
 from stereocal.verdict import recommendation
 from stereocal.verdict.in_words import digits
 from stereocal.workflow import pair_run
 from stereocal.workflow.answer import PairAnswer
-from tests.pages.stored_projects import FEW, SLOW, again, ended, go, messages, project_of, told
+from tests.pages.stored_projects import (
+    FEW,
+    SLOW,
+    again,
+    ended,
+    go,
+    messages,
+    project_of,
+    told,
+    wait_until,
+)
 from tests.pages.test_pages import FIELD, give_zip, open_sample
 
 BAD = 7
@@ -147,13 +158,14 @@ def test_nothing_is_offered_before_its_threshold_is_final(
         assert may_end.wait(SLOW)
         return evaluate(*given, **named)
 
-    monkeypatch.setattr(press, "INSTANT", 0)
+    monkeypatch.setattr(jobs, "WAIT_S", 0.0)
     monkeypatch.setattr(pair_run, "evaluate", waiting)
     project = project_of(open_sample(app), home)
     project.keep_settings(FEW)
     go(app, "calibrate").button(key="run").click().run()
     try:
-        assert {metric.value for metric in app.metric} == {"…"}
+        wait_until(lambda: project.calibration_digest is not None)
+        assert {metric.value for metric in app.run().metric} == {"…"}
         for page in ("calibrate", "apply", "check"):
             go(app, page)
             assert not app.get("download_button"), page
@@ -211,7 +223,7 @@ def test_a_bad_frame_is_named_exchanged_and_taken_back(app: AppTest, exchanged: 
     assert app.success
     # Exchanged, it is back at once.
     app.button(key=f"exchange_{BAD}").click().run()
-    assert project.inputs.exchanged == [BAD]
+    assert project.inputs.exchanged == {"secondary": [BAD]}
     assert left_out(project) == ()
     assert ended(project, "calibration").state == "done"
     calibration = project.calibration
@@ -224,9 +236,9 @@ def test_a_bad_frame_is_named_exchanged_and_taken_back(app: AppTest, exchanged: 
     app.switch_page("pages/validate.py").run()
     assert f"frame {BAD}" not in messages(app)
     app.switch_page("pages/calibrate.py").run()
-    app.button(key=f"unexchange_{BAD}").click().run()
+    app.button(key=f"unexchange_secondary_{BAD}").click().run()
     assert ended(project, "calibration").state == "done"
-    assert project.inputs.exchanged == []
+    assert project.inputs.exchanged == {}
     assert left_out(project) == (BAD,)
 
 

@@ -7,7 +7,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.application import ProjectApplication
-from stereocal.projects.recording import ProjectRecording
+from stereocal.projects.given import ProjectGiven
 from tests.formats.test_column_roles import ROWS, TABLES, UNKNOWN
 from tests.pages.stored_projects import drop, go, project_of, told
 from tests.pages.test_apply import begun
@@ -65,7 +65,7 @@ def test_all_of_three_cameras(app: AppTest, home: Path) -> None:
     third = [line.replace(";left;", ";top;") for line in own if ";left;" in line]
     give(app, "\n".join([*own, *third]).encode())
     app.button(key="use_all_cameras").click().run()
-    (part,) = ProjectRecording(project_of(app, home)).parts.values()
+    (part,) = ProjectGiven(project_of(app, home)).parts.values()
     assert part.read_bytes().startswith(b"frame,camera,target,u,v\n")
     assert part.read_bytes().count(b"top") == len(ROWS)
 

@@ -17,7 +17,8 @@ from stereocal.projects import project as project_module
 from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.home import recent_projects
-from stereocal.projects.project import KEPT, Project
+from stereocal.projects.kept import KEPT
+from stereocal.projects.project import Project
 from tests.pages.stored_projects import FULL, ROOT, dashboard, go, page_of, placed, told
 
 SECRET = "/srv/secret/place"

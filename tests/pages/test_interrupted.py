@@ -11,8 +11,8 @@ from streamlit.testing.v1 import AppTest
 from stereocal.evaluation.evaluate import RunCounts, evaluate_runs
 from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import bring_back, remove
-from stereocal.projects.project import KEPT
-from stereocal.ui import jobs, press, results, screening
+from stereocal.projects.kept import KEPT
+from stereocal.ui import jobs, results, screening
 from stereocal.workflow import answer, pair_run
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
@@ -26,8 +26,8 @@ STOPPED = "The server stopped while this ran"
 
 @pytest.fixture
 def pressing(app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch) -> AppTest:
-    """The Calibrate page, where the validation of a press is a job."""
-    monkeypatch.setattr(press, "INSTANT", 0)
+    """The Calibrate page."""
+    monkeypatch.setattr(jobs, "WAIT_S", 0.0)
     project_of(open_sample(app), home).keep_settings(FEW)
     return app.switch_page("pages/calibrate.py").run()
 

@@ -13,12 +13,11 @@ from stereocal.fit.refine import refine
 from stereocal.formats import correspondences_csv
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.frames.frame import correspondences_of
-from stereocal.projects import project as project_module
+from stereocal.projects import kept
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import pack_project
 from stereocal.projects.home import recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
-from stereocal.projects.recording import ProjectRecording
 from stereocal.ui import jobs
 from stereocal.ui.start import RIG
 from tests.files import zipped
@@ -50,8 +49,8 @@ def counted(patch: pytest.MonkeyPatch, function: str) -> list[tuple[Any, ...]]:
 
 def forget() -> None:
     """As after a restart of the server."""
-    for kept in project_module.KEPT.values():
-        kept.clear()
+    for latest in kept.KEPT.values():
+        latest.clear()
     st.cache_resource.clear()
 
 
@@ -87,8 +86,8 @@ def test_a_recording_of_more_cameras_is_parsed_once(
     tables = counted(monkeypatch, "stereocal.formats.dataset_files.read_points_csv")
     files = {path.name: path.read_bytes() for path in RIG.iterdir() if path.suffix != ".md"}
     give_zip(app, files)
-    go(app, "rig")
-    assert ProjectRecording(project_of(app, home)).read() is not None
+    go(app, "calibrate")
+    assert project_of(app, home).recording is not None
     assert len(tables) == 1
 
 

@@ -13,7 +13,7 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from stereocal.ui.menu import RIG, SECTIONS, TITLES
+from stereocal.ui.menu import SECTIONS, TITLES
 from tests.files import zipped
 from tests.formats.test_exchange import FULL as FULL_RIG
 from tests.pages.stored_projects import (
@@ -237,7 +237,7 @@ def test_the_baseline_of_two_camera_info_files_is_proposed(app: AppTest, home: P
 
 def test_every_file_of_pages_is_in_one_group() -> None:
     files = sorted(path.stem for path in (Path(__file__).parents[2] / "pages").glob("*.py"))
-    assert sorted([*TITLES, RIG]) == files
+    assert sorted(TITLES) == files
     assert list(SECTIONS) == ["stereocal", "Before", "Calibrate", "Use"]
 
 

@@ -6,7 +6,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.fit.least_squares.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lenses_of
-from stereocal.projects.project import Project, packed_table
+from stereocal.projects.kept import packed_table
+from stereocal.projects.project import Project
 from stereocal.rig.pair import Pair
 from stereocal.ui.forms import refine_settings
 from tests.pages.stored_projects import (
@@ -14,6 +15,7 @@ from tests.pages.stored_projects import (
     FULL,
     again,
     go,
+    look_at,
     messages,
     pictured,
     placed,
@@ -24,7 +26,7 @@ from tests.pages.test_pages import open_sample, states
 
 
 def look(app: AppTest, name: str) -> AppTest:
-    return app.segmented_control(key="view").set_value(name).run()
+    return look_at(app, name)
 
 
 def test_inputs_are_tested_and_the_settings_are_followed(pressed: AppTest, home: Path) -> None:

@@ -1,4 +1,4 @@
-"""Files and photographs of several cameras, the Rig page, and the pages of a pair of a rig."""
+"""Three cameras and more, from their files and photographs, on the pages that two cameras have."""
 
 import io
 import json
@@ -23,19 +23,35 @@ from stereocal.matching.clicks import Click
 from stereocal.matching.lengths import check_lengths
 from stereocal.projects.application import ProjectApplication, ProjectCheck, slot_of
 from stereocal.projects.clicks import Act, ProjectClicks
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.home import find_projects
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.server_settings import default_home
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.rigs import simulated_rig
 from stereocal.ui.apply_points import CLICKED
+from stereocal.ui.menu import OTHER_ADDRESSES
+from stereocal.ui.results import looks_of
+from stereocal.ui.rig import TILES as RIG_TILES
+from stereocal.ui.rig import run_of
 from stereocal.ui.start import RIG, three_cameras
 from tests.archives import caliscope_files, wand_csv
 from tests.files import encoded, zipped
 from tests.lens import PATTERN, SMALL, photographed
-from tests.pages.stored_projects import FEW, dashboard, drop, go, page_of, run_job, told, wait_until
+from tests.pages.stored_projects import (
+    FEW,
+    dashboard,
+    drop,
+    ended,
+    go,
+    look_at,
+    page_of,
+    run_job,
+    told,
+    wait_until,
+)
+from tests.pages.test_pages import states
 from tests.photographed_rig import BAR_M, CAMERAS, photographed_bars
 from tests.projects.test_recording import given as sample
 from tests.projects.test_recording import rig_text
@@ -47,12 +63,14 @@ def project(home: Path) -> Project:
     """The sample of three cameras with its rig, and the frames that it was fitted to."""
     assert home.is_dir()
     found = three_cameras()
-    store = ProjectRecording(found)
-    recording = store.read()
+    recording = found.recording
     assert recording is not None
     fitted = recording.where(recording.frame % 3 == 0)
-    store.give(fitted, pack_recording(fitted))
-    store.keep_rig(rig_text(), b"zip")
+    found.give_recording(fitted, pack_recording(fitted))
+    run = run_of(found)
+    assert run is not None
+    found.keep_rig(rig_text(), b"zip", run.digest)
+    found.keep_settings(FEW)
     return found
 
 
@@ -60,57 +78,65 @@ def titles(app: AppTest) -> list[str]:
     return [str(title.value) for title in app.title]
 
 
-def opened(project: Project, pair: str) -> AppTest:
-    """The Calibrate page at the address of a pair."""
-    return dashboard("calibrate", project=project.id, pair=pair)
-
-
-def test_a_pair_opens_todays_pages_and_leads_back(project: Project) -> None:
-    pair = ProjectRecording(project).pair("2-3")
-    pair.keep_settings(FEW)
-    app = page_of(project, "rig")
-    assert "One rig of 3 cameras" in told(app)
-    app.button(key="open_pair_2-3").click().run()
-    assert titles(app) == ["Calibrate"] and not app.exception
-    assert app.query_params["pair"] == "2-3"
-    # Computed when first opened.
-    assert pair.calibration is not None
-    assert project.calibration is None
-    assert "the lenses and the baseline of the rig" in told(go(app, "data"))
-    assert not [box for box in app.selectbox if "known" in box.label]  # the rig says that
-    for name in ("validate", "apply", "check", "cameras"):
-        assert not go(app, name).exception
-        assert app.query_params["pair"] == "2-3"
-    # The rig and Start are of the whole project.
-    assert "One rig of 3 cameras" in told(go(app, "rig"))
-    assert "pair" not in app.query_params
+def test_calibrate_shows_all_cameras_and_the_pair_that_is_chosen(project: Project) -> None:
+    app = page_of(project, "calibrate")
+    assert "One rig of 3 cameras" in told(app, "success")
+    assert not app.exception and not app.error
+    assert [metric.label for metric in app.metric][:3] == [*RIG_TILES]
+    # The first pair is calibrated unasked, when it is first looked at.
+    assert project.of_pair("1-2").calibration is not None
+    assert project.of_pair("2-3").calibration is None
+    app.selectbox(key="pair").set_value("2-3").run()
+    pair = project.of_pair("2-3")
+    assert pair.calibration is not None and not app.exception
+    assert pair.calibration_evaluation is not None and pair.recommended is not None
+    for look in looks_of(pair):
+        look_at(app, look)
+        assert not app.exception and not app.error, look
+    # The same pair on the next page, in this tab and after the page is opened anew.
+    assert go(app, "validate").selectbox(key="pair").value == "2-3"
+    assert not app.exception and not app.error
+    assert page_of(project, "validate").selectbox(key="pair").value == "2-3"
     cards = told(go(app, "start"))
     assert "One rig: 0." in cards and cards.count("3 cameras") == 1
 
 
+def test_a_frame_is_left_out_of_all_cameras(project: Project) -> None:
+    app = page_of(project, "calibrate")
+    frame = int(str(app.selectbox(key="chosen_frame").value))
+    app.button(key="frame_leave_out").click().run()
+    assert project.inputs.left_out == [frame]
+    assert ended(project, "rig").state == "done"
+    recording, rig = project.recording, project.rig
+    assert recording is not None and rig is not None
+    fewer = recording.where(recording.frame != frame)
+    assert rig.about.inputs["sha256"] == fewer.sha256
+    app = page_of(project, "calibrate")
+    app.selectbox(key="chosen_frame").set_value(frame).run()
+    assert f"Frame {frame} was left out by you." in told(app, "markdown")
+    app.button(key="frame_put_back").click().run()
+    assert project.inputs.left_out == [] and not app.exception
+
+
+def test_what_changes_the_rig_makes_it_stale(project: Project) -> None:
+    app = page_of(project, "calibrate")
+    assert "Changed since" not in told(app, "warning")
+    project.give({}, baselines_m={"1-2": 2.0}, baseline_sigma_m=0.01)
+    assert "Changed since" in told(app.run(), "warning")
+    assert app.session_state["page_states"]["calibrate"].mark == "stale"
+    assert app.button(key="run").proto.type == "primary"
+
+
 def test_the_menu_and_next_lead_through_a_rig(project: Project) -> None:
-    ProjectRecording(project).pair("1-2").keep_settings(FEW)
-    app = page_of(project, "rig")
+    app = page_of(project, "cameras")
     states = app.session_state["page_states"]
-    assert not {"calibrate", "validate"} & {*states}
-    assert {states[name].mark for name in ("cameras", "data", "rig")} == {"done"}
-    assert app.button(key="rig_run").proto.type == "secondary"  # nothing is to be renewed
-    for page, following in (("cameras", "Data"), ("data", "Rig"), ("rig", "Apply")):
-        go(app, page).button(key="next").click().run()
-        assert titles(app) == [following] and not app.exception
-    app.button(key="next").click().run()
-    assert titles(app) == ["Check"] and not app.exception
-    lenses = go(app, "cameras").table[0].value
+    assert {states[name].mark for name in ("cameras", "data", "calibrate")} == {"done"}
+    lenses = app.table[0].value
     assert list(lenses.index) == ["1", "2", "3"] and "Refined, px" in lenses
-    # A page for two cameras, opened by its address, opens a pair of them.
-    for page, title in (("validate", "Validate"), ("calibrate", "Calibrate")):
-        app = page_of(project, page)
-        assert not app.exception
-        assert {b.key for b in app.button} >= {
-            f"open_pair_{name}" for name in ("1-2", "1-3", "2-3")
-        }
-        app.button(key="open_pair_1-2").click().run()
-        assert titles(app) == [title] and app.query_params["pair"] == "1-2"
+    for following in ("Data", "Calibrate", "Validate", "Apply", "Check"):
+        app.button(key="next").click().run()
+        assert titles(app) == [following] and not app.exception
+    assert "rig" in OTHER_ADDRESSES  # of before
 
 
 def test_points_of_three_cameras_are_clicked(project: Project) -> None:
@@ -155,7 +181,7 @@ def test_points_of_a_rig_are_matched_and_measured_as_by_the_commands(
 ) -> None:
     """The points are the wand's markers, unnamed, in a tenth of the frames."""
     store, files = ProjectApplication(project), tmp_path / "files"
-    recording = ProjectRecording(project).read()
+    recording = project.recording
     assert recording is not None
     some = points_by_camera(recording.where(recording.frame % 30 == 0))
     files.mkdir()
@@ -189,7 +215,7 @@ def test_points_of_a_rig_are_matched_and_measured_as_by_the_commands(
 
 
 def test_names_of_a_rigs_points_decide_with_a_switch(project: Project) -> None:
-    store, recording = ProjectApplication(project), ProjectRecording(project).read()
+    store, recording = ProjectApplication(project), project.recording
     assert recording is not None
     some = points_by_camera(recording.where(recording.frame % 150 == 0))
     for camera, table in some.items():
@@ -217,7 +243,7 @@ def test_a_rig_file_alone_is_applied(app: AppTest, home: Path) -> None:
 
 
 def test_a_rig_is_checked_with_its_table_of_points(project: Project, tmp_path: Path) -> None:
-    recording = ProjectRecording(project).read()
+    recording = project.recording
     assert recording is not None
     moved = recording.points.copy()
     moved[recording.camera == 1] += [4.0, 0.0]  # of camera 2, turned by 0.2 degrees
@@ -236,14 +262,11 @@ def test_a_rig_is_checked_with_its_table_of_points(project: Project, tmp_path: P
     assert json.loads((tmp_path / "out" / "check.json").read_text())["cameras_moved"] == ["2"]
 
 
-def test_a_pair_opens_by_its_address(project: Project) -> None:
-    ProjectRecording(project).pair("1-3").keep_settings(FEW)
-    app = opened(project, "1-3")
-    assert app.text_input(key="project_name").value == "eWand, cameras 1, 2, 3, 1-3"
-    app.button(key="run").click().run()
-    found = ProjectRecording(project).pair("1-3").calibration
+def test_the_refined_set_of_a_pair_is_the_rigs(project: Project) -> None:
+    project.keep_settings({"pair": "1-3"})
+    page_of(project, "calibrate")
+    found = project.of_pair("1-3").calibration
     assert found is not None and found.refined is not None
-    # It is the rig's set, with the rig's errors.
     rig = RigFile.loads(rig_text()).pair("1", "3")
     assert [*found.refined.pose.angles] == pytest.approx([*rig.pose.angles], abs=1e-9)
     assert found.refined.primary.lens_values == pytest.approx(rig.primary.lens_values, rel=1e-9)
@@ -253,8 +276,19 @@ def test_a_pair_opens_by_its_address(project: Project) -> None:
     assert sigmas == pytest.approx(np.sqrt(np.diag(stated)), rel=1e-4)
 
 
-def test_an_address_without_such_a_pair_is_reported(project: Project) -> None:
-    assert 'There is no pair "1-9"' in told(opened(project, "1-9"), "error")
+def test_lengths_are_typed_in_any_unit(project: Project) -> None:
+    app = page_of(project, "data")
+    app.segmented_control(key="unit_of_baselines").set_value("cm").run()
+    app.selectbox(key="baseline_of").set_value("1-3").run()
+    app.number_input(key="baseline_1-3").set_value(123.4).run()
+    assert project.inputs.baselines_m == {"1-3": 1.234}
+    app.segmented_control(key="unit_of_baselines").set_value("m").run()
+    assert app.number_input(key="baseline_1-3").value == 1.234
+    app.selectbox(key="baseline_m_known").set_value("Tape").run()
+    recording = project.recording
+    assert recording is not None and not app.exception
+    assert recording.baselines_m == {("1", "3"): 1.234}
+    assert recording.baseline_sigma_m == pytest.approx(0.005)
 
 
 def files_of_rig() -> dict[str, bytes]:
@@ -277,39 +311,37 @@ def test_from_files_to_the_rig(app: AppTest, home: Path) -> None:
     assert "the distance from A to B is missing" in told(app, "warning")
     app.number_input(key="several_B_m").set_value(0.39).run()
     app.number_input(key="several_M_m").set_value(0.13).run()
-    app.selectbox(key="object_known").set_value("Caliper").run()
+    app.selectbox(key="target_distance_m_known").set_value("Caliper").run()
     assert "1-2 (" in told(app, "caption") and not app.error
     app.button(key="several_run").click().run()
-    assert titles(app) == ["Rig"]
-    store = ProjectRecording(Project.open(home, find_projects(home)[0]))
-    recording = store.read()
+    assert titles(app) == ["Calibrate"]
+    project = Project.open(home, find_projects(home)[0])
+    recording, parts = project.recording, ProjectGiven(project)
     assert recording is not None
     assert list(recording.cameras) == ["1", "2", "3"]
     assert recording.object.names == ("A", "B", "M")
     assert recording.object.sigma_m == pytest.approx(0.0001)
-    wait_until(lambda: store.rig is not None)
-    assert "One rig of 3 cameras" in told(go(app, "rig"))
+    wait_until(lambda: project.rig is not None)
+    assert "One rig of 3 cameras" in told(go(app, "calibrate"))
     # The files are still there to be corrected; what replaces one is named, and can be undone.
     other = files_of_rig()["camera_2.yaml"]
     drop(go(app, "data"), {"camera_1.yaml": other})
     assert "camera_1.yaml was replaced" in told(app, "info")
-    assert store.parts["camera_1.yaml"] == store.parts["camera_2.yaml"]
+    assert parts.parts["camera_1.yaml"] == parts.parts["camera_2.yaml"]
     assert app.button(key="several_run").proto.type == "primary"
     app.button(key="undo_camera_1.yaml").click().run()
     assert app.button(key="several_run").proto.type == "secondary"  # they are in use
-    assert store.parts["camera_1.yaml"].read_bytes() == files_of_rig()["camera_1.yaml"]
-    assert store.rig is not None
+    assert parts.parts["camera_1.yaml"].read_bytes() == files_of_rig()["camera_1.yaml"]
+    assert states(app)["calibrate"] == "done"
     # Known otherwise, the recording stays in use, and its rig is to be found again.
-    app.selectbox(key="object_known").set_value("Printer").run()
-    again = ProjectRecording(store.project)
-    recording = again.read()
-    assert recording is not None and again.rig is None
+    app.selectbox(key="target_distance_m_known").set_value("Printer").run()
+    recording = project.recording
+    assert recording is not None and states(app)["calibrate"] == "stale"
     assert recording.object.sigma_m == pytest.approx(0.003 * 0.39)
     assert app.button(key="several_run").proto.type == "secondary"
-    assert app.selectbox(key="object_known").value == "Printer"
     # Of another recording, nothing is stated.
-    store.give(parse_recording(sample(), "another"), sample())
-    last = ProjectRecording(store.project).read()
+    project.give_recording(parse_recording(sample(), "another"), sample())
+    last = project.recording
     assert last is not None and last.object.sigma_m is None
 
 
@@ -346,8 +378,8 @@ def test_exchanged_camera_files_are_named(app: AppTest, home: Path) -> None:
     given(app, files).number_input(key="several_B_m").set_value(0.6).run()
     project = Project.open(home, find_projects(home)[0])
     assert run_job(app, "several_run", project, "rig").state == "failed"
-    assert ProjectRecording(project).rig is None
-    sentence = told(go(app, "rig"), "error")
+    assert project.rig is None
+    sentence = told(go(app, "calibrate"), "error")
     assert "c1 and c2" in sentence and "exchanged" in sentence
 
 
@@ -364,7 +396,7 @@ def test_pairs_without_files_are_told(
     app.number_input(key="several_M_m").set_value(0.13).run()
     project = Project.open(home, find_projects(home)[0])
     assert run_job(app, "several_run", project, "rig").state == "done"
-    assert why in told(go(app, "rig"), "warning")
+    assert why in told(go(app, "calibrate"), "warning")
 
 
 CORNERS = PATTERN.points - PATTERN.points.mean(axis=0)
@@ -381,11 +413,11 @@ def give(app: AppTest, files: dict[str, bytes]) -> None:
         )
 
 
-def search(app: AppTest, home: Path) -> ProjectRecording:
+def search(app: AppTest, home: Path) -> Project:
     project = Project.open(home, find_projects(home)[0])
     job = run_job(app, "find_in_all_cameras", project, "photographs")
     assert job.state == "done" and not app.exception, job.sentence
-    return ProjectRecording(project)
+    return project
 
 
 def test_photographs_of_a_bar_to_the_rig(app: AppTest, home: Path) -> None:
@@ -394,37 +426,37 @@ def test_photographs_of_a_bar_to_the_rig(app: AppTest, home: Path) -> None:
     files["mid/0099.png"] = b"damaged"
     given(app, {f"{name}.json": write_camera(own) for name, own in CAMERAS.items()})
     give(app, files)
-    store = search(app, home)
+    project = search(app, home)
     assert "12 frames. Photographs not used: 1" in told(app, "caption")
     assert "mid/0003.png" in told(app, "markdown")
     app.number_input(key="several_B_m").set_value(BAR_M).run()
     app.button(key="several_run").click().run()
-    assert titles(app) == ["Rig"]
-    recording = store.read()
+    assert titles(app) == ["Calibrate"]
+    recording = project.recording
     assert recording is not None and {*recording.cameras} == {*CAMERAS}
     assert [len(recording.common_frames("mid", each)) for each in ("left", "right")] == [11, 11]
-    wait_until(lambda: store.rig is not None)
-    rig = store.rig
+    wait_until(lambda: project.rig is not None)
+    rig = project.rig
     assert rig is not None and rig.names == [*recording.cameras]
-    _check_with_photographs(app, store, rig)
+    _check_with_photographs(app, project, rig)
     # The photographs are still there; without one camera's, what was found is out of date.
-    assert "have changed" not in told(go(app, "data"), "warning")
+    assert "Changed since" not in told(go(app, "data"), "warning")
     app.button(key="several_clear").click().run()
     assert not app.exception and "left-mid" in told(app, "caption")
 
 
-def _check_with_photographs(app: AppTest, store: ProjectRecording, rig: RigFile) -> None:
+def _check_with_photographs(app: AppTest, project: Project, rig: RigFile) -> None:
     """Half of the photographs again: as new ones of the rig, then of a pair by its file."""
     place = "upload_check_images"
     half = [name for name in photographed_bars()[0] if int(name[-6:-4]) % 2]
     files = {name.replace("/", "_"): photographed_bars()[0][name] for name in half}
     drop(go(app, "check"), files, place)
     assert "18 photographs, 6 frames" in told(app, "markdown")
-    _find_new(app, store.project)
+    _find_new(app, project)
     assert "targets found in 6 frames" in told(app, "caption")
     assert "no camera has moved" in told(app) or "no movement is seen" in told(app)
     # Photographs of the data are left alone.
-    assert len(ProjectPhotographs(store.project).photographs) == 36
+    assert len(ProjectPhotographs(project).photographs) == 36
     of_pair = dashboard("check")
     of_pair.button(key="check_begin").click().run()
     pair = rig.pair("left", "right").dumps().encode()
@@ -465,7 +497,7 @@ def test_photographs_of_a_board(app: AppTest, home: Path) -> None:
     assert app.segmented_control(key="held").value == "board"
     assert app.button(key="find_in_all_cameras").disabled
     app.number_input(key="board_square_mm").set_value(30.0).run()
-    recording = search(app, home).read()
+    recording = search(app, home).recording
     assert recording is not None and recording.object.board is not None
     assert min(len(recording.common_frames(*pair)) for pair in recording.pairs) >= 4
     # The corners of the rolled camera have the numbers of the others': one pose fits all boards.
@@ -505,7 +537,7 @@ def test_a_rig_file_serves_as_the_camera_files_of_all(app: AppTest, home: Path) 
     app.number_input(key="several_B_m").set_value(0.39).run()
     assert "1-2 (" in told(app, "caption") and not app.error
     project = Project.open(home, find_projects(home)[0])
-    assert [*ProjectRecording(project).parts] == ["1.json", "2.json", "3.json", "points.csv"]
+    assert [*ProjectGiven(project).parts] == ["1.json", "2.json", "3.json", "points.csv"]
 
 
 def test_a_file_of_three_cameras_and_a_table_are_a_rig_or_two_of_them(
@@ -514,13 +546,13 @@ def test_a_file_of_three_cameras_and_a_table_are_a_rig_or_two_of_them(
     files = {"array.toml": caliscope_files()[0], "wand.csv": wand_csv(more_cameras=1)}
     given(app, files)
     project = Project.open(home, find_projects(home)[0])
-    assert {*ProjectRecording(project).parts} == {*files}
+    assert {*ProjectGiven(project).parts} == {*files}
     missing = told(app, "warning")
     assert "distance from A to B is missing" in missing and "--" not in missing  # no option
     app.number_input(key="several_B_m").set_value(0.6).run()
     assert "Camera 3 sees no end of the bar" in told(app, "warning")
     app.button(key="several_two").click().run()
-    assert not ProjectRecording(project).parts
+    assert not ProjectGiven(project).parts
     assert {button.key for button in app.button} >= {"aside_archive", "aside_bars"}
 
 

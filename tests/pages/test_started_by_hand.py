@@ -7,7 +7,6 @@ import pytest
 from stereocal.cli import main
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from tests.files import zipped
 from tests.pages.stored_projects import dashboard, drop, ended, go, page_of, project_of, told
 from tools.photographs.started_by_hand import START_S, write_sample
@@ -22,7 +21,7 @@ def test_data_brings_them_into_step_and_says_how(home: Path, tmp_path: Path) -> 
     app = go(drop(dashboard("data"), {"recording.zip": zipped(files)}), "data")
     assert "The cameras were started by hand" in [str(each.value) for each in app.subheader]
     assert any("one frame off" in str(each.value) for each in app.markdown)
-    recording = ProjectRecording(project_of(app, home)).read()
+    recording = project_of(app, home).recording
     assert recording is not None
     assert recording.start_frames == {"1": 0, "2": 41, "3": -118}
     app.toggle(key="show_offsets").set_value(True).run()

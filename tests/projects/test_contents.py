@@ -17,7 +17,6 @@ from stereocal.projects.files import Store
 from stereocal.projects.home import copy_database, duplicate
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.system import json_text
 from stereocal.system.zip_files import OpenZip, pack_zip, unzip
 from tests.pages.stored_projects import FULL
@@ -60,20 +59,20 @@ def of_bar(manifest: Any, **values: Any) -> None:
 
 def test_whole_project_has_every_entry_of_the_list_and_every_scope(whole: Project) -> None:
     assert rows_of(whole).keys() == CONTENTS.keys()
-    scopes = {part.rpartition("/")[0] for (part,) in whole.database.rows("SELECT part FROM value")}
-    own = {whole.database.of_pair("1-2"), whole.database}
-    pages = {store.of_page(page) for store in own for page in PAGES}
-    assert scopes == {store.scope.rstrip("/") for store in own | pages}
+    parts = "SELECT part FROM value UNION SELECT kind FROM result"
+    scopes = {part.rpartition("/")[0] for (part,) in whole.database.rows(parts)}
+    own = whole.database, whole.database.of_pair("1-2"), *map(whole.database.of_page, PAGES)
+    assert scopes == {store.scope.rstrip("/") for store in own}
 
 
 def test_all_rows_come_along(whole: Project, members: dict[str, bytes], tmp_path: Path) -> None:
     told: list[str] = []
     opened = unpack_project(pack_zip(members), "whole.zip", tmp_path, told.append)
     assert differing(rows_of(whole), rows_of(opened)) == STAY and not told
-    for own in (opened, ProjectRecording(opened).pair("1-2")):
-        assert not ProjectClicks(own).clicks.every
-        ProjectClicks(own).undo()
-        assert [each.track for each in ProjectClicks(own).clicks.every.values()] == ["head"]
+    assert not ProjectClicks(opened).clicks.every
+    ProjectClicks(opened).undo()
+    assert [each.track for each in ProjectClicks(opened).clicks.every.values()] == ["head"]
+    assert opened.of_pair("1-2").recommended == ("2d", "3d")
     # What was decided on pairs can be undone as before.
     photographs = ProjectPhotographs(opened)
     assert [row.use for row in photographs.rows] == [False, *5 * [True]]
@@ -117,7 +116,7 @@ def test_what_is_taken_out_of_the_list_is_missed(
 def test_a_new_entry_has_the_next_number() -> None:
     """So that zips of before are said to lack it."""
     since = [each.since for each in CONTENTS.values()]
-    assert {number: since.count(number) for number in since} == {1: 50, 2: 1}
+    assert {number: since.count(number) for number in since} == {1: 50, 2: 1, 3: 1}
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,8 @@ from stereocal.formats.point_answers import first_answers, layout_of
 from stereocal.library.calibrations import calibrate
 from stereocal.projects import application
 from stereocal.projects.application import ProjectApplication
-from stereocal.projects.project import KEPT, NAMES, Project
+from stereocal.projects.kept import KEPT, NAMES
+from stereocal.projects.project import Project
 from stereocal.projects.server_settings import default_home
 from stereocal.workflow.pair_run import PairRun
 

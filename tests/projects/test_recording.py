@@ -17,11 +17,12 @@ from stereocal.projects import jobs
 from stereocal.projects.application import ProjectCheck
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.contents import RECORDING
+from stereocal.projects.data import OF_RECORDING
 from stereocal.projects.home import card_of, duplicate, find_projects
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states
+from stereocal.ui.rig import run_of
 from stereocal.ui.start import RIG, three_cameras
 
 
@@ -43,33 +44,76 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Project:
 
 
 def test_the_recording_is_kept(project: Project, tmp_path: Path) -> None:
-    store = ProjectRecording(project)
-    recording = store.read()
-    assert store.is_given and recording is not None
+    recording = project.recording
+    assert project.is_rig and recording is not None
     assert list(recording.cameras) == ["1", "2", "3"]
     assert project.inputs.name == recording.name
-    assert page_states(project)["rig"].mark == "missing"
+    assert page_states(project)["calibrate"].mark == "missing"
     assert card_of(project).data == "3 cameras"
     found = RigFile.loads(rig_text())
-    store.keep_rig(found.dumps(), b"zip")
-    assert page_states(project)["rig"].mark == "done"
-    assert store.pairs == b"zip"
+    project.keep_rig(found.dumps(), b"zip", "made from something else")
+    assert page_states(project)["calibrate"].mark == "stale"
+    run = run_of(project)
+    assert run is not None
+    project.keep_rig(found.dumps(), b"zip", run.digest)
+    assert page_states(project)["calibrate"].mark == "done"
+    assert project.pair_files == b"zip"
     assert "One rig: 0." in (said := card_of(project).result) and "worst pair" in said
     pack_project(project, tmp_path / "project.zip")
-    copy = ProjectRecording(unpack_project(tmp_path / "project.zip", "zip", tmp_path / "there"))
-    assert copy.digest == store.digest
+    copy = unpack_project(tmp_path / "project.zip", "zip", tmp_path / "there")
+    assert copy.database.files(RECORDING) == project.database.files(RECORDING)
+    assert page_states(copy)["calibrate"].mark == "done"
     assert copy.rig is not None and copy.rig.names == found.names
     # a new recording has no rig yet
-    store.give(parse_recording(given(), "again"), given())
-    assert store.rig is None
+    other = {**given(), "more.txt": b""}
+    project.give_recording(parse_recording(given(), "again"), other)
+    assert project.rig is None
+
+
+STATED: dict[str, dict[str, Any]] = {
+    "a baseline": {"baselines_m": {"1-2": 2.0}},
+    "another one": {"baselines_m": {"1-3": 2.0}},
+    "how well it is known": {"baselines_m": {"1-2": 2.0}, "baseline_sigma_m": 0.01},
+    "no baseline": {"baseline_free": True},
+    "how well the object is known": {"target_distance_sigma_m": 0.001},
+    "frames left out": {"left_out": [9]},
+    "targets exchanged": {"exchanged": {"2": [9]}},
+}
+"""What a person states of a recording of three cameras."""
+
+
+def test_what_is_stated_is_in_the_recording_and_makes_a_rig_stale(project: Project) -> None:
+    given, digests, recording = project.inputs, set[str](), project.recording
+    assert recording is not None and 9 in recording.frame[recording.camera == 1]
+    for values in ({}, *STATED.values()):
+        with project.database.transaction():
+            project.give({}, **{name: getattr(given, name) for name in OF_RECORDING} | values)
+        run = run_of(project)
+        assert run is not None
+        digests.add(run.digest)
+    assert len(digests) == 1 + len(STATED)
+
+
+def test_lengths_of_three_cameras_are_stated(project: Project) -> None:
+    project.give({}, baselines_m={"2-1": 2.5}, baseline_sigma_m=0.01, target_distance_sigma_m=0.002)
+    recording = project.recording
+    assert recording is not None
+    assert recording.baselines_m == {("2", "1"): 2.5} and recording.baseline_sigma_m == 0.01
+    assert recording.object.sigma_m == 0.002
+    frame = int(recording.frame[recording.camera == 1][0])
+    project.exchange_targets(frame, "2")
+    exchanged = project.recording
+    assert exchanged is not None
+    changed = exchanged.target != recording.target
+    assert {*recording.frame[changed]} == {frame}
+    assert {*recording.camera[changed]} == {1}
 
 
 def test_an_invalid_recording_changes_nothing(project: Project) -> None:
-    store = ProjectRecording(project)
-    before = store.digest
+    before = project.database.files(RECORDING)
     with pytest.raises(StereocalError, match="dataset"):
         give_dataset(project, {"dataset.json": b"{}"}, "damaged")
-    assert store.digest == before
+    assert project.database.files(RECORDING) == before
 
 
 def test_the_files_of_fisheyes_state_that_they_are(tmp_path: Path) -> None:
@@ -83,83 +127,50 @@ def test_the_files_of_fisheyes_state_that_they_are(tmp_path: Path) -> None:
     assert read_camera(stored, "camera_1.yaml").is_fisheye
 
 
-def test_other_projects_have_no_rig_page(tmp_path: Path) -> None:
-    project = Project.create(tmp_path)
-    assert not ProjectRecording(project).is_given and ProjectRecording(project).read() is None
-    assert "rig" not in page_states(project)
-
-
 def test_a_foreign_project_with_a_damaged_rig_is_rejected(project: Project, tmp_path: Path) -> None:
     found = json.loads(rig_text())
     del found["figures"]["frames"]
-    ProjectRecording(project).keep_rig(json.dumps(found), b"zip")
+    project.keep_rig(json.dumps(found), b"zip")
     pack_project(project, tmp_path / "project.zip")
     with pytest.raises(StereocalError, match="damaged"):
         unpack_project(tmp_path / "project.zip", "zip", tmp_path / "there")
 
 
-def test_a_pair_is_kept_in_the_project_of_its_rig(project: Project, tmp_path: Path) -> None:
-    store = ProjectRecording(project)
-    store.keep_rig(rig_text(), b"zip")
-    pair = store.pair("1-2")
-    dataset, rig = pair.dataset, store.rig
-    assert dataset is not None and rig is not None
-    assert (pair.id, pair.pair, project.pair) == (project.id, "1-2", None)
+def test_a_pair_is_a_view_with_results_of_its_own(project: Project, tmp_path: Path) -> None:
+    project.keep_rig(rig_text(), b"zip")
+    pair, rig = project.of_pair("1-2"), project.rig
+    dataset = pair.dataset
+    assert dataset is not None and rig is not None and pair.of_rig is not None
+    assert project.dataset is None
     assert np.allclose(dataset.primary.K, rig.cameras["1"].K)
     assert dataset.primary.uncertainty is not None
     fx = rig.standard_errors["1"]["fx"]
     assert dataset.primary.uncertainty.fx == pytest.approx(fx)
-    assert page_states(pair)["calibrate"].mark == "missing"
-    assert page_states(pair)["rig"].mark == "done"
-    # Nothing of it shows in the project itself or in another pair.
+    # Settings and corrections are the project's, results the pair's.
     pair.keep_settings({"delta": 2e-3})
-    pair.database.keep_result("recommended", b'["2d", "3d"]')
     pair.leave_out(int(dataset.correspondences.frames[0]))
-    assert project.settings == {} and project.recommended is None
-    assert store.pair("2-3").recommended is None
+    pair.keep_recommended("2d", "3d")
+    assert project.settings == {"delta": 2e-3} and project.inputs == pair.inputs
+    assert project.recommended is None and project.of_pair("2-3").recommended is None
     assert find_projects(tmp_path) == [project.id]
     # Copied and exported with it.
     pack_project(project, tmp_path / "project.zip")
     opened = unpack_project(tmp_path / "project.zip", "zip", tmp_path / "there")
     for other in (opened, duplicate(tmp_path, project.id)):
-        copy = ProjectRecording(other).pair("1-2")
-        assert copy.inputs == pair.inputs and copy.settings == pair.settings
-        assert copy.recommended == ("2d", "3d")
-    # A new rig gives it new lenses; what was said of its frames stays.
-    about = json.loads(rig_text())
-    about["cameras"]["1"]["K"][0][0] += 1.0
-    store.keep_rig(json.dumps(about), b"zip")
-    again = store.pair("1-2")
-    assert again.inputs.left_out == pair.inputs.left_out
-    assert again.dataset is not None
-    assert again.dataset.primary.K[0, 0] == pytest.approx(dataset.primary.K[0, 0] + 1.0)
-    # Another recording has no pairs yet; what was given on Check is not of one.
+        assert other.of_pair("1-2").recommended == ("2d", "3d")
+    # A new rig gives it new lenses, and its results go; what was given on Check is of no pair.
     new = ProjectCheck(project).of_images
     new.rename("new")
-    store.give(parse_recording(given(), "again"), given())
-    assert not pair.inputs.files and new.inputs.name == "new"
-
-
-def test_a_pair_is_there_whole_or_not_at_all(
-    project: Project, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Killed between two writes of its first opening; then it is opened again."""
-
-    def killed(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    store = ProjectRecording(project)
-    with monkeypatch.context() as patch:
-        patch.setattr(Project, "keep_settings", killed)
-        with pytest.raises(KeyboardInterrupt):
-            store.pair("1-2")
-    assert not Project(project.database.of_pair("1-2")).inputs.files
-    assert store.pair("1-2").dataset is not None
+    about = json.loads(rig_text())
+    about["cameras"]["1"]["K"][0][0] += 1.0
+    project.keep_rig(json.dumps(about), b"zip")
+    again = pair.dataset
+    assert again is not None and again.primary.K[0, 0] == pytest.approx(dataset.primary.K[0, 0] + 1)
+    assert pair.recommended is None and new.inputs.name == "new"
 
 
 def test_jobs_are_kept_by_pair(project: Project) -> None:
-    store = ProjectRecording(project)
-    one, other = store.pair("1-2").database, store.pair("1-3").database
+    one, other = (project.of_pair(name).results for name in ("1-2", "1-3"))
     jobs.begin(one, "calibration")
     jobs.begin(other, "calibration")
     assert not jobs.is_interrupted(project.database, "calibration")
@@ -171,4 +182,4 @@ def test_jobs_are_kept_by_pair(project: Project) -> None:
 @pytest.mark.parametrize("name", ["1-4", "1", "../1-2", "pair 1-2/"])
 def test_there_is_no_such_pair(project: Project, name: str) -> None:
     with pytest.raises(StereocalError, match="There is no pair"):
-        ProjectRecording(project).pair(name)
+        project.of_pair(name)

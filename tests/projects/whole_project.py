@@ -14,11 +14,11 @@ from stereocal.projects import jobs
 from stereocal.projects.application import ProjectApplication, ProjectCheck
 from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.projects.contents import ANY, CONTENTS, Key
+from stereocal.projects.given import ProjectGiven
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.pair_rows import PairRow
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.projects.recording import ProjectRecording
 from stereocal.projects.review import change_review
 from stereocal.rig.parameters import RigParameters
 from tests.hostile_projects import dataset_zip
@@ -42,11 +42,11 @@ def whole_project(home: Path) -> Project:
     project.add_dataset("more.zip", dataset_zip())
     project.keep_settings({"delta": 0.002})
 
-    rig = ProjectRecording(project)
-    rig.give(parse_recording(given(), "rig"), given())
-    rig.keep_rig(rig_text(), b"zip")
+    project.give_recording(parse_recording(given(), "rig"), given())
+    project.keep_rig(rig_text(), b"zip", "digest")
+    project.of_pair("1-2").keep_recommended("2d", "3d")
     for content in (b"first", b"second"):
-        rig.add_parts({"camera.yaml": content})
+        ProjectGiven(project).add_parts({"camera.yaml": content})
 
     photographs = ProjectPhotographs(project)
     frames = photographs.frames
@@ -78,14 +78,13 @@ def whole_project(home: Path) -> Project:
     check.keep_images("bars.zip", dataset_zip())
 
     click = Click(3, "primary", "head", 10.25, 20.5, "snapped")
-    for own in (project, rig.pair("1-2")):
-        clicks = ProjectClicks(own)
-        clicks.act(Act([click], pictures=["photographs"]))
-        clicks.act(Act([], [click.key]))
-        for pages in (clicks.of_pictures, ProjectCheck(own).of_images):
-            store = ProjectPhotographs(pages)
-            store.add({name: store.keep(name, name.encode()) for name in ("l/1.jpg", "r/1.jpg")})
-            store.choose(Choice("order", exchanged=True))
+    clicks = ProjectClicks(project)
+    clicks.act(Act([click], pictures=["photographs"]))
+    clicks.act(Act([], [click.key]))
+    for pages in (clicks.of_pictures, ProjectCheck(project).of_images):
+        store = ProjectPhotographs(pages)
+        store.add({name: store.keep(name, name.encode()) for name in ("l/1.jpg", "r/1.jpg")})
+        store.choose(Choice("order", exchanged=True))
 
     jobs.begin(project.database, "evaluation")
     jobs.FoundBefore(project.database, "photographs", str).keep("a", "A")

@@ -1,0 +1,340 @@
+"""The data of a project: what was given, stated and corrected, of two cameras or more."""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stereocal.errors import damaged, naming
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.rig_file import RIG, RigFile
+from stereocal.fit.start.pairs import pair_name
+from stereocal.fit.timing.to_calibrate import in_step
+from stereocal.formats.camera_file import read_camera
+from stereocal.formats.correspondences_csv import Table, read_table
+from stereocal.formats.dataset_description import DESCRIPTION, find_description
+from stereocal.formats.dataset_files import parse_recording
+from stereocal.projects.contents import INPUT, RECORDING, RIG_FILES, VALUES
+from stereocal.projects.database import DamagedError
+from stereocal.projects.files import Store, StoredFile
+from stereocal.projects.inputs import LENGTHS, Inputs, Slot, inputs_of
+from stereocal.projects.kept import KEPT, once
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.correspondences import Correspondences, refuse_points_outside
+from stereocal.rig.measured_lengths import check_length
+from stereocal.rig.pair import Pair
+from stereocal.rig.recording import Recording
+from stereocal.system.names import label_of
+from stereocal.workflow.pair_of_rig import data_of_pair, settings_of_pair
+
+OF_TABLE = ("exchanged", "put_back", "left_out", "start_frame", "step_notes")
+"""Inputs that are valid for one table of points."""
+OF_RECORDING = (
+    *("baselines_m", "baseline_sigma_m", "baseline_free", "target_distance_sigma_m"),
+    *("exchanged", "put_back", "left_out"),
+)
+"""What is stated of a recording of three cameras and more."""
+SOURCE = "the recording of this project"
+MADE_FROM = "made_from"
+PAIRS = "pairs.zip"
+"""The parameter files of all pairs of a rig."""
+
+
+class ProjectData:
+    """What was given. Every change is on disk when its method returns.
+
+    Two cameras are given as three files (`Slot`), three and more as the files of one data set. What
+    is about two images of these asks for a pair of them: then `dataset` is that pair's.
+    """
+
+    def __init__(self, database: Store, pair: str | None = None) -> None:
+        self.database = database
+        self.pair = pair
+        """The name of the pair, such as `left-right`; None: of all cameras, or of the only two."""
+
+    # Inputs
+
+    @property
+    def inputs(self) -> Inputs:
+        """The inputs so far."""
+        with self.database.reading():
+            values, files = self.database.values(INPUT), self.database.files(INPUT)
+        stored = {name: values[name] for name in VALUES if name in values}
+        stored["files"] = {slot: file.sha256 for slot, file in files.items()}
+        stored["labels"] = {slot: file.label for slot, file in files.items()}
+        with damaged("What was given to the project is damaged.", DamagedError):
+            return inputs_of(stored)
+
+    def give(
+        self, files: Mapping[Slot, tuple[str, bytes]], drop: Sequence[Slot] = (), **values: Any
+    ) -> None:
+        """Store files (slot to name and content) and values in one transaction; inputs that would
+        be invalid are refused, and the project is unchanged.
+
+        Args:
+            drop: slots to empty first.
+        """
+        stored: dict[str, StoredFile] = {}
+        for slot, (label, content) in files.items():  # before the transaction: others wait for it
+            digest = hashlib.sha256(content).hexdigest()
+            if slot == "correspondences":
+                once(Table, digest, partial(read_table, content, label))
+            else:
+                once(Camera, digest, partial(read_camera, content, label, "brown"))
+            stored[slot] = self.database.keep_file(content, label)
+        with self.database.transaction():
+            before = self.inputs
+            self.database.forget_files(INPUT, [slot for slot in drop if slot not in files])
+            self.database.name_files(INPUT, stored)
+            # A new camera file replaces the stated uncertainty of its lens.
+            known = {slot: v for slot, v in before.lens_known.items() if slot not in files}
+            kept = {name: getattr(before, name) for name in VALUES} | {"lens_known": known}
+            kept["planned"] = [name for name in before.planned if name not in values]
+            if "correspondences" in files or "correspondences" in drop:
+                kept |= {name: getattr(Inputs(), name) for name in OF_TABLE}
+            self.database.keep_values(INPUT, kept | values)
+            self._check(self.inputs)
+
+    @property
+    def is_rig(self) -> bool:
+        """Whether the data are those of three cameras and more."""
+        return bool(self.database.files(RECORDING))
+
+    def is_given(self, files: Mapping[str, bytes]) -> bool:
+        """Whether the data of three cameras and more are those of these files."""
+        digests = sorted(hashlib.sha256(content).hexdigest() for content in files.values())
+        return digests == sorted(self._given_digest.split())
+
+    def give_recording(self, recording: Recording, files: Mapping[str, bytes]) -> None:
+        """Store a recording of three cameras and more, and its files, instead of what was there;
+        its results go."""
+        kept = {name: self.database.keep_file(content, name) for name, content in files.items()}
+        if kept == (before := self.database.files(RECORDING)):
+            return
+        given = {"name": recording.name}
+        if before:  # what was stated is of that one
+            fresh = Inputs()
+            given |= {name: getattr(fresh, name) for name in OF_RECORDING}
+        with self.database.transaction():
+            self.database.replace_files(RECORDING, kept)
+            self.database.forget_files(RIG_FILES)
+            self.database.forget_pairs()
+            self.database.keep_values(INPUT, given)
+        KEPT[Recording].keep(self._given_digest, recording)
+
+    def _check(self, inputs: Inputs) -> None:
+        """Check the inputs as far as they are complete."""
+        for name, words in LENGTHS.items():
+            if (metres := getattr(inputs, name)) is not None:
+                check_length(words.removeprefix("the "), metres)
+        cameras = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
+        file = self._file(inputs, "correspondences")
+        if file:
+            refuse_points_outside(f"{file.label}: ", _rows(file), *cameras)
+        self.dataset_of(inputs)
+
+    def exchange_targets(self, frame: int, camera: str = CAMERAS[1]) -> None:
+        """Exchange A and B of a frame in the image of a camera, or undo that."""
+        with self.database.transaction():
+            own = self.inputs.exchanged
+            now = {**own, camera: sorted({*own.get(camera, ())} ^ {frame})}
+            exchanged = {name: frames for name, frames in now.items() if frames}
+            self.database.keep_values(INPUT, {"exchanged": exchanged})
+
+    def put_back(self, frames: Sequence[int]) -> None:
+        """Keep exactly these of the frames that contradict the others."""
+        self._keep_frames(put_back=frames)
+
+    def leave_out(self, frame: int) -> None:
+        with self.database.transaction():
+            back, out = {*self.inputs.put_back}, {*self.inputs.left_out}
+            self._keep_frames(put_back=back - {frame}, left_out=out | {frame})
+
+    def take_in(self, frame: int) -> None:
+        """Use a frame that the user or the screening left out."""
+        with self.database.transaction():
+            back, out = {*self.inputs.put_back}, {*self.inputs.left_out}
+            self._keep_frames(put_back=back | ({frame} - out), left_out=out - {frame})
+
+    def _keep_frames(self, **frames: Iterable[int]) -> None:
+        self.database.keep_values(INPUT, {name: sorted(own) for name, own in frames.items()})
+
+    def take_planned(self) -> None:
+        self.database.keep_values(INPUT, {"planned": []})
+
+    def rename(self, name: str) -> None:
+        """Rename the project; later calibrations use the name."""
+        self.database.keep_values(INPUT, {"name": label_of(name)})
+
+    @property
+    def dataset(self) -> Pair | None:
+        """The data of the pair, or of two cameras; None if an input is missing."""
+        return self.dataset_of(self.inputs)
+
+    def dataset_of(self, inputs: Inputs) -> Pair | None:
+        """The data of these inputs; None if one is missing."""
+
+        def made() -> Pair:
+            primary, secondary = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
+            file = self._file(inputs, "correspondences")
+            assert primary and secondary and file
+            return inputs.dataset(Path(file.label).stem, primary, secondary, _rows(file))
+
+        if self.is_rig:
+            return self._of_pair(inputs)
+        key = json.dumps(dataclasses.asdict(inputs), sort_keys=True)
+        return None if inputs.missing else once(Pair, key, made)
+
+    # Three cameras and more
+
+    @property
+    def recording(self) -> Recording | None:
+        """The data of all cameras, with what was stated and corrected; None if some are missing."""
+        return self.recording_of(self.inputs)
+
+    def recording_of(self, inputs: Inputs) -> Recording | None:
+        if (given := self.recording_as_given) is None:
+            dataset = self.dataset_of(inputs)
+            return None if dataset is None else dataset.recording
+        return once(Recording, self._key_of(inputs), lambda: inputs.of_rig(given))
+
+    @property
+    def recording_in_use(self) -> Recording | None:
+        """The data of all cameras without the frames that the user leaves out."""
+        inputs = self.inputs
+        if (recording := self.recording_of(inputs)) is None or not inputs.left_out:
+            return recording
+        return recording.where(~np.isin(recording.frame, inputs.left_out))
+
+    @property
+    def recording_as_given(self) -> Recording | None:
+        """The data of three cameras and more as their files say; None of two."""
+
+        def parsed() -> Recording:
+            files = self.database.files(RECORDING).items()
+            contents = {name: each.read_bytes() for name, each in files}
+            # The lens models were settled when it was given.
+            recording = parse_recording(contents, SOURCE, lens_model="brown")
+            with naming(SOURCE):
+                return in_step(recording)
+
+        return once(Recording, self._given_digest, parsed) if self.is_rig else None
+
+    @property
+    def _given_digest(self) -> str:
+        return " ".join(file.sha256 for file in self.database.files(RECORDING).values())
+
+    def _key_of(self, inputs: Inputs) -> str:
+        """Of the data of three cameras and more."""
+        return f"{self._given_digest} {json.dumps(dataclasses.asdict(inputs), sort_keys=True)}"
+
+    @property
+    def camera_count(self) -> int:
+        """How many cameras the data have, without reading their points."""
+        files = self.database.files(RECORDING).items()
+        described = {name: each.read_bytes() for name, each in files if name.endswith(DESCRIPTION)}
+        return len(find_description(described, SOURCE).entries["cameras"]) if described else 2
+
+    def keep_rig(self, rig: str, pairs: bytes, made_from: str = "") -> None:
+        """Store `rig.json` and the zip of its pairs' files; what its pairs had before goes.
+
+        Args:
+            made_from: the digest of the run.
+        """
+        files = {RIG: rig.encode(), PAIRS: pairs}
+        kept = {
+            name: dataclasses.replace(
+                self.database.keep_file(content, name), about={"label": name, MADE_FROM: made_from}
+            )
+            for name, content in files.items()
+        }
+        with self.database.transaction():
+            self.database.replace_files(RIG_FILES, kept)
+            self.database.forget_pairs()
+
+    @property
+    def rig(self) -> RigFile | None:
+        """All cameras, calibrated together; None before that."""
+        if (found := self.rig_file) is None:
+            return None
+        return once(RigFile, found.sha256, lambda: RigFile.loads(found.read_bytes().decode()))
+
+    @property
+    def rig_file(self) -> StoredFile | None:
+        """The stored `rig.json`."""
+        return self.database.file(RIG_FILES, RIG)
+
+    @property
+    def rig_made_from(self) -> str:
+        """The digest of the run that made the rig; empty of one that an earlier version stored."""
+        about = None if (found := self.rig_file) is None else found.about
+        return str(about.get(MADE_FROM, "")) if isinstance(about, dict) else ""
+
+    @property
+    def pair_files(self) -> bytes | None:
+        """The zip of the parameter files of all pairs."""
+        found = self.database.file(RIG_FILES, PAIRS)
+        return None if found is None else found.read_bytes()
+
+    @property
+    def pair_names(self) -> list[str]:
+        """The pairs of the rig that see enough bars together."""
+        if (rig := self.rig) is None:
+            return []
+        named = {pair_name(pair): pair for pair in combinations(rig.names, 2)}
+        return [name for name in named if (own := rig.about.pairs.get(name)) and own.bars]
+
+    def _of_pair(self, inputs: Inputs) -> Pair | None:
+        """The points of two cameras that the rig was fitted to, with its lenses and baseline."""
+        recording, file = self.recording_of(inputs), self.rig_file
+        if self.pair is None or recording is None:
+            return None
+        pair = recording.pair_named(self.pair)
+        key = f"{self.pair} {file and file.sha256} {self._key_of(inputs)}"
+        return once(Pair, key, lambda: data_of_pair(recording, pair, self.rig))
+
+    @property
+    def of_rig(self) -> RefineSettings | None:
+        """The settings with which the refined set of the pair is the rig's; None of two cameras."""
+        dataset, recording, rig = self.dataset, self.recording, self.rig
+        if self.pair is None or dataset is None or recording is None or rig is None:
+            return None
+        return settings_of_pair(dataset, recording.pair_named(self.pair), rig)
+
+    @property
+    def table(self) -> tuple[str, bytes] | None:
+        """Name and content of the table of points, if there is one."""
+        file = self._file(self.inputs, "correspondences")
+        return None if file is None else (file.label, file.read_bytes())
+
+    @property
+    def cameras(self) -> tuple[Camera | None, Camera | None]:
+        """The primary and the secondary camera; None for a missing one."""
+        inputs = self.inputs
+        return self._camera(inputs, "primary"), self._camera(inputs, "secondary")
+
+    def _file(self, inputs: Inputs, slot: Slot) -> StoredFile | None:
+        if slot not in inputs.files:
+            return None
+        return StoredFile(inputs.files[slot], self.database, inputs.labels[slot])
+
+    def _camera(self, inputs: Inputs, slot: Slot) -> Camera | None:
+        # The lens model was settled when it was uploaded.
+        file = self._file(inputs, slot)
+        if file is None:
+            return None
+        return once(
+            Camera, file.sha256, lambda: read_camera(file.read_bytes(), file.label, "brown")
+        )
+
+
+def _rows(file: StoredFile) -> Correspondences:
+    """The rows of a table, all of which must be valid."""
+    table = once(Table, file.sha256, lambda: read_table(file.read_bytes(), file.label))
+    return table.strict(file.label)
