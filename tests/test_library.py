@@ -129,8 +129,11 @@ def test_a_rig_is_calibrated_matched_and_checked() -> None:
     points = stereocal.reconstruct(found, tracks)
     assert len(points) == len(tracks)
     assert np.nanmedian(points["error_px"]) < 0.5  # 0.2 px
-    assert stereocal.check(found, some).verdict in ("same", "cannot tell")
-    figures = found.plot(), found.plot("cameras"), tracks.plot(), points.plot()
+    checked = stereocal.check(found, some)
+    assert checked.verdict in ("same", "cannot tell") and checked.repaired is None
+    figures = [found.plot(), found.plot("cameras"), tracks.plot(), points.plot()]
+    figures += [checked.plot(pair) for pair in checked.residuals]
+    assert len(figures) == 7
     assert all(len(figure.data) > 0 for figure in figures)
     assert repr(pickle.loads(pickle.dumps(found))) == repr(found)
 

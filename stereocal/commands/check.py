@@ -4,9 +4,8 @@ import argparse
 import hashlib
 import json
 import zipfile
+from functools import partial
 from pathlib import Path
-
-import numpy as np
 
 from stereocal.commands.console import Number, Options
 from stereocal.commands.options import (
@@ -18,16 +17,14 @@ from stereocal.commands.options import (
     recording_from,
     refuse_given,
 )
-from stereocal.field.checking.check_words import notes, sentence, to_json
 from stereocal.field.checking.fits import Smallest
-from stereocal.field.checking.new_images import images_of_bars
-from stereocal.field.checking.prior import Prior, prior_of
-from stereocal.field.checking.recheck import recheck
-from stereocal.field.checking.repair import REPAIRED, repaired_parameters
-from stereocal.field.checking.rig_check import check_rig
-from stereocal.fit.rig_file import RigFile, holds_rig
+from stereocal.field.checking.new_images import NewImages, images_of_bars
+from stereocal.field.checking.repair import REPAIRED
+from stereocal.field.checking.to_check import with_new
+from stereocal.fit.rig_file import Parameters, RigFile, holds_rig
 from stereocal.formats.inputs import STORED_PROJECT
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.recording import Recording
 from stereocal.system.atomic_files import read_whole
 from stereocal.workflow.given import images_in_table, recording_in
 
@@ -48,58 +45,64 @@ OPTIONS: Options = {
     **LENSES_AND_LENGTHS,
     **PAIR,
 }
-SMALLEST = Smallest()
-DEFAULTS = {"turn": float(np.degrees(SMALLEST.turn_rad)), "baseline_change": SMALLEST.baseline}
+DEFAULTS = {"turn": Smallest().turn_deg, "baseline_change": Smallest.baseline}
 
 
 def run(parsed: argparse.Namespace) -> None:
     """Check, write `check.json` and any repaired parameters, print the answer."""
-    smallest = Smallest(float(np.radians(parsed.turn)), parsed.baseline_change)
-    files: dict[str, bytes] = {}
-    path, data = parsed.parameters, parsed.dataset
-    if holds_rig(path):
-        names = ("sigma_px", "pair", "baseline_sigma", "distance_sigma")
-        refuse_given(parsed, WITH_RIG, *names)
-        rig = RigFile.load(path)
-        if data.is_file() and not zipfile.is_zipfile(data):
-            recording = recording_in(read_whole(data), str(data), rig)
-        else:
-            recording = recording_from(parsed, data)
-        whole = check_rig(rig, recording, smallest)
-        answer, told, remarks = whole.to_json(), whole.sentence, whole.notes
-    else:
-        path, prior = _prior(path)
-        is_file = data.is_file() and data.suffix != STORED_PROJECT
-        if is_file and not zipfile.is_zipfile(data):
-            why = "is for a data set: leave it out with a table"
-            refuse_given(parsed, why, "pair", "baseline_sigma", "distance_sigma")
-            images = images_in_table(data, str(data), prior.rig).stating(parsed.sigma_px)
-        else:
-            refuse_given(parsed, "is for a table of matched points", "sigma_px")
-            images = images_of_bars(dataset_from(parsed, data), prior.rig)
-        found = recheck(prior, images, smallest)
-        if found.offers_repair:
-            sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
-            files[REPAIRED] = repaired_parameters(found, sha256).dumps().encode()
-        answer, told = to_json(found, REPAIRED if found.offers_repair else None), sentence(found)
-        instead = f"{path} was checked instead: of this calibration, it fits the images best."
-        remarks = [instead * (path != parsed.parameters), *notes(found)]
-    answer = {**answer, "parameters": str(path), "dataset": str(data)}
-    text = json.dumps(answer, indent=2, allow_nan=False) + "\n"
-    finish(parsed.out, {"check.json": text.encode(), **files}, told, notes=remarks)
+    path, parameters = _parameters(parsed)
+    asked = with_new(parameters, partial(_images, parsed), partial(_recording, parsed))
+    found = asked.stating(parsed.sigma_px).check(
+        Smallest.of(parsed.turn, parsed.baseline_change),
+        str(path),
+        hashlib.sha256(path.read_bytes()).hexdigest(),
+    )
+    content = {**found.content, "parameters": str(path), "dataset": str(parsed.dataset)}
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    files = {"check.json": text.encode()}
+    if found.repaired is not None:
+        files[REPAIRED] = found.repaired.dumps().encode()
+    instead = f"{path} was checked instead: of this calibration, it fits the images best."
+    remarks = [instead * (path != parsed.parameters), *found.notes]
+    finish(parsed.out, files, found.sentence, notes=remarks)
 
 
-def _prior(path: Path) -> tuple[Path, Prior]:
-    """The prior of the file, or of the refined file of the same calibration beside it.
+def _parameters(parsed: argparse.Namespace) -> tuple[Path, Parameters]:
+    """The rig; or the parameters of the file, or of the refined file of the same calibration beside
+    it.
 
     That one is taken where the file states no covariance, and for a 3D set, whose images fit its
     lengths rather than each other.
     """
+    path: Path = parsed.parameters
+    if holds_rig(path):
+        names = ("sigma_px", "pair", "baseline_sigma", "distance_sigma")
+        refuse_given(parsed, WITH_RIG, *names)
+        return path, RigFile.load(path)
     rig = RigParameters.load(path)
     beside = path.with_name("parameters_refined.json")
     fits_images = "covariance" in (rig.uncertainties or {}) and rig.method != "3d"
     if not fits_images and beside != path and beside.is_file():
         refined = RigParameters.load(beside)
         if refined.inputs.get("sha256") == rig.inputs.get("sha256"):
-            return beside, prior_of(refined, str(beside))
-    return path, prior_of(rig, str(path))
+            return beside, refined
+    return path, rig
+
+
+def _images(parsed: argparse.Namespace, rig: RigParameters) -> NewImages:
+    """The new images of two cameras: a table, or a data set."""
+    path: Path = parsed.dataset
+    if path.is_file() and path.suffix != STORED_PROJECT and not zipfile.is_zipfile(path):
+        why = "is for a data set: leave it out with a table"
+        refuse_given(parsed, why, "pair", "baseline_sigma", "distance_sigma")
+        return images_in_table(path, str(path), rig)
+    refuse_given(parsed, "is for a table of matched points", "sigma_px")
+    return images_of_bars(dataset_from(parsed, path), rig)
+
+
+def _recording(parsed: argparse.Namespace, rig: RigFile) -> Recording:
+    """The new images of a rig, likewise."""
+    path: Path = parsed.dataset
+    if path.is_file() and not zipfile.is_zipfile(path):
+        return recording_in(read_whole(path), str(path), rig)
+    return recording_from(parsed, path)

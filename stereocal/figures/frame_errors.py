@@ -12,7 +12,6 @@ import plotly.graph_objects as go
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.field.checking.repair import Residuals
-from stereocal.field.checking.since import Since
 from stereocal.figures import style
 from stereocal.figures.style import MOST_DRAWN, add_trace
 from stereocal.fit.results import Calibration
@@ -304,14 +303,13 @@ BEFORE, AFTER = "Old parameters", "Repaired parameters"
 MARKS = {BEFORE: (style.WRONG_COLOUR, "circle-open"), AFTER: (style.CORRECT_COLOUR, "diamond")}
 
 
-def plot_check(residuals: Residuals, since: Since | None = None) -> go.Figure:
+def plot_check(residuals: Residuals) -> go.Figure:
     """Reprojection error and, with bars, length error of each frame, before and after the repair.
 
-    Args:
-        since: marks the frames that may be the first after the movement; the repaired parameters
-            do not hold for earlier ones.
+    The frames that may be the first after the movement are marked; the repaired parameters do not
+    hold for earlier ones.
     """
-    panels = _panels(residuals, since)
+    panels, since = _panels(residuals), residuals.since
     grid = {"shared_xaxes": True, "vertical_spacing": 0.06}
     figure = style.blank(340 if len(panels) == 1 else 520, len(panels), **grid)
     size = 9 if len(residuals.frames) <= MANY_FRAMES else 6
@@ -345,10 +343,10 @@ def plot_check(residuals: Residuals, since: Since | None = None) -> go.Figure:
     return figure
 
 
-def describe_check(residuals: Residuals, since: Since | None = None) -> str:
+def describe_check(residuals: Residuals) -> str:
     """The figure in words."""
-    parts = []
-    for (title, unit), series in _panels(residuals, since).items():
+    parts, since = [], residuals.since
+    for (title, unit), series in _panels(residuals).items():
         values = [
             f"{median_and_largest(errors)} {unit} with the {name.lower()}"
             for name, errors in series.items()
@@ -358,11 +356,9 @@ def describe_check(residuals: Residuals, since: Since | None = None) -> str:
     return f"{style.count(len(residuals.frames), 'frame')}. {'. '.join(parts)}.{later}"
 
 
-def _panels(
-    residuals: Residuals, since: Since | None
-) -> dict[tuple[str, str], dict[str, FloatArray]]:
+def _panels(residuals: Residuals) -> dict[tuple[str, str], dict[str, FloatArray]]:
     """By title and unit, the errors (n,) by the name of the parameters."""
-    reprojection, length = {}, {}
+    reprojection, length, since = {}, {}, residuals.since
     for name, errors in ((BEFORE, residuals.before), (AFTER, residuals.after)):
         if errors is None:
             continue

@@ -178,7 +178,7 @@ def _in_order(sides: Sides) -> Pairing:
     longer = int(len(second) > len(first))
     in_order = f"{count(len(twos), 'pair')} in order"
     if sides.equal:
-        sentences = [f"{in_order}: both cameras have as many. Look whether they agree."]
+        sentences = [f"{in_order}: both cameras have as many. Check that they agree."]
     else:
         sentences = [f"{in_order}, the first with the first."]
         more = len(alone)

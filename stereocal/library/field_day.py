@@ -5,21 +5,15 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.field.checking import check_words
-from stereocal.field.checking.findings import Recheck
 from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.new_images import NewImages, images_of_bars, images_of_pairs
-from stereocal.field.checking.repair import repaired_parameters, residuals_of
-from stereocal.field.checking.rig_check import RigCheck
-from stereocal.field.checking.to_check import with_new
+from stereocal.field.checking.to_check import CheckAnswer, with_new
 from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer
 from stereocal.fit.rig_file import RigFile
 from stereocal.fit.timing.started_by_hand import BroughtIntoStep, bring_into_step
@@ -162,42 +156,17 @@ def intrinsics(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Check(Answer):
-    """Whether a camera has moved since the parameters were found."""
-
-    found: Recheck | RigCheck
-
-    @property
-    def verdict(self) -> str:
-        """`moved`, `same` or `cannot tell`."""
-        return self.found.verdict
+class Check(Answer, CheckAnswer):
+    """Whether a camera has moved since the parameters were found; `verdict` is `moved`, `same` or
+    `cannot tell`."""
 
     @property
     def answer(self) -> list[str]:
-        of = self.found
-        told, notes = (
-            (of.sentence, of.notes)
-            if isinstance(of, RigCheck)
-            else (check_words.sentence(of), check_words.notes(of))
-        )
-        return [told, *(f"Note: {note}" for note in notes)]
+        return [self.sentence, *(f"Note: {note}" for note in self.notes)]
 
-    @cached_property
-    def repaired(self) -> RigParameters | None:
-        """The parameters after the movement; None if there is nothing to repair, or of a rig."""
-        if isinstance(self.found, Recheck) and self.found.offers_repair:
-            return repaired_parameters(self.found, None)
-        return None
-
-    def plot(self) -> go.Figure:
-        """The residuals by frame, before and after.
-
-        Raises:
-            StereocalError: of a rig: check its pairs.
-        """
-        if isinstance(self.found, RigCheck):
-            raise StereocalError("A rig has no such figure: check the parameters of a pair.")
-        return draw("frame_errors.plot_check", residuals_of(self.found), self.found.since)
+    def plot(self, pair: CameraPair | None = None) -> go.Figure:
+        """The residuals by frame, before and after; of the first pair, or of one."""
+        return draw("frame_errors.plot_check", self.residuals[pair or next(iter(self.residuals))])
 
 
 def check(
@@ -219,11 +188,6 @@ def check(
     Raises:
         StereocalError: the file has no covariance, or nothing fits the points.
     """
-    usual = Smallest()
-    smallest = Smallest(
-        usual.turn_rad if turn_deg is None else float(np.radians(turn_deg)),
-        baseline_change or usual.baseline,
-    )
 
     def images(two: RigParameters) -> NewImages:
         if isinstance(new, pd.DataFrame):
@@ -236,4 +200,5 @@ def check(
             raise StereocalError("A rig is checked with a recording of its cameras.")
         return new
 
-    return Check(with_new(parameters, images, recording).check(smallest)[0])
+    found = with_new(parameters, images, recording).check(Smallest.of(turn_deg, baseline_change))
+    return answering(Check, found)

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import pandas as pd
 
 from stereocal.errors import StereocalError, damaged
+from stereocal.field.checking.to_check import ToCheck
 from stereocal.fit.rig_file import RIG, Parameters, RigFile, is_rig, read_parameters
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.formats.point_answers import Answers, answered, answers_alike, layout_of
@@ -27,6 +28,7 @@ from stereocal.projects.project import Project, ProjectPart
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.csv_text import csv_text
+from stereocal.system.latest import Latest, once_or_refused
 from stereocal.system.names import can_be_shown, label_of
 from stereocal.system.records import of_plain, pack, plain
 from stereocal.system.zip_files import pack_zip, unzip
@@ -44,6 +46,8 @@ CLICKED_IN = "points clicked in the"
 """How the labels of points begin that were clicked on the page."""
 EARLIER = "image_sizes"
 """Of the results of earlier versions, which had no cameras."""
+_TO_CHECK: Latest[ToCheck | StereocalError] = Latest(16)
+"""By parameters and new images."""
 
 
 def slot_of(camera: str) -> Asked:
@@ -302,13 +306,24 @@ class ProjectCheck(ProjectPart):
 
     def keep_images(self, label: str, content: bytes, rig: Parameters | None = None) -> None:
         """Store new images, if those of the parameters can be checked with them."""
-        if rig is not None:
-            to_check(content, label, rig)
-        self.database.give(CHECK, IMAGES, label, content)
+        read = None if rig is None else to_check(content, label, rig)
+        file = self.database.give(CHECK, IMAGES, label, content)
+        if rig is not None and read is not None:
+            _TO_CHECK.keep(_named(rig, file), read)
+
+    def to_check(self, rig: Parameters, new: StoredFile) -> ToCheck:
+        """Parameters with new images, which are read once."""
+        return once_or_refused(
+            _TO_CHECK, _named(rig, new), lambda: to_check(new.read_bytes(), new.label, rig)
+        )
 
     def file(self, name: str) -> StoredFile | None:
         """`PARAMETERS` or `IMAGES`; None if not given."""
         return self.database.file(CHECK, name)
+
+
+def _named(rig: Parameters, new: StoredFile) -> str:
+    return f"{rig.digest} {new.sha256} {new.label}"
 
 
 def _written(table: pd.DataFrame) -> bytes:

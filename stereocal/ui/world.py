@@ -27,6 +27,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair
 from stereocal.rig.rig import camera_in_words
+from stereocal.system.latest import Latest, once_or_refused
 from stereocal.ui import jobs
 from stereocal.ui.apply_points import ask_noise, noise_field
 from stereocal.ui.downloads import offer
@@ -43,6 +44,8 @@ HELP = (
     "world.json, or a 4x4 matrix."
 )
 OF_RIG = "The pixels are those of two cameras of the rig, as the columns u_{0},v_{0},u_{1},v_{1}."
+
+_FRAMES: Latest[WorldFrame | StereocalError] = Latest(16)
 
 
 def choose_world(project: Project, store: ProjectApplication, rig: Parameters) -> Pose | None:
@@ -91,8 +94,13 @@ def _found(project: Project, file: StoredFile, rate: float | None, rig: Paramete
     content = file.read_bytes()
     cameras = pair_in_table(rig, content, file.label)
     observed = read_observed(content, file.label, rate, cameras)
-    key = f"{file.name} {rate} {rig.digest} {cameras}"
-    found = _world(key, rig, observed, _settings(project, observed, cameras), cameras)
+    settings = _settings(project, observed, cameras)
+    with st.spinner("Finding the world frame."):
+        found = once_or_refused(
+            _FRAMES,
+            f"{file.sha256} {rate} {rig.digest} {cameras} {settings}",
+            lambda: jobs.compute(find_world, rig, observed, settings, cameras),
+        )
     st.success(escape_markdown(found.sentence))
     for note in found.notes:
         st.caption(escape_markdown(note))
@@ -148,11 +156,3 @@ def _settings(project: Project, observed: Observed, cameras: CameraPair) -> Worl
 
 def _switch(project: Project, title: str, name: str) -> bool:
     return st.checkbox(title, **setting(project, f"world_{name}", False, yes_or_no).widget())
-
-
-@st.cache_resource(show_spinner="Finding the world frame.", max_entries=16)
-def _world(
-    key: str, _rig: Parameters, _observed: Observed, settings: WorldSettings, cameras: CameraPair
-) -> WorldFrame:
-    assert key
-    return jobs.compute(find_world, _rig, _observed, settings, cameras)

@@ -52,6 +52,7 @@ RESIDUALS = Residuals(
     np.arange(1, 6),
     FrameErrors(np.linspace(0.8, 1.4, 5), np.linspace(0.01, 0.04, 5)),
     FrameErrors(np.linspace(0.1, 0.2, 5), np.linspace(0.001, 0.005, 5)),
+    changed=True,
 )
 
 

@@ -1,6 +1,6 @@
 """The Check page, without a browser."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.zip_files import pack_zip
 from tests.pages.stored_projects import again, drop, go, project_of, told
+from tests.pages.test_once import counted
 from tests.rigs.bumps import Case, bumped, cases, matched, seen_by
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M
 
@@ -85,6 +86,31 @@ def test_files_alone_give_the_answer(begun: AppTest, files: Files) -> None:
     begun.number_input(key="check_turn_deg").set_value(1.0).run()
     begun.number_input(key="check_baseline_percent").set_value(5.0).run()
     assert "Same: no movement" in told(begun, "success")
+
+
+def test_parameters_without_covariance_are_named(begun: AppTest, files: Files) -> None:
+    known = RigParameters.loads(files.parameters, "p.json")
+    bare = replace(known, uncertainties=None).dumps().encode()
+    drop(begun, {"bare.json": bare}, "upload_check_parameters")
+    drop(begun, {"moved.zip": files.moved}, "upload_check_images")
+    assert "bare.json: the file does not state the covariance" in told(begun)
+    drop(begun, {"p.json": files.parameters}, "upload_check_parameters")
+    assert told(begun, "warning").startswith("Moved: ")
+
+
+def test_a_check_is_computed_once(
+    begun: AppTest, files: Files, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = counted(monkeypatch, "stereocal.field.checking.to_check.recheck")
+    drop(begun, {"p.json": files.parameters}, "upload_check_parameters")
+    drop(begun, {"once.zip": files.moved}, "upload_check_images")
+    again(begun, "check")
+    assert len(calls) == 1
+    begun.number_input(key="check_turn_deg").set_value(2.0).run()
+    assert len(calls) == 2
+    # The same numbers under another name, which messages have.
+    drop(begun, {"renamed.zip": files.moved}, "upload_check_images")
+    assert len(calls) == 3
 
 
 def test_the_repaired_parameters_are_used_by_one_press(

@@ -253,6 +253,16 @@ class Smallest:
     baseline: float = 0.001
     """Fraction of the baseline."""
 
+    @classmethod
+    def of(cls, turn_deg: float | None = None, baseline: float | None = None) -> "Smallest":
+        """That of these sizes; None: the usual."""
+        turn_rad = cls.turn_rad if turn_deg is None else float(np.radians(turn_deg))
+        return cls(turn_rad, baseline or cls.baseline)
+
+    @property
+    def turn_deg(self) -> float:
+        return float(np.degrees(self.turn_rad))
+
 
 @dataclass(frozen=True)
 class Power:

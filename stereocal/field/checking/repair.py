@@ -6,6 +6,7 @@ import numpy as np
 
 from stereocal.field.checking.findings import Recheck
 from stereocal.field.checking.fits import Fit
+from stereocal.field.checking.since import Since
 from stereocal.fit.errors.uncertainty import MEAN_OF_NORMAL, length_sigmas
 from stereocal.fit.least_squares.noise import ESTIMATED, GIVEN
 from stereocal.fit.least_squares.small_steps import FACTOR
@@ -98,6 +99,10 @@ class Residuals:
     """(n,): the frame numbers."""
     before: FrameErrors
     after: FrameErrors | None
+    changed: bool
+    """Whether the old parameters no longer hold."""
+    since: Since | None = None
+    """From which frame on they do not, if some were before."""
 
 
 def residuals_of(check: Recheck) -> Residuals:
@@ -109,4 +114,5 @@ def residuals_of(check: Recheck) -> Residuals:
         return FrameErrors(np.bincount(at, px) / np.bincount(at), length if images.bars else None)
 
     repaired = errors(check.repaired) if check.offers_repair else None
-    return Residuals(numbers, errors(check.prior.rig), repaired)
+    since = check.since if check.changed else None
+    return Residuals(numbers, errors(check.prior.rig), repaired, check.changed, since)

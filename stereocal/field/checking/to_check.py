@@ -1,20 +1,37 @@
-"""Parameters with the new images that they are checked with: of two cameras, or of a rig."""
+"""Parameters with the new images that they are checked with, of two cameras or of a rig; and the
+answer."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
-from stereocal.field.checking.findings import Recheck
+from stereocal.field.checking import check_words
+from stereocal.field.checking.findings import Verdict
 from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
-from stereocal.field.checking.repair import Residuals, residuals_of
-from stereocal.field.checking.rig_check import RigCheck, check_rig
+from stereocal.field.checking.repair import REPAIRED, Residuals, repaired_parameters, residuals_of
+from stereocal.field.checking.rig_check import check_rig
 from stereocal.fit.rig_file import Parameters, RigFile
-from stereocal.fit.start.pairs import pair_name
 from stereocal.matching.point_noise import PointNoise, noise_of_calibration
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.recording import Recording
+from stereocal.rig.recording import CameraPair, Recording
+
+
+@dataclass(frozen=True, eq=False)
+class CheckAnswer:
+    """What new images say about parameters: what the command writes and the page draws."""
+
+    verdict: Verdict
+    sentence: str
+    notes: Sequence[str]
+    content: Mapping[str, Any]
+    """Of `check.json`, but for the names of the files."""
+    residuals: Mapping[CameraPair, Residuals]
+    repaired: RigParameters | None
+    """None if there is nothing to repair, or of a rig."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +56,28 @@ class PairToCheck:
         """With the noise of matched points."""
         return replace(self, images=self.images.stating(sigma_px))
 
-    def check(self, smallest: Smallest) -> tuple[Recheck | RigCheck, Mapping[str, Residuals]]:
-        """The answer, and the errors by pair; the only one has no name."""
-        found = recheck(prior_of(self.parameters), self.images, smallest)
-        return found, {"": residuals_of(found)}
+    def check(
+        self, smallest: Smallest, source: str = "parameters", sha256: str | None = None
+    ) -> CheckAnswer:
+        """The answer.
+
+        Args:
+            source: what the parameters are called in messages.
+            sha256: of their file, which the repaired ones name; None if they are of no file.
+
+        Raises:
+            StereocalError: the parameters have no covariance, or nothing fits the points.
+        """
+        found = recheck(prior_of(self.parameters, source), self.images, smallest)
+        offered = found.offers_repair
+        return CheckAnswer(
+            found.verdict,
+            check_words.sentence(found),
+            check_words.notes(found),
+            check_words.to_json(found, REPAIRED if offered else None),
+            {self.parameters.camera_names or CAMERAS: residuals_of(found)},
+            repaired_parameters(found, sha256) if offered else None,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +93,19 @@ class RigToCheck:
         """Itself: bars tell their noise."""
         return self
 
-    def check(self, smallest: Smallest) -> tuple[Recheck | RigCheck, Mapping[str, Residuals]]:
-        """The answer, and the errors by pair."""
+    def check(
+        self, smallest: Smallest, _source: str = "", _sha256: str | None = None
+    ) -> CheckAnswer:
+        """The answer; a rig is calibrated again, not repaired.
+
+        Raises:
+            StereocalError: no pair of its cameras can be checked.
+        """
         found = check_rig(self.parameters, self.recording, smallest)
-        return found, {pair_name(pair): residuals_of(own) for pair, own in found.pairs.items()}
+        residuals = {pair: residuals_of(own) for pair, own in found.pairs.items()}
+        return CheckAnswer(
+            found.verdict, found.sentence, found.notes, found.to_json(), residuals, None
+        )
 
 
 ToCheck = PairToCheck | RigToCheck
