@@ -30,12 +30,12 @@ import numpy as np
 from benchmarks.studies import exact_interval, numbers_asked
 from stereocal.detection.target import in_reading_order
 from stereocal.errors import StereocalError
-from stereocal.fit.timing.frame_rates import at_slowest
 from stereocal.fit.timing.offset_of_pair import OffsetOfPair, offset_of_pair
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.frames.by_motion import found_by_motion
 from stereocal.frames.pairing import ByHand
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.frame_rates import at_slowest
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import TimeOffset, interpolate

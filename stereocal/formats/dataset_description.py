@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import StereocalError, naming
-from stereocal.fit.timing.frame_rates import RATES
 from stereocal.formats.camera_file import read_camera
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
+from stereocal.rig.frame_rates import RATES
 from stereocal.rig.measured_lengths import check_length, check_lengths, check_uncertainty
 from stereocal.rig.recording import NO_POINTS, CameraPair, Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from stereocal.errors import RefusedRowsError, StereocalError, disk_errors, naming
-from stereocal.fit.timing.frame_rates import RATES, at_stated_rates
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.dataset_description import (
@@ -32,6 +31,7 @@ from stereocal.formats.dataset_description import (
 )
 from stereocal.formats.points_csv import read_points_csv, write_points
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
+from stereocal.rig.frame_rates import RATES, at_stated_rates
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import COLUMNS, Recording
 from stereocal.system.limits import Limits

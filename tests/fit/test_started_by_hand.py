@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from stereocal.errors import StereocalError
-from stereocal.fit.timing.frame_rates import at_slowest
 from stereocal.fit.timing.offset_of_pair import offset_of_pair
 from stereocal.fit.timing.started_by_hand import bring_into_step
 from stereocal.formats.dataset_files import read_recording
 from stereocal.rig.camera import CAMERAS
+from stereocal.rig.frame_rates import at_slowest
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import field_rig

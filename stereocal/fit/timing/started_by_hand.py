@@ -13,8 +13,8 @@ import pandas as pd
 from stereocal.calibration.corrections import with_targets
 from stereocal.errors import StereocalError
 from stereocal.fit.start.pairs import reached
-from stereocal.fit.timing.frame_rates import at_slowest
 from stereocal.fit.timing.offset_of_pair import OffsetOfPair, exact, in_frames, offset_of_pair
+from stereocal.rig.frame_rates import at_slowest
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.answers import TableAnswer
