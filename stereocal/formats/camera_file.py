@@ -26,6 +26,7 @@ from stereocal.formats.file_storage import (
 )
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.rig.camera import Camera, LensModel, LensUncertainty
+from stereocal.system.arguments import checked
 from stereocal.system.array_types import FloatArray
 from stereocal.system.dialect import encoding_of
 
@@ -175,6 +176,7 @@ def agreed_size(
     return size
 
 
+@checked
 def read_camera(
     content: bytes | str | Path,
     source: str = "",

@@ -34,6 +34,7 @@ from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.frame_rates import RATES, at_stated_rates
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import COLUMNS, Recording
+from stereocal.system.arguments import checked
 from stereocal.system.limits import Limits
 from stereocal.system.photograph_files import is_photograph
 from stereocal.system.records import plain
@@ -44,6 +45,7 @@ NAMED = frozenset((".ini", ".conf", ".mat"))
 """Read if small, for a helpful error message where `dataset.json` names them as cameras."""
 
 
+@checked
 def read_dataset(
     path: str | Path, lens_model: LensModel | None = None, pair: str | None = None
 ) -> Pair:

@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 import pandas as pd
@@ -32,6 +32,7 @@ from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.system.answers import TableAnswer, answering
+from stereocal.system.arguments import checked
 from stereocal.system.atomic_files import write_all
 from stereocal.system.executors import engine
 from stereocal.system.numbers import count
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
 Look = Literal["rig", "errors", "validation", "disagreement", "accuracy", "residuals"]
 
 
+@checked
 def read(
     path: str | Path, pair: str | None = None, lens_model: LensModel | None = None
 ) -> Pair | Recording:
@@ -87,6 +89,13 @@ def pair_of(given: Pair | Recording) -> Pair:
     return pair_to_calibrate(recording)
 
 
+class Sets(dict[Method, RigParameters]):
+    """Parameter sets by method."""
+
+    def __missing__(self, method: object) -> RigParameters:
+        raise StereocalError(f"There is no parameter set {method!r}: there are {', '.join(self)}.")
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class CalibrationRun(TableAnswer, Calibration):
     """The sets of all methods, which of them to use for what, and how good they are."""
@@ -107,14 +116,15 @@ class CalibrationRun(TableAnswer, Calibration):
         return self._found.recommendation
 
     @property
-    def sets(self) -> dict[Method, RigParameters]:
+    def sets(self) -> Sets:
         """The parameter sets: 2d, 3d and, if available, refined."""
-        return self._found.sets
+        return Sets(self._found.sets)
 
     @property
     def answer(self) -> list[str]:
         return [*self.recommendation.answer, *(f"Note: {note}" for note in self.warnings)]
 
+    @checked
     def evaluate(
         self,
         runs: int = 100,
@@ -142,11 +152,13 @@ class CalibrationRun(TableAnswer, Calibration):
         vars(self)["_found"] = PairAnswer(self.run, validation)
         return Validation(validation)
 
+    @checked
     def save(self, folder: str | Path) -> None:
         """Write the parameter files of all sets, all or none."""
         files = self._found.parameter_files
         write_all({Path(folder) / name: content for name, content in files.items()})
 
+    @checked
     def export(self, to: str, path: str | Path, method: Method | None = None) -> None:
         """Write a set for another program, as `stereocal.export`.
 
@@ -175,6 +187,7 @@ class CalibrationRun(TableAnswer, Calibration):
         }
         return pd.DataFrame(rows).T.rename_axis("method")
 
+    @checked
     def plot(self, look: Look | None = None, method: Method | None = None) -> go.Figure:
         """A figure of the page.
 
@@ -185,7 +198,7 @@ class CalibrationRun(TableAnswer, Calibration):
             method: of the rig; None: the one to measure with.
 
         Raises:
-            StereocalError: there is no such look, no validation yet, or no refined set.
+            StereocalError: there is no such look or set, or no validation yet.
         """
         evaluation = self._found.evaluation
         look = look or ("rig" if evaluation is None else "validation")
@@ -201,9 +214,7 @@ class CalibrationRun(TableAnswer, Calibration):
             return draw("one_set.plot_disagreement", self.inputs)
         if look == "accuracy":
             return draw("accuracy.plot_accuracy", self.run.maps, self.run.refined_set)
-        if look == "residuals":
-            return draw("lens.plot_misfit", self.run.misfit)
-        raise StereocalError(f'There is no look "{look}": choose of {", ".join(get_args(Look))}.')
+        return draw("lens.plot_misfit", self.run.misfit)
 
 
 @overload
@@ -226,6 +237,7 @@ def calibrate(
 ) -> CalibrationRun | CalibratedRig: ...
 
 
+@checked
 def calibrate(
     dataset: Pair | Recording,
     settings: CalibrationSettings | None = None,
@@ -301,6 +313,7 @@ class Validation(TableAnswer):
         }
         return pd.DataFrame(rows).T.rename_axis(["data set", "method"])
 
+    @checked
     def plot(self, look: Literal["methods", "data sets"] = "methods") -> go.Figure:
         """The paper's figure: residual, reprojection and 3D error of each method; or the figures
         of each data set."""
@@ -319,6 +332,7 @@ def _flat(figures: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
+@checked
 def evaluate(
     recordings: Sequence[Pair | Recording],
     runs: int = 100,
@@ -339,6 +353,8 @@ def evaluate(
         executor: None: threads.
     """
     pairs = [pair_of(recording) for recording in recordings]
+    if not pairs:
+        raise StereocalError("There is no recording to validate on: give one or more.")
     asked = EvaluationSettings(
         settings or CalibrationSettings(), runs, calibration_frames, splits, refined
     )
@@ -366,11 +382,13 @@ class CalibratedRig(TableAnswer, RigFile):
         """The cameras with their standard errors."""
         return pd.DataFrame(of_figures("rig_report.camera_table", self))
 
+    @checked
     def plot(self, look: Literal["pairs", "cameras"] = "pairs") -> go.Figure:
         """Which cameras share how many bars; or the cameras in space."""
         return draw(f"rig_report.plot_{'cameras' if look == 'cameras' else 'rig_graph'}", self)
 
 
+@checked
 def rig(
     recording: Recording, time_offsets: bool | None = None, baseline_sigma_m: float | None = None
 ) -> CalibratedRig:

@@ -34,6 +34,7 @@ from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.system.answers import Answer, TableAnswer, answering
+from stereocal.system.arguments import checked
 from stereocal.system.executors import engine
 from stereocal.system.photograph_files import photographs_of
 from stereocal.system.resources import ROOT
@@ -42,15 +43,16 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 
+@checked
 def sample(name: str) -> Path:
     """The folder of sample data, to read and to copy; `stereocal sample --help` lists them."""
-    folder = ROOT / "sample_data" / name
-    if not folder.is_dir():
-        known = sorted(each.name for each in (ROOT / "sample_data").iterdir() if each.is_dir())
-        raise StereocalError(f'There is no sample "{name}": there are {", ".join(known)}.')
-    return folder
+    known = {each.name: each for each in (ROOT / "sample_data").iterdir() if each.is_dir()}
+    if name not in known:
+        raise StereocalError(f'There is no sample "{name}": there are {", ".join(sorted(known))}.')
+    return known[name]
 
 
+@checked
 def simulate(datasets: int = 19, frames: int = 25, seed: int = 0) -> list[Pair]:
     """Simulated data sets as the paper's nineteen, each with another bar and baseline."""
     return [dataset for _, dataset in simulate_nineteen(seed, datasets, frames)]
@@ -68,11 +70,13 @@ class Plan(TableAnswer, PlanForecast):
         """The figures of each set."""
         return pd.DataFrame(of_figures("tables.plan_table", self))
 
+    @checked
     def plot(self, look: Literal["depths", "map"] = "depths") -> go.Figure:
         """The length error by depth; or the errors by place, from above and from the side."""
         return draw(f"plan_report.plot_plan_{look}", [self] if look == "depths" else self)
 
 
+@checked
 def plan(
     path: str | Path, rigs: int | None = None, seed: int = 0, lens_model: LensModel | None = None
 ) -> Plan:
@@ -91,11 +95,14 @@ class InStep(BroughtIntoStep):
     """Cameras that were started by hand, in one count of frames: `recording` is to calibrate
     from."""
 
+    @checked
     def plot(self, pair: CameraPair | None = None) -> go.Figure:
         """The distance from the epipolar lines against the offset; of the first pair, or of one."""
-        return draw("started_by_hand.plot_offsets", self.pairs[pair or next(iter(self.pairs))])
+        pair = self.recording.pair_named("-".join(pair)) if pair else next(iter(self.pairs))
+        return draw("started_by_hand.plot_offsets", self.pairs[pair])
 
 
+@checked
 def sync(recording: str | Path | Recording, lens_model: LensModel | None = None) -> InStep:
     """Bring cameras into step that were started by hand and count their own frames.
 
@@ -123,12 +130,14 @@ class Lens(TableAnswer, LensCalibration):
         """The values with their standard errors."""
         return pd.DataFrame(lens_rows(self), columns=LENS_COLUMNS).set_index(LENS_COLUMNS[0])
 
+    @checked
     def plot(self, look: Literal["residuals", "photographs", "draws"] = "residuals") -> go.Figure:
         """Residuals over the image; errors by photograph; or the scatter of the draws."""
         drawn = {"photographs": "plot_view_errors", "draws": "plot_draws"}
         return draw(f"lens.{drawn.get(look, 'plot_residual_field')}", self)
 
 
+@checked
 def intrinsics(
     photographs: str | Path | Iterable[str | Path],
     board: str | BoardPattern,
@@ -164,11 +173,13 @@ class Check(Answer, CheckAnswer):
     def answer(self) -> list[str]:
         return [self.sentence, *(f"Note: {note}" for note in self.notes)]
 
+    @checked
     def plot(self, pair: CameraPair | None = None) -> go.Figure:
         """The residuals by frame, before and after; of the first pair, or of one."""
         return draw("frame_errors.plot_check", self.residuals[pair or next(iter(self.residuals))])
 
 
+@checked
 def check(
     parameters: RigParameters | RigFile,
     new: Pair | Recording | pd.DataFrame,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 import pandas as pd
 
+from stereocal.errors import StereocalError
 from stereocal.fit.rig_file import Parameters
 from stereocal.library.drawing import draw
 from stereocal.matching.match_tables import match_tables
@@ -25,6 +26,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import PlacedCameras
 from stereocal.system.answers import TableAnswer
+from stereocal.system.arguments import checked
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -67,6 +69,7 @@ class _Table(TableAnswer, pd.DataFrame):
 class Pairs(_Table):
     """Pairs of points, of a rig tracks; the columns are those of `pairs.csv` and `tracks.csv`."""
 
+    @checked
     def plot(self) -> go.Figure:  # type: ignore[override]
         """The errors of the pairs, and of their second-best partners, with the threshold."""
         errors = self.to_dataframe().reindex(columns=["error_px", "runner_up_px"])
@@ -81,11 +84,13 @@ class Points(_Table):
     rig: PlacedCameras
     world: Pose | None
 
+    @checked
     def plot(self, colour: Literal["frame", "error"] = "error") -> go.Figure:  # type: ignore[override]
         """The points in space with the cameras."""
         return draw("measured.plot_points", self.to_dataframe(), colour, self.rig, world=self.world)
 
 
+@checked
 def match(
     rig: Parameters,
     primary: pd.DataFrame | Mapping[str, pd.DataFrame],
@@ -120,6 +125,8 @@ def match(
     )
     if secondary is not None:
         tables[CAMERAS[1]] = secondary
+    if not tables:
+        raise StereocalError("There are no points to match: give a table of each camera.")
     given = {
         which: PointTable(table, label=f"the {which} table") for which, table in tables.items()
     }
@@ -137,6 +144,7 @@ def match(
     return Pairs.of(pd.concat(rows, ignore_index=True), report)
 
 
+@checked
 def reconstruct(
     rig: Parameters, pairs: pd.DataFrame, world: Pose | None = None, sigma_px: float | None = None
 ) -> Points:

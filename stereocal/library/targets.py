@@ -30,6 +30,7 @@ from stereocal.rig.pair import Pair
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.answers import TableAnswer
+from stereocal.system.arguments import checked
 from stereocal.system.executors import engine
 from stereocal.system.photograph_files import Photographs, of_the_bar, photographs_in
 from stereocal.system.taken import when_taken
@@ -59,12 +60,14 @@ class FoundTargets(TableAnswer):
         """The table of points."""
         return self.recording.to_dataframe()
 
+    @checked
     def plot(self, pair: CameraPair | None = None) -> go.Figure:
         """Where the points lie in the images of two cameras: of the first pair, or of one."""
         found = recording_of(self.recording)
         return draw("coverage.plot_coverage", found.pair(*(pair or found.pairs[0])))
 
 
+@checked
 def detect(
     path: str | Path,
     target: str = "bar2x2",

@@ -48,8 +48,9 @@ def match_tables(
     unknown = [name for name in tables if name not in rig.placed]
     if unknown or len(tables) < 2:
         raise StereocalError(
-            f"Give the points of two cameras at least, each as NAME=FILE; the rig has the cameras "
-            f"{', '.join(rig.placed)}" + (f", not {unknown[0]!r}." if unknown else ".")
+            f"Give the points of two cameras at least; the rig has the cameras "
+            f"{', '.join(rig.placed)}" + (f", not {unknown[0]!r}." if unknown else "."),
+            option="NAME=FILE for each",
         )
     stated = stated or Stated()
     given = TablesByCamera.checked(tables, rig, stated.names)

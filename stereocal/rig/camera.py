@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereocal.errors import StereocalError, naming, refuse
+from stereocal.errors import StereocalError, damaged, naming, refuse
 from stereocal.rig.compiled import contiguous
 from stereocal.rig.fisheye import LARGEST_ANGLE, fill_distorted, fill_undistorted, largest_angle
 from stereocal.rig.geometry import homogeneous
@@ -140,11 +140,14 @@ class Camera(Answer):
     model: LensModel = "brown"
 
     def __post_init__(self) -> None:
-        K, distortion = _kept(self, "K", self.K), np.ravel(self.distortion)
-        if self.is_fisheye and not distortion.size:
-            distortion = np.zeros(4)
-        distortion = _kept(self, "distortion", distortion)
-        width, height = (int(side) for side in self.image_size)
+        with damaged(
+            "A camera has a matrix K and a distortion of numbers, and an image_size (w, h)."
+        ):
+            K, distortion = _kept(self, "K", self.K), np.ravel(self.distortion)
+            if self.is_fisheye and not distortion.size:
+                distortion = np.zeros(4)
+            distortion = _kept(self, "distortion", distortion)
+            width, height = (int(side) for side in self.image_size)
         object.__setattr__(self, "image_size", (width, height))
         refuse((K.shape != (3, 3), f"The camera matrix K must be 3x3, not {K.shape}."))
         (fx, fy), n = np.diag(K)[:2], distortion.size

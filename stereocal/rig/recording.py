@@ -22,6 +22,7 @@ from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import Held, RigidObject
 from stereocal.rig.tracks import Interpolated, TimeOffset, interpolate
 from stereocal.system.answers import TableAnswer
+from stereocal.system.arguments import checked
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.names import check_camera_names
 from stereocal.system.numbers import count
@@ -142,6 +143,7 @@ class Recording(TableAnswer):
         return table
 
     @classmethod
+    @checked
     def from_dataframe(
         cls,
         table: pd.DataFrame,
@@ -186,6 +188,7 @@ class Recording(TableAnswer):
         )
 
     @classmethod
+    @checked
     def from_arrays(
         cls,
         frame: npt.ArrayLike,
@@ -215,10 +218,17 @@ class Recording(TableAnswer):
             StereocalError: a name is unknown, a point is twice, not finite or outside its image,
                 or a length is impossible.
         """
-        rigid_object, cameras = RigidObject.of(held), _by_name(cameras)
-        pixels = _numbers("image point", points).reshape(-1, 2)
-        numbers = _numbers("frame", frame)
+        rigid_object = RigidObject.of(held)
+        cameras = {str(called): own for called, own in cameras.items()}
+        pixels, numbers = _numbers("image point", points), _numbers("frame", frame)
+        camera, target = [*camera], [*target]
+        lengths = [len(column) for column in (camera, target)]
         refuse(
+            (len(cameras) < 2, "A recording needs two cameras or more."),
+            (
+                lengths != [numbers.size] * 2 or pixels.shape not in ((numbers.size, 2), (0,)),
+                "Frame, camera and target need n values each, and the points the shape (n, 2).",
+            ),
             (not np.isfinite(pixels).all(), "An image point is not a finite number."),
             (not (numbers == np.round(numbers)).all(), "A frame is not a whole number."),
             (
@@ -233,7 +243,7 @@ class Recording(TableAnswer):
             numbers.astype(np.int64),
             _codes("camera", camera, [*cameras]),
             _codes("target", target, rigid_object.names),
-            pixels,
+            pixels.reshape(-1, 2),
             np.full(len(pixels), np.nan)
             if sigma_px is None
             else np.array(sigma_px, dtype=np.float64),
@@ -523,6 +533,7 @@ class Recording(TableAnswer):
         """The stated distance of two cameras; None if there is none."""
         return self.baselines_m.get((first, second), self.baselines_m.get((second, first)))
 
+    @checked
     def pair(self, first: str, second: str) -> Pair:
         """The view of two cameras, of the points that both see.
 
@@ -564,6 +575,10 @@ class Recording(TableAnswer):
     def _common(self, first: str, second: str) -> tuple[IntArray, IntArray]:
         """The rows of two cameras with the same target in the same frame, in the first's order."""
         names = list(self.cameras)
+        if unknown := {first, second} - {*names}:
+            raise StereocalError(
+                f'There is no camera "{unknown.pop()}": there are {", ".join(names)}.'
+            )
         rows = [np.flatnonzero(self.camera == names.index(name)) for name in (first, second)]
         width = len(self.object.names)
         of_first, of_second = (
@@ -606,17 +621,6 @@ def _of_two(rows: Correspondences) -> dict[str, Any]:
             for column in [getattr(rows, name)]
         },
     }
-
-
-def _by_name(cameras: Mapping[Any, Camera]) -> dict[str, Camera]:
-    """The cameras by names that are text; refuses what is not read yet, such as a path."""
-    for name, camera in cameras.items():
-        if not isinstance(camera, Camera):
-            raise StereocalError(
-                f"The camera {name} is given as {type(camera).__name__}: read its file first, "
-                "with `read_camera(path)`."
-            )
-    return {str(name): camera for name, camera in cameras.items()}
 
 
 def _numbers(what: str, values: npt.ArrayLike) -> FloatArray:

@@ -16,6 +16,7 @@ import numpy as np
 import scipy
 
 from stereocal.errors import DAMAGED, StereocalError, naming
+from stereocal.system.arguments import checked
 from stereocal.system.atomic_files import read_whole, write_atomically
 from stereocal.system.json_text import read_json
 from stereocal.version import __version__
@@ -71,11 +72,13 @@ class ResultFile(ABC):
         """The file as text."""
         return json.dumps(self.to_json(), indent=self.INDENT, allow_nan=False) + "\n"
 
+    @checked
     def save(self, path: str | Path) -> None:
         """Write the file, whole or not at all."""
         write_atomically(Path(path), self.dumps().encode())
 
     @classmethod
+    @checked
     def load(cls, path: str | Path) -> Self:
         """Read a file."""
         if Path(path).is_dir():

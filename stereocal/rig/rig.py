@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -42,6 +42,7 @@ class PlacedCamera(NamedTuple):
         return {**self.camera.to_json(), **self.pose.to_json()}
 
 
+@runtime_checkable
 class PlacedCameras(Protocol):
     """Two cameras or more."""
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from stereocal.errors import StereocalError
+from stereocal.system.arguments import checked
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.names import check_name
 
@@ -93,6 +94,7 @@ class BoardPattern:
             )
 
     @classmethod
+    @checked
     def parse(
         cls,
         size: str,

@@ -48,8 +48,10 @@ def simulate_nineteen(
     seed: int, datasets: int = DATASETS, frames: int = FRAMES
 ) -> list[tuple[Scene, Pair]]:
     """The scene and the data set of each, by ascending baseline."""
-    if datasets < 1 or frames < 1:
-        raise StereocalError("The numbers of data sets and of frames must be at least 1.")
+    if datasets < 1 or frames < 1 or seed < 0:
+        raise StereocalError(
+            "The numbers of data sets and of frames must be at least 1, the seed at least 0."
+        )
     common, *of_datasets = (
         np.random.default_rng(sequence)
         for sequence in np.random.SeedSequence(seed).spawn(1 + datasets)

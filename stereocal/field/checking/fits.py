@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import chdtri, chndtr, chndtrinc, fdtrc
 
+from stereocal.errors import StereocalError
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import Prior
 from stereocal.fit.least_squares.observations import Observations
@@ -253,11 +254,15 @@ class Smallest:
     baseline: float = 0.001
     """Fraction of the baseline."""
 
+    def __post_init__(self) -> None:
+        if not (self.turn_rad > 0.0 and self.baseline > 0.0):
+            raise StereocalError("The smallest turn and change of the baseline must be above 0.")
+
     @classmethod
     def of(cls, turn_deg: float | None = None, baseline: float | None = None) -> "Smallest":
         """That of these sizes; None: the usual."""
         turn_rad = cls.turn_rad if turn_deg is None else float(np.radians(turn_deg))
-        return cls(turn_rad, baseline or cls.baseline)
+        return cls(turn_rad, cls.baseline if baseline is None else baseline)
 
     @property
     def turn_deg(self) -> float:

@@ -30,6 +30,7 @@ from stereocal.formats.file_storage import LARGEST_BYTES, ForeignFile, find_node
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras, Rig
+from stereocal.system.arguments import checked
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import rounded
 
@@ -160,6 +161,7 @@ def export_files(
     return known.write([known.fitting(own) for own in cameras], options or ExchangeOptions())
 
 
+@checked
 def export(
     rig: PlacedCameras, name: str, path: str | Path, options: ExchangeOptions | None = None
 ) -> list[Path]:
@@ -223,6 +225,7 @@ def import_files(
     return RigParameters(rig.primary, rig.secondary, rig.pose, "imported", None, {}, inputs)
 
 
+@checked
 def import_parameters(
     path: str | Path, name: str, options: ExchangeOptions | None = None
 ) -> RigParameters:

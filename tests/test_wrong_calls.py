@@ -1,0 +1,194 @@
+"""Calls of the library with something else than is meant: an error that says what is."""
+
+import inspect
+import re
+import types
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import stereocal
+from stereocal.library.calibrations import CalibrationRun
+from stereocal.system.arguments import INSTEAD, WAYS
+
+library: Any = stereocal
+"""Called wrongly on purpose, which type checkers see."""
+FIELD = Path(__file__).parents[1] / "sample_data" / "field"
+
+
+class Given:
+    """What a script has at hand."""
+
+    def __init__(self) -> None:
+        self.path = str(FIELD)
+        self.recording = library.read(FIELD)
+        self.run = library.calibrate(self.recording)
+        self.table = self.recording.to_dataframe()
+        self.points = self.table[["frame"]].assign(u=1.0, v=1.0)
+        self.array = np.zeros((3, 4))
+        self.camera = self.recording.primary
+        self.cameras = {"primary": self.camera, "secondary": self.camera}
+        self.two_d = self.run.sets["2d"]
+
+
+@pytest.fixture(scope="module")
+def given() -> Given:
+    return Given()
+
+
+READ, SET, TABLE = r"stereocal\.read\(path\)", r'run\.sets\["2d"\]', r"read_csv\(path\)"
+PATH = r"path must be str \| Path"
+CALLS: dict[str, tuple[Callable[[Given], object], str]] = {
+    "read a recording": (lambda it: library.read(it.recording), PATH),
+    "read a table": (lambda it: library.read(it.table), PATH),
+    "read a list": (lambda it: library.read([it.path]), PATH),
+    "read as nothing": (lambda it: library.read(it.path, None, it.path), "'brown' | 'fisheye'"),
+    "read_dataset a table": (lambda it: library.read_dataset(it.table), PATH),
+    "read_camera a camera": (lambda it: library.read_camera(it.camera), "Path, not Camera"),
+    "calibrate a path": (lambda it: library.calibrate(it.path), READ),
+    "calibrate a Path": (lambda it: library.calibrate(Path(it.path)), READ),
+    "calibrate a table": (lambda it: library.calibrate(it.table), READ),
+    "calibrate an array": (lambda it: library.calibrate(it.array), READ),
+    "calibrate None": (lambda _: library.calibrate(None), READ),
+    "calibrate a run": (lambda it: library.calibrate(it.run), r"run\.dataset"),
+    "calibrate with words": (
+        lambda it: library.calibrate(it.recording, it.path),
+        r"CalibrationSettings\(\)",
+    ),
+    "calibrate with a seed": (
+        lambda it: library.calibrate(it.recording, seed=1),
+        "'seed'; it takes dataset, settings",
+    ),
+    "calibrate nothing": (lambda _: library.calibrate(), "'dataset'"),
+    "evaluate a path": (lambda it: library.evaluate(it.path), READ),
+    "evaluate a recording": (lambda it: library.evaluate(it.recording), "into a list"),
+    "evaluate paths": (lambda it: library.evaluate([it.path]), READ),
+    "evaluate a table": (lambda it: library.evaluate(it.table), READ),
+    "evaluate nothing": (lambda _: library.evaluate([]), "no recording"),
+    "evaluate half a run": (lambda it: library.evaluate([it.recording], runs=2.5), "int, not 2.5"),
+    "rig of a path": (lambda it: library.rig(it.path), READ),
+    "rig of a pair": (lambda it: library.rig(it.recording), r"pair\.recording"),
+    "match with a path": (lambda it: library.match(it.path, it.table, it.table), SET),
+    "match with a run": (lambda it: library.match(it.run, it.table, it.table), SET),
+    "match with a name": (lambda it: library.match("2d", it.table, it.table), SET),
+    "match files": (lambda it: library.match(it.two_d, it.path, it.path), TABLE),
+    "match files by name": (lambda it: library.match(it.two_d, {"primary": it.path}), TABLE),
+    "match an array": (lambda it: library.match(it.two_d, it.array, it.array), TABLE),
+    "match no table": (lambda it: library.match(it.two_d, {}), "no points"),
+    "match one table": (lambda it: library.match(it.two_d, it.points), "primary, secondary"),
+    "match to one depth": (
+        lambda it: library.match(it.two_d, it.table, it.table, depths_m=(3.0,)),
+        "depths_m",
+    ),
+    "match with a set that is not": (lambda it: it.run.sets["4d"], "2d, 3d, refined"),
+    "reconstruct with a path": (lambda it: library.reconstruct(it.path, it.table), SET),
+    "reconstruct a file": (lambda it: library.reconstruct(it.two_d, it.path), TABLE),
+    "reconstruct the other way round": (lambda it: library.reconstruct(it.table, it.two_d), SET),
+    "reconstruct in an array": (
+        lambda it: library.reconstruct(it.two_d, it.table, it.array),
+        r"stereocal\.Pose",
+    ),
+    "plan a recording": (lambda it: library.plan(it.recording), PATH),
+    "sample a number": (lambda _: library.sample(5), "must be str"),
+    "sample beside": (lambda _: library.sample("../docs"), "recording, rig"),
+    "simulate words": (lambda _: library.simulate("three"), "int, not 'three'"),
+    "simulate without a seed": (lambda _: library.simulate(1, 25, -1), "seed"),
+    "detect in a recording": (lambda it: library.detect(it.recording), PATH),
+    "detect a board": (
+        lambda it: library.detect(it.path, library.BoardPattern(9, 6, 0.03)),
+        "target must be str",
+    ),
+    "sync a pair": (lambda it: library.sync(it.recording), r"pair\.recording"),
+    "sync a table": (lambda it: library.sync(it.table), READ),
+    "intrinsics of a recording": (
+        lambda it: library.intrinsics(it.recording, "18x12", 0.03),
+        "photographs must be",
+    ),
+    "intrinsics by two numbers": (
+        lambda it: library.intrinsics(it.path, (18, 12), 0.03),
+        "BoardPattern",
+    ),
+    "check a path": (lambda it: library.check(it.path, it.recording), SET),
+    "check a run": (lambda it: library.check(it.run, it.recording), SET),
+    "check with a path": (lambda it: library.check(it.two_d, it.path), READ),
+    "check by less than nothing": (
+        lambda it: library.check(it.two_d, it.recording, turn_deg=-1.0),
+        "above 0",
+    ),
+    "export a run": (lambda it: library.export(it.run, "opencv", "out"), SET),
+    "export nowhere": (lambda it: library.export(it.two_d, "opencv", None), PATH),
+    "import a list": (lambda it: library.import_parameters([it.path], "opencv"), PATH),
+    "load a recording": (lambda it: library.RigParameters.load(it.recording), PATH),
+    "parse two numbers": (lambda _: library.BoardPattern.parse((9, 6), 0.03), "size must"),
+    "a recording of a file": (
+        lambda it: library.Recording.from_dataframe(it.path, it.cameras, 0.9, 4.5),
+        TABLE,
+    ),
+    "a recording by files of cameras": (
+        lambda it: library.Recording.from_dataframe(it.table, {"primary": it.path}, 0.9),
+        "read_camera",
+    ),
+    "a recording of one camera": (
+        lambda it: library.Recording.from_arrays(
+            [1], ["primary"], ["A"], [[1.0, 2.0]], {"primary": it.camera}, 0.9
+        ),
+        "two cameras",
+    ),
+    "a recording of points in space": (
+        lambda it: library.Recording.from_arrays(
+            [1], ["primary"], ["A"], [[1.0, 2.0, 3.0]], it.cameras, 0.9
+        ),
+        r"\(n, 2\)",
+    ),
+    "a pair by one name": (lambda it: it.recording.recording.pair("left-right"), "'second'"),
+    "a pair by other names": (
+        lambda it: it.recording.recording.pair("left", "right"),
+        "primary, secondary",
+    ),
+    "a camera of one side": (lambda _: library.Camera(np.eye(3), np.zeros(5), 100), r"\(w, h\)"),
+    "validate words": (lambda it: it.run.evaluate(runs="100"), "runs must be int"),
+    "save nowhere": (lambda it: it.run.save(None), "folder must be"),
+    "export a set that is not": (lambda it: it.run.export("opencv", "out", "4d"), "'3d'"),
+    "plot a look that is not": (lambda it: it.run.plot("photographs"), "'residuals'"),
+    "plot a set that is not": (lambda it: it.run.plot("rig", "4d"), "'3d'"),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_a_wrong_call_says_what_is_meant(given: Given, call: str) -> None:
+    called, meant = CALLS[call]
+    with pytest.raises(stereocal.StereocalError) as found:
+        called(given)
+    assert re.search(meant, str(found.value)), found.value
+
+
+def test_every_function_is_checked_and_every_way_exists() -> None:
+    functions = {
+        name: getattr(stereocal, name)
+        for name in stereocal.__all__
+        if inspect.isfunction(getattr(stereocal, name))
+    }
+    assert len(functions) > 12
+    assert [name for name, own in functions.items() if not hasattr(own, "__wrapped__")] == []
+    known: dict[str, Any] = {"stereocal": stereocal, "pandas": pd, "run": CalibrationRun}
+    known |= {name: getattr(stereocal, name) for name in stereocal.__all__}
+    for way in [*WAYS.values(), *INSTEAD.values()]:
+        for owner, name in re.findall(r"\b([a-zA-Z]+)\.(\w+)", way):
+            if owner in known:
+                of = known[owner]
+                assert hasattr(of, name) or name in of.__dataclass_fields__, way
+
+
+def test_what_fits_is_passed_on() -> None:
+    """NumPy's numbers, an iterator, which a look would use up, and any kind of sequence."""
+    two = library.simulate(np.int64(2), 25)
+    of_both = dict(enumerate(two)).values()
+    for recordings in (iter(two), tuple(two), of_both):
+        found = library.evaluate(recordings, runs=1)
+        assert len(found.evaluation.names) == 2
+    assert isinstance(stereocal.simulate, types.FunctionType)
+    assert "datasets" in inspect.signature(stereocal.simulate).parameters
