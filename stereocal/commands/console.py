@@ -141,10 +141,14 @@ def in_stages(work: Callable[[Callable[[str], None], Show], T], first: str = "")
 
 
 class ProgressBar:
-    """A progress bar on stderr with the time left; as a context it ends its line."""
+    """A progress bar on stderr with the time left; as a context it ends its line.
+
+    Where stderr is no terminal, such as the log of a batch system, a stage has one line, begun when
+    it starts and ended with the time that it took.
+    """
 
     on_line = False
-    """Whether the current line of stderr shows a bar."""
+    """Whether the current line of stderr shows a bar, or a stage that goes on."""
 
     def __init__(self, what: str) -> None:
         self.begin(what)
@@ -169,6 +173,9 @@ class ProgressBar:
 
     def show(self, done: int, total: int) -> None:
         """Draw the bar, at most ten times a second; the last call ends the line."""
+        if not sys.stderr.isatty():
+            self._log(done, total)
+            return
         if done < total and time.monotonic() - self.drawn < 0.1:
             return
         self.drawn = time.monotonic()
@@ -179,4 +186,14 @@ class ProgressBar:
         ProgressBar.on_line = True
         _write(f"\r{line:<70}")
         if done >= total:
+            self.end_line()
+
+    def _log(self, done: int, total: int) -> None:
+        """Write the line of the stage as far as it is known; a message in between ends it."""
+        if not self.drawn:
+            self.drawn = time.monotonic()
+            ProgressBar.on_line = True
+            _write(f"{total} {self.what}: ")
+        if done >= total and ProgressBar.on_line:
+            _write(f"done in {time.monotonic() - self.started:.0f} s")
             self.end_line()

@@ -1,16 +1,19 @@
 """Commands at a terminal: Ctrl-C, a closed pipe, and signs that the terminal does not know."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from stereocal.__main__ import CLOSED_PIPE, INTERRUPTED
+from stereocal.commands.console import in_stages, say
 from tests.terminal import FIELD, LONGEST_S, ROOT, command, sentences, started, tables
 
 PHOTOGRAPHS = ROOT / "sample_data" / "photographs"
@@ -19,7 +22,7 @@ INTERRUPTED_COMMANDS: dict[str, tuple[str, str]] = {
     # The command, and what it says when it has begun; compiling, nothing is compiled yet.
     "calibrate": (f"calibrate {FIELD} --out OUT", "Compiling"),
     "evaluate": (f"evaluate {FIELD} --out OUT", "Compiling"),
-    "in processes": (f"evaluate {FIELD} --out OUT --workers 2 --runs 100000", "/100000 runs"),
+    "in processes": (f"evaluate {FIELD} --out OUT --workers 2 --runs 100000", "100000 runs"),
     "detect": (f"detect {PHOTOGRAPHS} --out OUT/table.csv", "Compiling"),
     "intrinsics": (f"intrinsics {BOARDS} --out OUT/c.json --repeats 10000", "photographs searched"),
     "match": (
@@ -95,6 +98,28 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(name: str, given: Path, tmp_path:
             return
         time.sleep(0.05)
     pytest.fail("A process of the command stays.")
+
+
+def test_a_stage_is_one_line_of_a_log(capsys: pytest.CaptureFixture[str]) -> None:
+    """Where stderr is no terminal: no bar that is drawn again and again."""
+
+    def work(begin: Callable[[str], None], show: Callable[[int, int], None]) -> None:
+        for stage in ("photographs searched", "runs", "draws"):
+            begin(stage)
+            for done in range(1, 1001):
+                show(done, 1000)
+                if (stage, done) == ("runs", 500):
+                    say("A message.")
+                if (stage, done) == ("draws", 500):
+                    return
+
+    in_stages(work)
+    assert re.sub(r"\d+ s", "S", capsys.readouterr().err).splitlines(keepends=True) == [
+        "1000 photographs searched: done in S\n",
+        "1000 runs: \n",
+        "A message.\n",
+        "1000 draws: \n",
+    ]
 
 
 def read_by_nobody(words: list[str], both: bool = True) -> "subprocess.CompletedProcess[bytes]":

@@ -67,7 +67,7 @@ class TestMatch:
         printed = capsys.readouterr()
         assert f"{len(pairs)} pairs in {FRAMES} frames at a threshold of" in printed.out
         assert "Your points scatter by 0.104" in printed.out
-        assert f"{FRAMES}/{FRAMES} frames" in printed.err
+        assert f"{FRAMES} frames: done" in printed.err
 
     def test_frames_across_the_blocks_of_reading(
         self, folder: Path, monkeypatch: pytest.MonkeyPatch

@@ -51,11 +51,8 @@ def test_texts_differ_by_numbers_words_and_lines() -> None:
     assert difference("a 1.0", "a 1.00", 0.0)
     assert "line 2" in (difference("a 1\nwas 2", "a 1\nis 2", 0.0) or "")
     assert "3 lines, not 2" in (difference("a\nb", "a\nb\nc", 0.0) or "")
-    bars = (
-        "\r[###                           ] 1/9 runs, 8 s left",
-        "\r[####" + 26 * " " + "] 2/9 runs",
-    )
-    assert difference(f"{bars[0]}\nleft 1 s", f"{bars[1]}{bars[0]}\nleft 1 s", 0.0) is None
+    stage = "9 runs: done in {} s\nleft 1 s".format
+    assert difference(stage(1), stage(12), 0.0) is None
     assert difference('{"numpy": "1.2"}', '{"numpy": "2.0"}', 0.0) is None
     of_methods = "2d  0.15  517    {}  converged".format
     assert difference(of_methods("0.002"), of_methods("0.105"), 0.0) is None

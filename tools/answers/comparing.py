@@ -22,7 +22,7 @@ UNLIKE_ALWAYS = {
     r'"(?:stereocal|python|numpy|scipy|numba|opencv)": "[^"]*"': "a version",
     r"(?:stereocal|Python|NumPy) \d+\.\d+[.\w]*|version = \{\{.*\}\}": "a version in prose",
     r"(?<=\d) +\d+\.\d{3}(?=  [a-z])": "the seconds of a method, before why it stopped",
-    r"\r\[[# ]{30}\] [^\r\n]*": "a progress bar, with its seconds left",
+    r": done in \d+ s": "progress, with its seconds",
     r"\b[\da-f]{8}(?:-[\da-f]{4}){3}-[\da-f]{12}\b": "the random name that plotly gives a figure",
     r"/Length \d+|^\d{10} \d{5} [nf] $|startxref\n\d+": "lengths of parts of a PDF",
 }
