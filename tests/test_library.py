@@ -103,7 +103,10 @@ def test_results_can_be_kept_and_copied(run: CalibrationRun, copied: Callable[[A
 def test_a_validation_reaches_recommendation_and_sets(run: CalibrationRun) -> None:
     fresh = answering(CalibrationRun, run)
     assert fresh.sets["2d"].to_json()["validation"] is None
+    whose = re.compile(r"below [\d.]+\s+px\s+\((.*?)\)", re.S)
+    assert {*whose.findall(repr(fresh))} == {"forecast"}
     found = fresh.evaluate(runs=5)
+    assert {" ".join(of.split()) for of in whose.findall(repr(fresh))} == {"held-out frames"}
     told = fresh.sets["2d"].validation
     assert told is not None
     assert told["runs"] == 5

@@ -60,6 +60,7 @@ class FileFigures:
     method: Method
     threshold_px: float | None
     """Matching threshold in the file: of the validation, else of the forecast."""
+    is_threshold_held_out: bool
     wrong_let_in: Figure
     """Share of the wrong pairs below `threshold_px`."""
     wrong_pairs: int
@@ -82,8 +83,11 @@ class FileFigures:
 
     @property
     def below(self) -> str:
-        """The threshold in a sentence."""
-        return "" if self.threshold_px is None else f" below {digits(self.threshold_px, 2)} px"
+        """The threshold in a sentence, and what it is of."""
+        if self.threshold_px is None:
+            return ""
+        of = "held-out frames" if self.is_threshold_held_out else "forecast"
+        return f" below {digits(self.threshold_px, 2)} px ({of})"
 
 
 def figures_of(
@@ -94,12 +98,12 @@ def figures_of(
 ) -> FileFigures:
     """What the file of a method does, by forecast and validation."""
     own: Validated = validation.get(method, {})
-    limit, pairs = _finite(own.get("threshold_px")), int(own.get("wrong_pairs", 0))
-    usual = at_limit = None
+    held_out_limit, pairs = _finite(own.get("threshold_px")), int(own.get("wrong_pairs", 0))
+    limit, usual, at_limit = held_out_limit, None, None
     if forecast is not None and method in forecast.files:
         usual = forecast.draws.figures[method]
         limit = _finite(usual.threshold_px.value) if limit is None else limit
-        at_limit = forecast.draws.figures_of(method, _finite(own.get("threshold_px")))
+        at_limit = forecast.draws.figures_of(method, held_out_limit)
     points = calibration.screening.dataset.correspondences
     n, bars = len(points), max(len(points.bars), 1)
     # The pairs of i with j and of j with i are let in together, and runs repeat them.
@@ -126,6 +130,7 @@ def figures_of(
     return FileFigures(
         method,
         limit,
+        held_out_limit is not None,
         figure("wrong_let_in_at_threshold", at_limit),
         pairs,
         lengths,

@@ -66,7 +66,8 @@ def test_the_methods_say_the_figures_of_the_result() -> None:
         assert f"{percent(median.value)} % ({interval(median)})" in text
     use = found.recommendation.match
     assert use.threshold_px is not None and use.method == "refined"
-    assert f"the refined set below {digits(use.threshold_px, 2)} px is recommended" in text
+    below = f"below {digits(use.threshold_px, 2)} px (held-out frames)"
+    assert f"the refined set {below} is recommended" in text
     for words in (
         *("25 frames", "50 pairs", "25 bars", "0.9 m apart", "baseline was 4.5 m", "seed 0"),
         "In each of 8 runs, 20 frames drawn at random calibrated the system and the other 5",
