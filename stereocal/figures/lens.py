@@ -154,8 +154,10 @@ def plot_misfit(misfit: Misfit, narrow: bool = False) -> go.Figure:
     Args:
         narrow: one below the other.
     """
+    apart = "<br>" if narrow else " "
     titles = [
-        f"<b>{name.capitalize()}</b>: {percent(share)} % of squared residuals<br>u (px)"
+        f"<b>{name.capitalize()}</b>: place explains {percent(share)} %{apart}of the squared "
+        "residuals<br>u (px)"
         for name, share in zip(CAMERAS, misfit.shares, strict=True)
     ]
     return _plot(misfit.fields, titles, "Targets", narrow)
@@ -186,7 +188,9 @@ def _plot(
 ) -> go.Figure:
     rows, columns = (len(fields), 1) if narrow else (1, len(fields))
     figure = blank(100 + 290 * rows if narrow else 450, rows, columns, horizontal_spacing=0.1)
-    scale = arrow_scale(fields)
+    scale, largest = arrow_scale(fields), np.nanmax([0.0, *(own.largest_px for own in fields)])
+    shown_px = _round_below(largest) if largest else 0.0
+    told = f"; an arrow over {scale * shown_px:g} px is {shown_px:g} px" if shown_px else ""
     for at, field in enumerate(fields):
         place = {"row": at + 1, "col": 1} if narrow else {"row": 1, "col": at + 1}
         figure.add_scattergl(
@@ -206,7 +210,7 @@ def _plot(
         width, height = field.image_size
         edge = {"type": "rect", "x0": -0.5, "y0": -0.5, "x1": width - 0.5, "y1": height - 0.5}
         figure.add_shape(edge, line={"color": style.NEUTRAL, "width": 1.5}, **place)
-        x, y = ({"title_text": title, "nticks": 6} for title in (titles[at], "v (px)"))
+        x, y = ({"title_text": title, "nticks": 6} for title in (titles[at] + told, "v (px)"))
         style.set_image_axes(figure, field.image_size, 0.02 * width, x, y, **place)
     return figure
 
@@ -217,7 +221,7 @@ def _add_arrows(
     """Arrows of the cells that are, or are not, apart from 0."""
     shown, colour = field.known & (field.apart == apart), ORANGE if apart else BLUE
     tails, means = field.centres[shown], field.mean[shown]
-    name = "Apart from 0" if apart else f"Mean residual, ×{scale:g}"
+    name = "Apart from 0" if apart else "Mean residual"
     add_trace(
         figure,
         style.with_gaps(np.stack([tails, tails + scale * means], axis=1)),
@@ -247,5 +251,10 @@ def arrow_scale(fields: Sequence[ResidualField]) -> float:
     ]
     if not wanted:
         return 1.0
-    power = 10.0 ** np.floor(np.log10(min(wanted)))
-    return float(max(step * power for step in (1, 2, 5) if step * power <= min(wanted)))
+    return _round_below(min(wanted))
+
+
+def _round_below(value: float) -> float:
+    """The largest of 1, 2 or 5 times a power of ten up to a value above 0."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step * power for step in (1, 2, 5) if step * power <= value))
