@@ -53,9 +53,9 @@ def _sides(rig: RigFile) -> str:
     if not len(points) or not are_on_a_line(points):
         return ""
     first, *others = rig.names
-    places = {name: float(rig.poses[name].inverse().T[0]) for name in others}
-    name, x = max(places.items(), key=lambda item: abs(item[1]))
-    return f" {side_in_words(name, first, x, f'{rounded(abs(x))} m ')}"
+    centres = {name: rig.poses[name].inverse().T for name in others}
+    name = max(others, key=lambda other: abs(centres[other][0]))
+    return f" {side_in_words(f'camera {name}', f'camera {first}', centres[name])}"
 
 
 def _accuracy(figures: RigFigures) -> str:

@@ -62,7 +62,7 @@ def found_by_motion(
         apart = abs(said - found.offsets[name][0])
         of = f" of {name}" * (len(followed) > 2)
         contradicted = f"The sound{of} says {said:.1f}, which the images contradict."
-        agrees = f"The sound{of} says the same to {rounded(apart)} photographs."
+        agrees = f"The sound{of} agrees: {said:.1f} photographs, {rounded(apart)} from that."
         told.append(contradicted if apart > ALIKE else agrees)
     later = found.recording.start_frames
     exchanged = frozenset(

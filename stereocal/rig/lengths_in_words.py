@@ -11,6 +11,7 @@ import numpy as np
 from stereocal.rig.geometry import Pose, triangulate_rays
 from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
+from stereocal.system.numbers import rounded
 
 METRES_PER: Mapping[str, float] = {
     "m": 1.0,
@@ -31,6 +32,8 @@ TAILS = (2.0, 98.0)
 """Percentiles of the depths; single wrong pairs give any depth."""
 BESIDE = 0.3
 """Of the baseline: cameras that are less beside each other are above or behind each other."""
+LEVEL = 0.03
+"""Of the distance of two cameras: a smaller difference in height is not said."""
 FLAT_M = 1e-6
 
 
@@ -46,24 +49,24 @@ def rig_in_words(dataset: Pair, pose: Pose | None) -> str:
     held = dataset.correspondences.rigid_object
     if pose is None or not (held is None or are_on_a_line(held.points)):
         return lengths
-    x = float(pose.inverse().T[0])
-    if abs(x) < BESIDE * pose.baseline:
+    centre = pose.inverse().T
+    if abs(centre[0]) < BESIDE * pose.baseline:
         return lengths
-    return f"{lengths} {side_in_words('the secondary', 'the primary', x)}"
+    return f"{lengths} {side_in_words('the secondary camera', 'the primary', centre)}"
 
 
-def side_in_words(name: str, first: str, x: float, metres: str = "") -> str:
-    """On which side of the first camera another one stands, and what it means if it does not.
+def side_in_words(name: str, first: str, centre: FloatArray) -> str:
+    """On which side of the first camera another one is, and how much higher, to be checked.
 
     Args:
-        x: of its centre in the first camera's frame.
-        metres: how far, with a blank after it.
+        centre: (3,), of the other camera in the first one's frame, in metres.
     """
-    side, other = ("right", "left") if x > 0.0 else ("left", "right")
+    x, down, _ = centre.tolist()
+    is_level = abs(down) < LEVEL * np.linalg.norm(centre)
+    height = f", and {rounded(abs(down))} m {'lower' if down > 0.0 else 'higher'}"
     return (
-        f"By its images {name} stands {metres}to the {side} of {first}, as {first} sees it: if it "
-        f"stands on the {other}, all images are mirrored or upside down, which "
-        "points on a line cannot tell."
+        f"Check: {name} is on the {'right' if x > 0.0 else 'left'} of {first}"
+        f"{'' if is_level else height}. If that is wrong, the images are mirrored or upside down."
     )
 
 

@@ -140,12 +140,12 @@ def sentence_on_runs(model: RefinedResult) -> str:
     text = model.clusters.text
     if not text and _length_of_places(model) == 1:
         return (
-            "The corners of a board share its errors: the intervals are for a further recording in "
+            "The corners of a board share its errors: the intervals are for another recording in "
             "the same volume, of at least half as many boards."
         )
     alike = f", and neighbours have alike errors ({text})" if text else ""
     return (
-        f"The frames follow each other{alike}: the intervals are for a further recording in the "
+        f"The frames follow each other{alike}: the intervals are for another recording in the "
         "same volume, at least a third as long."
     )
 

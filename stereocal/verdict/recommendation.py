@@ -165,7 +165,11 @@ def _contradiction(
 def frames_to_come(calibration: Calibration, forecast: Forecast | None) -> str:
     """What the forecast is of."""
     in_runs = forecast is not None and forecast.draws.further
-    return "a further recording" if in_runs else f"similar {word_of(calibration.dataset)}s"
+    return (
+        "another recording in the same volume"
+        if in_runs
+        else f"similar {word_of(calibration.dataset)}s"
+    )
 
 
 def _length_in_words(

@@ -134,7 +134,7 @@ def test_the_side_is_said_where_nothing_tells_mirrored_images() -> None:
         rig = calibrate_rig(recording)
         assert rig.warnings == ()
         side = "right" if turn * farthest > 0.0 else "left"
-        assert f"m to the {side} of c1" in rig_sentence(rig_file(rig))
+        assert f"on the {side} of camera c1" in rig_sentence(rig_file(rig))
     board = calibrate_rig(sound("3 cameras, board", 3)[0].recording)
     assert "of c1, as c1 sees it" not in rig_sentence(rig_file(board))
 

@@ -98,7 +98,7 @@ def test_cameras_that_share_a_view_with_one_only_are_joined_through_it() -> None
     motion = found_by_motion(ByHand(counts, {"third": 20.0}), seen, *about)
     for camera, (_, start, _) in starts.items():
         assert _offset(motion, camera) == pytest.approx(start, abs=0.03)
-    assert "The sound of third says the same" in motion.told
+    assert "The sound of third agrees" in motion.told
     moments = ByHand(counts).moments(motion.later)
     assert moments[100] == {"left": "left/100", "mid": "mid/60", "third": "third/80"}
 
@@ -178,7 +178,7 @@ def test_videos_of_cameras_started_by_hand(
     earlier.unlink()
     assert main(command) == 0
     said = capsys.readouterr().err
-    assert "The sound says the same" in said
+    assert "The sound agrees" in said
     fit, _ = with_offset_if_out_of_step(read_dataset(tmp_path), RefineSettings())
     later = START_S / STEP_S
     frames = fit.dataset.correspondences.frame

@@ -33,7 +33,7 @@ def test_a_person_can_check_it() -> None:
 
 def test_the_side_of_the_secondary_tells_of_mirrored_images() -> None:
     """A mirrored world has the secondary at the other end of the same baseline."""
-    side, other = (rig_in_words(DATA, pose).split("stands to the ")[1] for pose in (RIG, MIRRORED))
+    side, other = (rig_in_words(DATA, pose).split("is on the ")[1] for pose in (RIG, MIRRORED))
     assert {side.split(" ")[0], other.split(" ")[0]} == {"left", "right"}
     assert side.startswith("right") == (RIG.inverse().T[0] > 0.0)
     assert "mirrored" not in rig_in_words(recorded(BOARD, 4), RIG)

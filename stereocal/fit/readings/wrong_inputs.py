@@ -79,8 +79,8 @@ def nothing_fits(dataset: Pair) -> str:
         return ""
     to = f" better than to {rounded(nominal.px)} px" if np.isfinite(nominal.px) else ""
     return (
-        f"{one_file_in_words((dataset.primary, dataset.secondary))}Nothing fits these points{to}, "
-        "and they cannot tell what is wrong. Tried in vain: camera files or targets exchanged, "
+        f"{one_file_in_words((dataset.primary, dataset.secondary))}Nothing fits these points{to}. "
+        "None of these explains it: camera files or targets exchanged, "
         "images mirrored or counted from below, frames and columns in another order, other signs "
         "and models of the distortion, image sizes, focal lengths and centres. Check that the "
         "points of a frame are of the same moment and of the same target in both cameras, that "
