@@ -37,8 +37,8 @@ from stereocal.rig.recording import Recording
 from stereocal.system.executors import engine
 from stereocal.system.numbers import count
 from stereocal.verdict.file_figures import stated_in
-from stereocal.verdict.in_words import digits, listed, refuse_unknown_frames
-from stereocal.verdict.recommendation import frames_to_come, in_percent
+from stereocal.verdict.in_words import digits, in_percent, listed, refuse_unknown_frames
+from stereocal.verdict.recommendation import frames_to_come
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun, usual_frames
 from stereocal.workflow.run import Run

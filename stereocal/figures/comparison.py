@@ -11,7 +11,7 @@ from stereocal.calibration.methods import ALL_METHODS, METHOD_NAMES, Method
 from stereocal.evaluation.summary import Estimate, MethodSummary, best_methods
 from stereocal.figures import style
 from stereocal.system.array_types import FloatArray
-from stereocal.verdict.in_words import interval, percent
+from stereocal.verdict.in_words import in_percent, percent
 
 LONGEST_NAME = 20
 LIMIT = "arrow-bar-down"
@@ -27,7 +27,8 @@ Summaries = Mapping[str, Mapping[Method, MethodSummary]]
 def plot_comparison(by_dataset: Summaries) -> go.Figure:
     """FCP of the reprojection error and median 3D error of several data sets, with intervals.
 
-    Where no wrong pair looked right, an arrow starts at the upper limit of the FCP.
+    Where no wrong pair looked right, an arrow starts at the upper limit of the FCP; there is none
+    of too few runs for intervals.
     """
     names = list(by_dataset)
     figure = style.blank(700, 2, shared_xaxes=True, vertical_spacing=0.06)
@@ -44,7 +45,7 @@ def plot_comparison(by_dataset: Summaries) -> go.Figure:
         for method, values in estimates.items():
             points, look = _marks(method, dict(zip(names, values, strict=True)), floor)
             style.add_trace(figure, points, "%{text}", showlegend=row == 1, **look, **place)
-        zeros = sum(estimate.value == 0 for estimate in every)
+        zeros = sum(estimate.value == 0 and estimate.high > 0 for estimate in every)
         title += f"<br>↧: upper limit, none counted (n = {zeros:,})" if zeros else ""
         scale = {"type": "log", "exponentformat": "none", "dtick": "D2"}
         figure.update_yaxes(title_text=title, **scale, **place)
@@ -70,7 +71,7 @@ def _marks(
     ends = {"array": high - middle, "arrayminus": middle - low, "thickness": 1.5, "width": 3}
     text = [
         f"{html.escape(name)}, {METHOD_NAMES[method]}<br>"
-        + (f"{percent(e.value)} % ({interval(e)})" if e.value else f"below {percent(e.high)} %")
+        + (in_percent(e) if e.value else f"below {percent(e.high)} %")
         for name, e in estimates.items()
     ]
     return np.column_stack([np.arange(len(middle)) + beside, middle]), {

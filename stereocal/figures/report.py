@@ -9,7 +9,7 @@ import plotly
 
 from stereocal.calibration.methods import METHOD_NAMES, PAPER_SETS, Method
 from stereocal.evaluation.evaluate import EvaluationSettings
-from stereocal.evaluation.summary import BOOTSTRAPS, MethodSummary
+from stereocal.evaluation.summary import BOOTSTRAPS, FEWEST_RUNS, MethodSummary
 from stereocal.figures import two_sets
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.html import html_figure, html_page, html_plot, html_table, paragraphs
@@ -72,6 +72,11 @@ def report_html(
 
 def _procedure(settings: EvaluationSettings, units: str) -> tuple[str, ...]:
     """What was done, in words; intervals are over the `units`."""
+    intervals = (
+        f"Intervals are 95 % bootstrap intervals over the {units} ({BOOTSTRAPS} resamplings)."
+    )
+    if settings.runs < FEWEST_RUNS:
+        intervals = f"With fewer than {FEWEST_RUNS} runs there are no intervals."
     return (
         f"In each of {settings.runs} runs for each data set, {settings.calibration_frames} frames "
         "drawn at random calibrated the rig in three ways: by the essential matrix, by a search "
@@ -87,8 +92,7 @@ def _procedure(settings: EvaluationSettings, units: str) -> tuple[str, ...]:
         "cross.",
         "Measuring: the 3D error is |D − Dᴿ| / D, with the measured length D of the bar and the "
         "reconstructed length Dᴿ.",
-        f"Intervals are 95 % bootstrap intervals over the {units} ({BOOTSTRAPS} resamplings). "
-        "Values of zero and pairs behind a camera are counted, not dropped.",
+        f"{intervals} Values of zero and pairs behind a camera are counted, not dropped.",
     )
 
 

@@ -11,7 +11,7 @@ from stereocal.calibration.montecarlo import MethodResult
 from stereocal.evaluation.summary import Estimate, MethodSummary
 from stereocal.field.planning.forecast import PlanForecast
 from stereocal.figures.style import in_order
-from stereocal.figures.validation import COLUMNS, standings
+from stereocal.figures.validation import COLUMNS, note_on_intervals, standings
 from stereocal.fit.least_squares.small_steps import FACTOR, largest_turn_sigma
 from stereocal.fit.parameter_file import errors_of_set
 from stereocal.fit.refined_result import RefinedResult
@@ -186,13 +186,17 @@ def validation_table(summaries: Mapping[Method, MethodSummary]) -> pd.DataFrame:
         bars, behind = lengths.pdf, f"{matching.correct.nans} and {matching.wrong.nans}"
         of_residual, of_matching, of_lengths = (standing[name].get(method, "") for name in COLUMNS)
         columns[METHOD_NAMES[method]] = {
-            f"{overlap}, residual (%)": _with_interval(residual.fcp, of_residual),
-            f"{overlap}, reprojection error (%)": _with_interval(matching.fcp, of_matching),
+            f"{overlap}, residual (%)": _with_interval(own.main("residual"), of_residual),
+            f"{overlap}, reprojection error (%)": _with_interval(
+                own.main("reprojection"), of_matching
+            ),
             "Recommended threshold, residual (no unit)": digits(residual.threshold),
             "Recommended threshold, reprojection error (px)": digits(matching.threshold),
-            "Correct pairs lost at that many px (%)": percent(matching.correct_lost),
-            "Wrong pairs let in at that many px (%)": percent(matching.wrong_let_in),
-            "3D error of the bars, median (%)": _with_interval(lengths.median, of_lengths),
+            "Correct pairs lost at that threshold (%)": percent(matching.correct_lost),
+            "Wrong pairs accepted at that threshold (%)": percent(matching.wrong_let_in),
+            "3D error of the bars, median (%)": _with_interval(
+                own.main("reconstruction"), of_lengths
+            ),
             "95 % of bars within (%)": percent(lengths.p95),
             "3D error of the bars, mean (%)": percent(lengths.mean),
             "Bars with a 3D error above 1 % (%)": percent(lengths.fraction_above_1_percent),
@@ -207,11 +211,12 @@ def validation_table(summaries: Mapping[Method, MethodSummary]) -> pd.DataFrame:
             "Bars without value": f"{bars.nans}",
             "3D errors of zero": f"{bars.zeros}",
         }
-    title = "Held-out frames; in brackets 95 % intervals; level: they overlap"
+    title = f"Held-out frames. {note_on_intervals(summaries)}"
     return pd.DataFrame(columns).rename_axis(title)
 
 
 def _with_interval(estimate: Estimate, standing: str = "") -> str:
     if not math.isfinite(estimate.value):
         return "none"
-    return ", ".join(filter(None, [f"{percent(estimate.value)} ({interval(estimate)})", standing]))
+    among = f" ({interval(estimate)})" if math.isfinite(estimate.low) else ""
+    return ", ".join(filter(None, [f"{percent(estimate.value)}{among}", standing]))

@@ -1,7 +1,4 @@
-"""The paper's Fig. 4 for the user's rig: PDFs of the errors of each method.
-
-Its panels, with their titles and words, serve the figure for print and the tables too.
-"""
+"""The paper's Fig. 4 for the user's rig: PDFs of the errors of each method."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +12,7 @@ from stereocal.calibration.methods import METHOD_NAMES, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import (
     ACCEPTABLE,
+    FEWEST_RUNS,
     QUANTITIES,
     Discrimination,
     MethodSummary,
@@ -27,12 +25,12 @@ from stereocal.verdict.in_words import digits, interval, percent
 
 COLUMNS = QUANTITIES
 HEADINGS = {
-    "residual": "|Residual|",
+    "residual": "Residual",
     "reprojection": "Reprojection error",
     "reconstruction": "3D error",
 }
 AXIS_TITLES = {
-    "residual": "|Residual| (no unit)",
+    "residual": "Residual of the essential matrix (no unit)",
     "reprojection": "Reprojection error (px)",
     "reconstruction": "3D error |D − D<sup>R</sup>| / D (%)",
 }
@@ -41,7 +39,8 @@ SHOWN = (0.01, 0.999)
 MOST_LABELS = 7
 """Decades of an axis that are all labelled; of more, every second one."""
 UNITS = {"residual": "", "reprojection": " px", "reconstruction": " %"}
-Standing = Literal["best", "level", ""]
+FCP = "false correspondence probability, FCP"
+Standing = Literal["best", "no clear winner", ""]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +51,8 @@ class Panel:
     quantity: str
     summary: MethodSummary
     standing: Standing
-    """`best` if apart from all others beyond the intervals; `level` if it is the lowest, or its
-    interval overlaps that of the lowest."""
+    """`best` if apart from all others beyond the intervals; `no clear winner` if it is the lowest,
+    or its interval overlaps that of the lowest; of too few runs for intervals none has one."""
     row: int
     column: int
     axis: str
@@ -93,13 +92,12 @@ class Panel:
         return f"{digits(self.line, 2)}{UNITS[self.quantity]}" if self.matching else "1 %"
 
     @property
-    def figure(self) -> tuple[str, str, str] | None:
-        """Its name, value and interval; None if no bar could be measured."""
+    def figure(self) -> tuple[str, str] | None:
+        """Its value, and the interval if there is one; None if no bar could be measured."""
         own = self.summary.main(self.quantity)
         if not np.isfinite(own.value):
             return None
-        name = "FCP" if self.matching else "median"
-        return name, f"{percent(own.value)} %", f"({interval(own)})"
+        return f"{percent(own.value)} %", f" ({interval(own)})" * self.summary.has_intervals
 
     @property
     def title(self) -> list[str]:
@@ -107,10 +105,9 @@ class Panel:
         found, lengths = self.matching, self.summary.reconstruction
         line, counted = "no bar could be measured", f"n = {lengths.pdf.n:,}"
         if self.figure:
-            name, value, among = self.figure
+            value, among = self.figure
             mark = f" · <b>{self.standing}</b>" if self.standing else ""
-            of = f"overlap, {name}" if found else name  # not of the pairs accepted
-            line = f"{of} <b>{value}</b> {among}{mark}"
+            line = f"{'FCP' if found else 'median'} <b>{value}</b>{among}{mark}"
             counted = f"95 % within {percent(lengths.p95)} %, {counted}"
         if found:
             counted = f"n = {found.correct.n:,} correct, {found.wrong.n:,} wrong"
@@ -127,11 +124,11 @@ class Panel:
         """The panel in words."""
         found, lengths, text = self.matching, self.summary.reconstruction, "none"
         if self.figure:
-            _, value, among = self.figure
-            text = f"{value} {among} and {percent(lengths.p95)} %, n = {lengths.pdf.n:,}"
+            value = "".join(self.figure)
+            text = f"{value} and {percent(lengths.p95)} %, n = {lengths.pdf.n:,}"
             if found:
                 text = (
-                    f"{value} {among} with the threshold at {self.line_text}, n = "
+                    f"{value} with the threshold at {self.line_text}, n = "
                     f"{found.correct.n:,} correct and {found.wrong.n:,} wrong pairs"
                 )
         return ", ".join([text, *self.notes])
@@ -145,8 +142,9 @@ class PanelColumn:
 
     @cached_property
     def most(self) -> float:
-        """The largest density."""
-        return max(float(pdf.density.max(initial=0)) for p in self.panels for pdf in p.pdfs) or 1.0
+        """The largest share of a bin, in %."""
+        shares = (pdf.shares.max(initial=0) for panel in self.panels for pdf in panel.pdfs)
+        return 100 * float(max(shares)) or 1.0
 
     @cached_property
     def span(self) -> tuple[float, float]:
@@ -174,7 +172,7 @@ class PanelColumn:
         for panel in self.panels:
             for pdf in panel.pdfs:
                 edges = pdf.edges + np.log10(panel.scale)
-                counts = pdf.density * np.diff(pdf.edges) * pdf.n
+                counts = pdf.shares * pdf.n
                 below += float(counts[edges[1:] <= self.span[0]].sum())
                 above += float(counts[edges[:-1] >= self.span[1]].sum())
         sides = [(round(below), "smaller"), (round(above), "larger")]
@@ -209,12 +207,20 @@ def drawn_bins(pdf: Pdf) -> slice:
 
 
 def standings(summaries: Mapping[Method, MethodSummary], quantity: str) -> dict[Method, Standing]:
-    """`best`, or `level` where 95 % intervals overlap that of the lowest; others are not in it."""
+    """`best`, or `no clear winner` where 95 % intervals overlap that of the lowest; others are not
+    in it, and none is where there are too few runs for intervals."""
     estimates = {method: own.main(quantity) for method, own in summaries.items()}
     lowest = estimates[best_methods(summaries)[quantity]]
     # NaN, where no bar could be measured, is not below anything.
-    level = [method for method, own in estimates.items() if own.low <= lowest.high]
-    return dict.fromkeys(level, "level" if len(level) > 1 else "best")
+    near = [method for method, own in estimates.items() if own.low <= lowest.high]
+    return dict.fromkeys(near, "no clear winner" if len(near) > 1 else "best")
+
+
+def note_on_intervals(summaries: Mapping[Method, MethodSummary]) -> str:
+    """What stands in brackets, or why nothing does."""
+    if all(own.has_intervals for own in summaries.values()):
+        return "In brackets: 95 % intervals; no clear winner: they overlap."
+    return f"Fewer than {FEWEST_RUNS} runs: no intervals yet, and no method is marked best."
 
 
 def describe_validation(
@@ -230,9 +236,9 @@ def describe_validation(
         ]
         what, quantity = "3D error of bars, median and 95 %", column.panels[0].quantity
         if quantity != "reconstruction":
-            what = f"Overlap of correct and wrong pairs (FCP), by {HEADINGS[quantity].lower()}"
+            what = f"Overlap of correct and wrong pairs ({FCP}), by {HEADINGS[quantity].lower()}"
         sentences.append(f"{what}: {'; '.join(parts)}.")
-    return f"{' '.join(sentences)} In brackets: 95 % intervals."
+    return " ".join([*sentences, note_on_intervals(summaries)])
 
 
 PANEL_HEIGHT, SPACING = 190, 0.065
@@ -248,7 +254,7 @@ def plot_validation(
     """PDFs of residual, reprojection error and 3D error; one row per method.
 
     In each column the best panel is framed if it is apart from the others beyond the 95 %
-    intervals; otherwise those whose intervals overlap its own are marked as level.
+    intervals; otherwise those whose intervals overlap its own are marked "no clear winner".
 
     Args:
         columns: the quantities to draw, of `COLUMNS`; on a narrow screen one at a time.
@@ -271,7 +277,10 @@ def plot_validation(
         "annotations": [_title(panel) for panel in panels],
         "shapes": [_frame(panel) for panel in panels if panel.standing == "best"],
     }
-    traces: list[dict[str, Any]] = _key(columns)
+    traces = _key(columns, any(panel.standing == "best" for panel in panels))
+    kinds = ["pairs"] * bool({*columns} - {"reconstruction"})
+    kinds += ["bars"] * ("reconstruction" in columns)
+    shares = f"Share of {' or '.join(kinds)} (%)"
     spacing = SPACING if len(columns) > 1 else 0.0
     width = (1 - spacing * (len(columns) - 1)) / len(columns)
     for column in drawn:
@@ -281,16 +290,20 @@ def plot_validation(
                 1 - panel.row * (PANEL_HEIGHT + above) / inside,
             )
             across, up = [left, left + width], [max(end - PANEL_HEIGHT / inside, 0.0), end]
-            layout |= _axes(column, panel, across, up)
+            layout |= _axes(column, panel, across, up, shares)
             traces += _traces(column, panel)
     # In one step: axis by axis, and trace by trace, Plotly takes 0.2 s.
     return go.Figure(data=traces, layout=layout)
 
 
 def _axes(
-    column: PanelColumn, panel: Panel, across: list[float], up: list[float]
+    column: PanelColumn, panel: Panel, across: list[float], up: list[float], shares: str
 ) -> dict[str, dict[str, Any]]:
-    """Both axes of a panel and their part of the figure; of the residual labelled as powers."""
+    """Both axes of a panel and their part of the figure; of the residual labelled as powers.
+
+    Args:
+        shares: title of the upright axis.
+    """
     lowest, first = panel is column.panels[-1], panel.column == 0
     x = style.axis_of(
         "<br>".join(column.foot) if lowest else None,
@@ -305,7 +318,7 @@ def _axes(
         exponentformat="power" if panel.quantity == "residual" else "none",
         minor={"ticks": "outside", "ticklen": 2, "dtick": "D1"},
     )
-    title = f"<b>{METHOD_NAMES[panel.method]}</b><br>Density per decade" if first else None
+    title = f"<b>{METHOD_NAMES[panel.method]}</b><br>{shares}" if first else None
     own = {
         "domain": up,
         "anchor": f"x{panel.axis}",
@@ -356,9 +369,8 @@ def _pdf(panel: Panel, kind: str, pdf: Pdf, colour: str) -> dict[str, Any]:
     ends = panel.scale * 10 ** np.column_stack([pdf.edges[:-1], pdf.edges[1:]])[drawn]
     unit, what = UNITS[panel.quantity], f"{kind} pairs" if panel.matching else "3D error"
     return scatter(
-        np.column_stack([np.sqrt(ends.prod(axis=1)), pdf.density[drawn]]),
-        f"{what}: %{{customdata[0]:.3~r}} to %{{customdata[1]:.3~r}}{unit}<br>"
-        "%{y:.3~r} per decade",
+        np.column_stack([np.sqrt(ends.prod(axis=1)), 100 * pdf.shares[drawn]]),
+        f"{what}: %{{customdata[0]:.3~r}} to %{{customdata[1]:.3~r}}{unit}<br>%{{y:.2~r}} %",
         hoveron="points",
         customdata=ends,
         name=f"{METHOD_NAMES[panel.method]}, {what}",
@@ -375,8 +387,12 @@ def _area(kind: str, colour: str, **line: Any) -> dict[str, Any]:
     return {"fill": "tozeroy", "line": own, "fillcolor": style.FILLS[kind]}
 
 
-def _key(columns: Sequence[str]) -> list[dict[str, Any]]:
-    """The legend, made of traces without points, so that clicks do not hide single panels."""
+def _key(columns: Sequence[str], framed: bool) -> list[dict[str, Any]]:
+    """The legend, made of traces without points, so that clicks do not hide single panels.
+
+    Args:
+        framed: whether a panel is.
+    """
     keys: dict[str, dict[str, Any]] = {}
     if {*columns} - {"reconstruction"}:
         keys["Correct pairs"] = _area("correct", CORRECT_COLOUR)
@@ -386,5 +402,6 @@ def _key(columns: Sequence[str]) -> list[dict[str, Any]]:
         lines = "Dashed: 1 %" if len(columns) == 1 else "Dashed: threshold, or 1 %"
     keys[lines] = {"line": style.DASHED}
     frame = {"symbol": "square-open", "size": 12, "color": style.NEUTRAL, "line": {"width": 3}}
-    keys["Framed: best; level: intervals overlap"] = {"marker": frame}
+    if framed:
+        keys["Framed: best (intervals apart)"] = {"marker": frame}
     return [scatter(style.NOWHERE, name=name, **key) for name, key in keys.items()]

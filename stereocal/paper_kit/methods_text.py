@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from stereocal.calibration.methods import ALL_METHODS
-from stereocal.evaluation.summary import BOOTSTRAPS
+from stereocal.evaluation.summary import BOOTSTRAPS, FEWEST_RUNS
 from stereocal.fit.least_squares.unknowns import (
     DEFAULT_BASELINE,
     DEFAULT_CENTRE_PX,
@@ -20,8 +20,8 @@ from stereocal.rig.pair import Pair
 from stereocal.system.numbers import count, rounded
 from stereocal.verdict.file_figures import bar_known
 from stereocal.verdict.forecast import sure
-from stereocal.verdict.in_words import digits, interval, listed, named_frames, percent
-from stereocal.verdict.recommendation import NAMES, in_percent
+from stereocal.verdict.in_words import digits, in_percent, listed, named_frames, percent
+from stereocal.verdict.recommendation import NAMES
 from stereocal.version import __version__
 from stereocal.workflow.answer import PairAnswer
 
@@ -202,8 +202,9 @@ def _validation(answer: PairAnswer) -> Iterator[str]:
         "secondary camera (correct and wrong pairs). The false correspondence probability (FCP) is "
         "the overlap of the probability densities of the logarithm of the reprojection error of "
         "correct and of wrong pairs; the matching threshold is where they cross. The 3D error is "
-        "|D − Dᴿ| / D, with the measured length D of the bar and the reconstructed length Dᴿ. "
-        f"Intervals are 95 % bootstrap intervals over the runs ({BOOTSTRAPS} resamplings)."
+        "|D − Dᴿ| / D, with the measured length D of the bar and the reconstructed length Dᴿ."
+        + f" Intervals are 95 % bootstrap intervals over the runs ({BOOTSTRAPS} resamplings)."
+        * (settings.runs >= FEWEST_RUNS)
     )
 
 
@@ -212,15 +213,15 @@ def _held_out(answer: PairAnswer) -> Iterator[str]:
         return
     every, found = answer.evaluation.summaries, []
     for method in (method for method in ALL_METHODS if method in every):
-        fcp, lengths = every[method].reprojection.fcp, every[method].reconstruction
+        fcp, median = (every[method].main(name) for name in ("reprojection", "reconstruction"))
         measured = ", and no bar could be measured"
-        if np.isfinite(lengths.median.value):
+        if np.isfinite(median.value):
+            within = percent(every[method].reconstruction.p95)
             measured = (
-                f" and a median 3D error of {percent(lengths.median.value)} % "
-                f"({interval(lengths.median)}), with 95 % of bars within {percent(lengths.p95)} %"
+                f" and a median 3D error of {in_percent(median)}, with 95 % of bars within "
+                f"{within} %"
             )
-        of_pairs = f"an FCP of {percent(fcp.value)} % ({interval(fcp)})"
-        found.append(f"{NAMES[method]} had {of_pairs}{measured}")
+        found.append(f"{NAMES[method]} had an FCP of {in_percent(fcp)}{measured}")
     yield f"On held-out frames: {'; '.join(found)} (`table.csv`)."
 
 

@@ -37,8 +37,8 @@ from stereocal.ui.review import look_closely
 from stereocal.ui.rig import show_graph
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.file_figures import Figure
-from stereocal.verdict.in_words import digits, interval, percent
-from stereocal.verdict.recommendation import frames_to_come, in_percent
+from stereocal.verdict.in_words import digits, in_percent, interval, percent
+from stereocal.verdict.recommendation import frames_to_come
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 

@@ -29,7 +29,13 @@ from scipy.special import expit, stdtrit
 from stereocal.calibration.methods import METHOD_NAMES, Method, errors_of
 from stereocal.errors import StereocalError
 from stereocal.evaluation import evaluate
-from stereocal.evaluation.summary import Estimate, MethodSummary, figures_of_set, summarise
+from stereocal.evaluation.summary import (
+    FEWEST_RUNS,
+    Estimate,
+    MethodSummary,
+    figures_of_set,
+    summarise,
+)
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.clusters import clusters_of
 from stereocal.rig.geometry import Pose
@@ -44,7 +50,7 @@ FEWEST = 4
 SHUFFLES, SHUFFLES_OF_PAIRS = 60, 6
 LENGTH = 1 / 3
 """Of a further recording, over that of the one at hand."""
-SPLITS, FEWEST_SPLITS = 40, 10
+SPLITS = 40
 """Of the other kind of splits: half a second with 400 frames."""
 MOST_FRAMES = 40_000
 """Of all of them together; longer recordings are not compared."""
@@ -279,7 +285,7 @@ def note_on_splits(
     tenth; else empty. Without runs in the data set nothing is computed.
     """
     runs = min(settings.runs, SPLITS, MOST_FRAMES // len(dataset.correspondences.frames))
-    if runs < FEWEST_SPLITS or evaluate.clusters_to_split(dataset) is None:
+    if runs < FEWEST_RUNS or evaluate.clusters_to_split(dataset) is None:
         return ""
     splits: evaluate.Splits = "frames" if settings.splits == "runs" else "runs"
     other = replace(settings, runs=runs, refined=None, splits=splits)

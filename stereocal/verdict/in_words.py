@@ -113,3 +113,11 @@ def percent(fraction: float) -> str:
 def interval(estimate: Estimate) -> str:
     """The interval of a fraction, in percent: `0.18 to 0.51`."""
     return f"{percent(estimate.low)} to {percent(estimate.high)}"
+
+
+def in_percent(figure: Estimate | float) -> str:
+    """A share or a relative error in percent, with its interval if it has one."""
+    if not isinstance(figure, Estimate):
+        return f"{percent(figure)} %"
+    known = math.isfinite(figure.low) and math.isfinite(figure.high)
+    return f"{percent(figure.value)} %" + (f" ({interval(figure)})" if known else "")

@@ -6,7 +6,6 @@ verdict on one or two sets. Forecast and held-out figures differ, so each stands
 its own that begins with what it is of.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -22,9 +21,8 @@ from stereocal.verdict.file_figures import FileFigures, Validated, bar_known, fi
 from stereocal.verdict.forecast import Forecast, Verdict, sure
 from stereocal.verdict.further_recording import sentence_on_runs
 from stereocal.verdict.in_words import (
-    interval,
+    in_percent,
     left_out_line,
-    percent,
     why_held_out_not_trusted,
     why_not_trusted,
 )
@@ -217,14 +215,6 @@ def _sentence(
     if within is not None:
         parts.append(f"95 % of lengths are within {in_percent(within)} relative to the {held}")
     return f"{of}: {', and '.join(parts)}." if parts else ""
-
-
-def in_percent(figure: Estimate | float) -> str:
-    """A share or a relative error in percent, with its interval if it has one."""
-    if not isinstance(figure, Estimate):
-        return f"{percent(figure)} %"
-    known = math.isfinite(figure.low) and math.isfinite(figure.high)
-    return f"{percent(figure.value)} %" + (f" ({interval(figure)})" if known else "")
 
 
 def _how_sure(

@@ -48,7 +48,8 @@ def _made_for(paper: Mapping[Method, MethodSummary], quantity: str, made: Method
     if made not in paper:
         return best
     own, least = paper[made].main(quantity), paper[best].main(quantity)
-    return made if own.low <= least.high and least.low <= own.high else best
+    # Of too few runs for intervals, no set is said to be better: that comparison is false of NaN.
+    return best if own.low > least.high or math.isnan(own.value) else made
 
 
 def _name(method: Method) -> str:

@@ -18,7 +18,7 @@ from plotly.offline import get_plotlyjs
 from stereocal import __version__
 from stereocal.calibration.methods import METHODS, CalibrationSettings, Method
 from stereocal.evaluation.evaluate import EvaluationSettings, RunCounts, evaluate
-from stereocal.evaluation.summary import Estimate, MethodSummary, Pdf, summarise
+from stereocal.evaluation.summary import FEWEST_RUNS, Estimate, MethodSummary, Pdf, summarise
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.report import report_html
 from stereocal.figures.story import ROWS, Story, plot_story_lengths, plot_story_lines, read_story
@@ -36,8 +36,9 @@ from stereocal.verdict.validation_in_words import validation_answer
 from tools.story import STORY, tell_story
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
-SETTINGS = EvaluationSettings(CalibrationSettings(essential="linear"), runs=6)
+SETTINGS = EvaluationSettings(CalibrationSettings(essential="linear"), runs=FEWEST_RUNS)
 NAN = float("nan")
+TIED = "no clear winner"
 Summaries = dict[Method, MethodSummary]
 
 
@@ -88,8 +89,9 @@ def assert_shows(drawn: Any, pdf: Pdf, scale: float = 1.0) -> None:
     middles = scale * 10 ** ((pdf.edges[:-1] + pdf.edges[1:]) / 2)
     at = np.searchsorted(middles, np.array(drawn.x) * (1 - 1e-9))
     np.testing.assert_allclose(middles[at], drawn.x)
-    np.testing.assert_array_equal(pdf.density[at], drawn.y)
-    assert np.sum(drawn.y) == pytest.approx(pdf.density.sum())
+    np.testing.assert_allclose(drawn.y, 100 * pdf.shares[at])
+    assert np.sum(drawn.y) == pytest.approx(100 * pdf.shares.sum())
+    assert 95 < np.sum(drawn.y) < 100.001  # % of all values
     assert drawn.line.shape == "hvh"
 
 
@@ -107,8 +109,8 @@ def test_every_panel_shows_its_pdfs_and_says_fcp_interval_and_counts(summaries: 
         assert errors.line.color == METHOD_COLOURS[method]
         fcp, n = summary.reprojection.fcp, summary.reprojection
         interval = f"({percent(fcp.low)} to {percent(fcp.high)})"
-        wanted = f"overlap, FCP <b>{percent(fcp.value)} %</b> {interval}"
-        counts = f"n = {n.correct.n} correct, {n.wrong.n} wrong"
+        wanted = f"FCP <b>{percent(fcp.value)} %</b> {interval}"
+        counts = f"n = {n.correct.n:,} correct, {n.wrong.n:,} wrong"
         assert any(wanted in text and counts in text for text in said)
         median = f"median <b>{percent(summary.reconstruction.median.value)} %</b>"
         assert any(median in text for text in said)
@@ -122,12 +124,12 @@ def apart(summaries: Summaries, best: Method) -> Summaries:
 
 
 def marks(figure: go.Figure, column: int) -> dict[Method, str]:
-    """What the titles of a column say of each panel: best, level, or nothing."""
+    """What the titles of a column say of each panel: best, no clear winner, or nothing."""
     found: dict[Method, str] = {}
     for method in METHODS:
         axis = f"{axis_of(method, column)} domain"
         (title,) = (a.text for a in figure.layout.annotations if a.xref == axis)
-        found[method] = next((m for m in ("best", "level") if f"· <b>{m}</b>" in title), "")
+        found[method] = next((m for m in ("best", TIED) if f"· <b>{m}</b>" in title), "")
     return found
 
 
@@ -140,11 +142,33 @@ def test_the_panel_apart_from_the_others_is_framed_and_named(summaries: Summarie
     assert "(best)" in describe_validation(apart(summaries, "2d"))
 
 
-def test_panels_that_cannot_be_told_apart_are_level_and_not_framed(summaries: Summaries) -> None:
+def test_panels_that_cannot_be_told_apart_are_not_framed(summaries: Summaries) -> None:
     tied = {**apart(summaries, "2d"), "3d": with_fcp(summaries["3d"], 0.018, 0.015, 0.03)}
     figure = plot_validation(tied)
     assert not [shape for shape in figure.layout.shapes if shape.name == "best reprojection"]
-    assert marks(figure, 2) == {"essential": "", "2d": "level", "3d": "level"}
+    assert marks(figure, 2) == {"essential": "", "2d": TIED, "3d": TIED}
+
+
+def test_of_few_runs_there_are_no_intervals_and_no_marks(summaries: Summaries) -> None:
+    """In the figure, its words, the table, the comparison and the report; nor is a set said to be
+    better than that made for the job."""
+    few = {method: replace(own, runs=FEWEST_RUNS - 1) for method, own in summaries.items()}
+    few = apart(few, "essential")
+    figure = plot_validation(few)
+    compared = {"one": few, "two": few}
+    shown = [*texts(figure), describe_validation(few), validation_table(few).to_string()]
+    shown += [text for trace in plot_comparison(compared).data for text in trace.text]
+    assert not [text for text in shown if re.search(r"\d to \d|· <b>|\(best\)|best, |winner", text)]
+    assert not figure.layout.shapes
+    assert not [trace for trace in figure.data if "best" in str(trace.name)]
+    assert f"Fewer than {FEWEST_RUNS} runs" in describe_validation(few)
+    assert "with the 2D set below" in validation_answer(few)
+    settings = replace(SETTINGS, runs=FEWEST_RUNS - 1)
+    report = report_html(few, {}, [read_dataset(SAMPLE)], settings)
+    assert "95 % bootstrap" not in report and "there are no intervals" in report
+    assert few["2d"].to_json() == apart(summaries, "essential")["2d"].to_json()
+    again = apart(summaries, "essential")
+    assert "with the essential matrix below" in validation_answer(again)
 
 
 def test_bars_that_cannot_be_reconstructed_are_said(summaries: Summaries) -> None:

@@ -14,7 +14,7 @@ from stereocal.paper_kit.kit import paper_kit
 from stereocal.paper_kit.methods_text import PAPER, PROGRAM, methods_md, references_bib
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import unzip
-from stereocal.verdict.in_words import digits, interval, percent
+from stereocal.verdict.in_words import digits, in_percent
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tests.fit.test_time_offset import moving
@@ -61,9 +61,9 @@ def test_the_methods_say_the_figures_of_the_result() -> None:
     text = methods_md(found)
     assert found.evaluation is not None
     for summary in found.evaluation.summaries.values():
-        fcp, median = summary.reprojection.fcp, summary.reconstruction.median
-        assert f"{percent(fcp.value)} % ({interval(fcp)})" in text
-        assert f"{percent(median.value)} % ({interval(median)})" in text
+        fcp, median = (summary.main(name) for name in ("reprojection", "reconstruction"))
+        assert f"an FCP of {in_percent(fcp)} and a median 3D error of {in_percent(median)}," in text
+        assert not summary.has_intervals
     use = found.recommendation.match
     assert use.threshold_px is not None and use.method == "refined"
     below = f"below {digits(use.threshold_px, 2)} px (held-out frames)"
@@ -74,7 +74,14 @@ def test_the_methods_say_the_figures_of_the_result() -> None:
         *(f"[@{PAPER}]", f"[@{PROGRAM}]", "2336 × 1728 px", "10⁻⁶ rad", "the refined set"),
     ):
         assert words in text, words
-    for words in ("left out", "  ", "..", "points were matched", "were reconstructed"):
+    for words in (
+        "left out",
+        "95 % bootstrap",
+        "  ",
+        "..",
+        "points were matched",
+        "were reconstructed",
+    ):
         assert words not in text
 
 
