@@ -9,13 +9,19 @@ import streamlit as st
 from stereocal.ui.messages import ErrorsShown
 from stereocal.ui.prerequisites import project_with_data, two_cameras_of
 from stereocal.ui.texts import VALIDATE
-from stereocal.ui.validation import choose_data, choose_protocol
-from stereocal.ui.validation_results import show_validation
+from stereocal.ui.validation import choose_data, choose_protocol, more_data, other_settings
+from stereocal.ui.validation_results import Places, show_validation
 
 project, own = two_cameras_of(project_with_data())
 with ErrorsShown(end=True):
     datasets = choose_data(project, own)
+    answer = st.empty()
     settings = choose_protocol(project, datasets)
-show_validation(project, datasets, settings)
+figure = st.container()
+other_settings(project)
+table = st.empty()
+with figure:
+    show_validation(project, datasets, settings, Places(answer, table))
 with st.expander("What these figures mean"):
     st.markdown(VALIDATE)
+more_data(project)

@@ -105,7 +105,6 @@ def search_form(project: Project) -> None:
     steps = sorted({*DELTAS, fields["delta"].value()})
     left.select_slider(delta.title, steps, format_func="{:g}".format, help=delta.help, **own)
     right.slider(acceptance.title, *RATIOS, step=0.01, help=acceptance.help, **ratio)
-    st.page_link("pages/calibrate.py", label="Other settings of the search")
 
 
 def ask(place: DeltaGenerator, about: About, own: Field, disabled: bool = False) -> Any:

@@ -5,17 +5,14 @@ from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 from stereocal.calibration.essential import MINIMUM_PAIRS
-from stereocal.calibration.methods import CalibrationSettings
-from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects.application import IMAGES, ProjectApplication, ProjectCheck
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.system.numbers import count
-from stereocal.ui.forms import refine_settings, search_values, since_calibration
 from stereocal.ui.press import changed_since
 from stereocal.ui.rig import pair_field
-from stereocal.ui.validation import chosen_data
+from stereocal.ui.validation import chosen_data, current_validation
 
 Mark = Literal["done", "stale", "missing"]
 ICONS: Mapping[Mark, str] = {
@@ -100,18 +97,18 @@ def _of_two(project: Project) -> dict[str, PageState]:
         data = PageState(
             "missing", f"{count(len(points), 'pair')}, at least {MINIMUM_PAIRS} needed"
         )
-    calibrate = _calibrate(project, dataset)
+    calibrate = _calibrate(project)
     own = project.settings.get("apply_sets") != "Parameter files"
     if found["apply"].mark == "done" and own and calibrate.mark == "stale":
         found["apply"] = calibrate
     return {**found, "data": data, "calibrate": calibrate, "validate": _validate(project, dataset)}
 
 
-def _calibrate(project: Project, dataset: Pair) -> PageState:
+def _calibrate(project: Project) -> PageState:
     result = project.calibration
     if result is None:
         return PageState("missing", "Not calibrated yet")
-    if changed := since_calibration(project, result, dataset):
+    if changed := changed_since(project):
         return PageState("stale", f"Changed since: {changed}")
     left_out = result.screening.left_out
     named = f", {count(len(left_out), 'frame')} left out" if left_out else ""
@@ -119,26 +116,9 @@ def _calibrate(project: Project, dataset: Pair) -> PageState:
 
 
 def _validate(project: Project, dataset: Pair) -> PageState:
-    found = [each for each in (project.evaluation, project.calibration_evaluation) if each]
-    if not found:
+    if not (project.evaluation or project.calibration_evaluation):
         return PageState("missing", "Not validated yet")
-    datasets = chosen_data(project, dataset)
-    for evaluation in found:
-        if evaluation.is_of(datasets) and _is_as_asked(project, dataset, evaluation):
-            return PageState("done", f"Validated, {count(evaluation.settings.runs, 'run')}")
-    return PageState("stale", "The data or the settings have changed since")
-
-
-def _is_as_asked(project: Project, dataset: Pair, evaluation: Evaluation) -> bool:
-    """Whether the form asks for the settings of an evaluation."""
-    made_with, kept = evaluation.settings, project.settings
-    form = {
-        "validate_splits": made_with.splits,
-        "validate_runs": made_with.runs,
-        "validate_frames": made_with.calibration_frames,
-    }
-    return (
-        made_with.calibration == CalibrationSettings.from_json(search_values(project))
-        and form == {key: kept.get(key, used) for key, used in form.items()}
-        and (len(evaluation.sha256) > 1 or made_with.refined == refine_settings(project, dataset))
-    )
+    found = current_validation(project, chosen_data(project, dataset))
+    if found is None:
+        return PageState("stale", "The data or the settings have changed since")
+    return PageState("done", f"Validated, {count(found.settings.runs, 'run')}")

@@ -18,8 +18,7 @@ from stereocal.ui.fields import Field, one_of, setting, yes_or_no
 from stereocal.ui.figure import clicked_in, is_narrow, show_figure
 from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
-from stereocal.verdict.in_words import digits
-from stereocal.verdict.recommendation import in_percent
+from stereocal.verdict.in_words import digits, in_percent
 from stereocal.workflow.run import Run
 
 GRAPH = "rig_graph"

@@ -22,9 +22,9 @@ No more: everything is computed here, and nothing is sent elsewhere.
 
 VALIDATE = """
 Many times over, some frames are drawn to calibrate with, and the others test the result.
-**Matching**: do correct pairs of points have smaller errors than wrong ones? Where the two curves
-overlap, a wrong pair looks right: the overlap is the *false correspondence probability* (FCP), the
-wrong pairs accepted and the correct ones lost, together, at the threshold where the curves cross.
+**Matching**: do correct pairs of points have smaller errors than wrong ones? The overlap of the two
+curves (FCP) is the share of wrong pairs accepted and that of correct ones lost, together, at the
+threshold where the curves cross. **Best** is what differs from the others beyond the intervals.
 **Measuring**: how far off are the lengths of bars that took no part?
 Each run finds sets of its own, and 3D sets differ much in matching: what your own files will do is
 on the Calibrate page.

@@ -16,7 +16,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.pair import Pair
 from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, Number, choose, setting
+from stereocal.ui.fields import Field, Number, choose, one_of, setting
 from stereocal.ui.forms import (
     ABOUT,
     ask,
@@ -36,6 +36,7 @@ NINETEEN = ROOT / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
 RUNS = (10, 500)
 """Ends of the slider of the runs."""
+BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
 FEWEST_FRAMES = 3
 """Bars of two points whose pose can be solved for: five points."""
 STAGES = ("runs",)
@@ -47,9 +48,18 @@ _FITS = KeptFits()
 
 def choose_data(project: Project, own: Pair) -> list[Pair]:
     """The data sets to validate on."""
-    more = project.more_datasets
-    kinds = [MINE, *([ALL] if more else []), *([PAPER] if NINETEEN.is_dir() else [])]
+    kinds = [
+        MINE,
+        *([ALL] if project.more_datasets else []),
+        *([PAPER] if NINETEEN.is_dir() else []),
+    ]
     choose(project, "validate_on", "Validate on", kinds, tabs_own=False)
+    return chosen_data(project, own)
+
+
+def more_data(project: Project) -> None:
+    """Further data sets, to be given and forgotten."""
+    more = project.more_datasets
     with st.expander(f"Further data sets to pool and compare ({len(more)} loaded)"):
         uploads = st.file_uploader(
             "Zips with dataset.json", type=["zip"], accept_multiple_files=True, key="upload_more"
@@ -61,7 +71,6 @@ def choose_data(project: Project, own: Pair) -> list[Pair]:
             st.markdown(f"- {escape_markdown(dataset.name)}")
         if more:
             button("Forget them", "drop_more", project.drop_datasets)
-    return chosen_data(project, own)
 
 
 def chosen_data(project: Project, own: Pair) -> list[Pair]:
@@ -73,23 +82,42 @@ def chosen_data(project: Project, own: Pair) -> list[Pair]:
 
 
 def choose_protocol(project: Project, datasets: Sequence[Pair]) -> EvaluationSettings:
-    """The form of the protocol: number of runs and of frames."""
+    """The settings that the paper varies: first step, acceptance ratio, frames; and the runs."""
     with project.database.reading():  # each of the fields reads its value several times
         runs, frames, splits = _protocol_fields(project, datasets)
+        search_form(project)
         left, right = st.columns(2)
         about = ABOUT["runs"]
         left.slider(about.title, *RUNS, step=10, help=about.help, **runs.widget())
         about = ABOUT["calibration_frames"]
         frames.slider(about.title, right, help=about.help)
-        ask(st.container(), ABOUT["splits"], splits)
-        search_form(project)
         return _protocol(project, datasets, runs, frames, splits)
+
+
+def other_settings(project: Project) -> None:
+    """The other settings of a validation, folded."""
+    with st.expander("Other settings"):
+        ask(st.container(), ABOUT["splits"], _splits(project))
+        told = "Of the curves, in decades. The overlap depends on it a little."
+        st.select_slider("Width of the bins", BIN_WIDTHS, help=told, **bin_width(project).widget())
+        st.page_link("pages/calibrate.py", label="Other settings of the search")
+
+
+def bin_width(project: Project) -> Field:
+    """The width of the bins in decades."""
+    return setting(project, "bin_width", USUAL_WIDTH, one_of(BIN_WIDTHS))
+
+
+def _splits(project: Project) -> Field:
+    return field_of(project, "validate_splits", ABOUT["splits"])
 
 
 def _protocol_fields(project: Project, datasets: Sequence[Pair]) -> tuple[Field, Field, Field]:
     """Fields of runs, calibration frames and splits."""
     if not any(map(is_long, datasets)):
-        screenings = screenings_of(datasets, CalibrationSettings.from_json(search_values(project)))
+        search = CalibrationSettings.from_json(search_values(project))
+        calibration = readable(lambda: project.calibration, told=False)
+        screenings = screenings_of(datasets, search, calibration)
         datasets = [each.dataset for each in screenings]
     fewest = min(len(each.correspondences.frames) for each in datasets)
     most = max(fewest - 2, 2)
@@ -97,7 +125,7 @@ def _protocol_fields(project: Project, datasets: Sequence[Pair]) -> tuple[Field,
     return (
         setting(project, "validate_runs", ABOUT["runs"].default, Number(*RUNS)),
         setting(project, "validate_frames", min(usual_frames(fewest), most), bounds),
-        field_of(project, "validate_splits", ABOUT["splits"]),
+        _splits(project),
     )
 
 
@@ -116,17 +144,19 @@ def _protocol(
     return EvaluationSettings(search, runs.value(), frames.value(), splits.value(), own)
 
 
-def last_validation(
-    project: Project, datasets: Sequence[Pair], settings: EvaluationSettings
-) -> Evaluation | None:
-    """The last validation; that of the calibration instead, if it is what the form asks for.
-
-    So that a look at other data sets leaves a calibrated project validated.
+def current_validation(project: Project, datasets: Sequence[Pair]) -> Evaluation | None:
+    """The kept validation of these data and of what the form asks for; None if there is none, or
+    if it is damaged. That of the calibration is one, so that a look at other data sets leaves a
+    project validated.
     """
-    of_calibration = readable(lambda: project.calibration_evaluation, told=False)
-    if is_current(of_calibration, datasets, settings):
-        return of_calibration
-    return readable(lambda: project.evaluation, told=False)  # damaged, it is computed again
+    search = CalibrationSettings.from_json(search_values(project))
+    for read in (lambda: project.calibration_evaluation, lambda: project.evaluation):
+        found = readable(read, told=False)
+        if found is None or not found.is_of(datasets) or found.settings.calibration != search:
+            continue  # nothing is screened to know how many frames the form asks for
+        if found.settings == kept_protocol(project, datasets):
+            return found
+    return None
 
 
 def follow_validation(
@@ -195,10 +225,3 @@ def _validate(
     job.progress(job.total, job.total)  # ends here if the settings have changed meanwhile
     digests = [dataset.sha256 for dataset in datasets]
     project.keep_evaluation(Evaluation(runs, settings, unique_names(datasets), digests))
-
-
-def is_current(
-    evaluation: Evaluation | None, datasets: Sequence[Pair], settings: EvaluationSettings
-) -> bool:
-    """Whether an evaluation is of these data and settings."""
-    return evaluation is not None and evaluation.settings == settings and evaluation.is_of(datasets)

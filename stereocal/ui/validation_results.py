@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import Method
 from stereocal.evaluation.evaluate import EvaluationSettings
@@ -13,7 +14,7 @@ from stereocal.evaluation.summary import MethodSummary, summarise_all
 from stereocal.figures.comparison import describe_comparison, plot_comparison
 from stereocal.figures.report import report_html
 from stereocal.figures.tables import validation_table
-from stereocal.figures.validation import describe_validation, plot_validation
+from stereocal.figures.validation import describe_validation, note_on_intervals, plot_validation
 from stereocal.fit.screening.screen import Screening
 from stereocal.formats.evaluation_files import Evaluation, summary_json
 from stereocal.projects.project import Project
@@ -22,7 +23,7 @@ from stereocal.rig.pair import Pair
 from stereocal.system.latest import Latest
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
+from stereocal.ui.fields import Field, choose, setting, yes_or_no
 from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.forms import describe_settings
 from stereocal.ui.messages import button, fragment, readable, show_stale
@@ -30,23 +31,27 @@ from stereocal.ui.press import final_answer
 from stereocal.ui.screening import screenings_of
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.validation import (
+    USUAL_WIDTH,
+    bin_width,
     changed_since,
+    current_validation,
     follow_validation,
-    is_current,
-    last_validation,
     validation_so_far,
 )
 from stereocal.verdict.further_recording import note_on_splits
 from stereocal.verdict.in_words import left_out_line, why_held_out_not_trusted
 from stereocal.verdict.validation_in_words import validation_answer
 
-BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
 COLUMNS = {
     "residual": "Residual",
     "reprojection": "Reprojection error",
     "reconstruction": "3D error",
 }
 FORMATS = ("SVG", "PNG")
+FCP = (
+    "Where the curves of correct and wrong pairs overlap, a wrong pair looks right: the overlap is "
+    "the false correspondence probability (FCP)."
+)
 EVERY_S = 0.5
 """Between two looks at a job."""
 Summaries = dict[Method, MethodSummary]
@@ -60,32 +65,48 @@ def with_refined(project: Project) -> Field:
     return setting(project, "with_refined", usual, yes_or_no, tabs_own=True)
 
 
+@dataclass(frozen=True)
+class Places:
+    """Where parts of a validation stand that are not with its figure.
+
+    Each an `st.empty`: a part of a page that is redrawn alone adds to any other container.
+    """
+
+    answer: DeltaGenerator
+    table: DeltaGenerator
+
+
 def show_validation(
-    project: Project, datasets: Sequence[Pair], settings: EvaluationSettings
+    project: Project, datasets: Sequence[Pair], settings: EvaluationSettings, places: Places
 ) -> None:
     """The validation of these settings: the first runs at once, the others as they come."""
-    last, job = last_validation(project, datasets, settings), None
-    if not is_current(last, datasets, settings):
+    last, job = current_validation(project, datasets), None
+    if last is None:
         job = follow_validation(project, datasets, settings, with_refined(project).value())
         if job.state == "done":
-            last, job = last_validation(project, datasets, settings), None
+            last, job = current_validation(project, datasets), None
+        else:
+            last = readable(lambda: project.evaluation, told=False)
     # Only while runs come: a permanent timer would interrupt every longer run of the page.
     every = EVERY_S if job is not None and job.state == "running" else None
-    fragment(_show, run_every=every)(project, datasets, settings, last, job, every is not None)
+    running = every is not None
+    fragment(_show, run_every=every)(project, datasets, settings, places, last, job, running)
 
 
 def _show(
     project: Project,
     datasets: Sequence[Pair],
     settings: EvaluationSettings,
+    places: Places,
     last: Evaluation | None,
     job: jobs.Job | None,
     running: bool,
 ) -> None:
     """What there is: the whole validation, runs of a job, or the last validation."""
+    head = places.answer.container()
     if job is None:
         if last is not None:
-            _show_evaluation(project, Shown(last, last.digest, ""), datasets)
+            _show_evaluation(project, Shown(last, last.digest, ""), datasets, head, places.table)
         return
     if running and job.state != "running":
         st.rerun()
@@ -93,13 +114,14 @@ def _show(
         st.error(escape_markdown(job.sentence))
         button("Try again", "validate", jobs.forget, job)
     elif (found := _so_far(job, datasets, with_refined(project).value())) is not None:
-        _show_evaluation(project, found, datasets)
+        _show_evaluation(project, found, datasets, head, places.table)
         return
     else:
-        st.info("The first runs are on their way.")
+        head.info("The first runs are on their way.")
     if last is not None:
-        show_stale(changed_since(last, datasets, settings))
-        _show_evaluation(project, Shown(last, last.digest, ""), datasets)
+        with head:
+            show_stale(changed_since(last, datasets, settings))
+        _show_evaluation(project, Shown(last, last.digest, ""), datasets, head, places.table)
 
 
 @dataclass(frozen=True)
@@ -169,48 +191,54 @@ def _note(evaluation: Evaluation, screening: Screening) -> str:
     return str(found)
 
 
-def _show_evaluation(project: Project, shown: Shown, datasets: Sequence[Pair]) -> None:
+def _show_evaluation(
+    project: Project,
+    shown: Shown,
+    datasets: Sequence[Pair],
+    head: DeltaGenerator,
+    table: DeltaGenerator,
+) -> None:
     """Answer and figure; of a whole validation also downloads and table.
 
     Args:
         datasets: what the form says now.
+        head, table: where the answer and the table stand.
     """
     evaluation, whole = shown.evaluation, not shown.so_far
-    bins = setting(project, "bin_width", USUAL_WIDTH, one_of(BIN_WIDTHS))
-    refined = with_refined(project)
-    pooled, by_dataset = _summaries(shown, bins.value(), refined.value())
+    bins, refined = bin_width(project).value(), with_refined(project)
+    pooled, by_dataset = _summaries(shown, bins, refined.value())
     screenings = _screenings(project, evaluation, datasets)
-    _show_answer(pooled, screenings)
-    with st.container(key="runs_so_far" if shown.so_far else "runs_all"):
-        st.caption(f"**{shown.so_far or f'{shown.runs} runs'}**")
-    of_files = readable(lambda: project.calibration_evaluation)
-    if of_files is not None and not (whole and of_files.digest == evaluation.digest):
-        told = "The parameter files keep the threshold and the figures of their own validation"
-        st.caption(f"{told}: {_describe_protocol(of_files)}")
+    with head:
+        _show_answer(pooled, screenings)
+        with st.container(key="runs_so_far" if shown.so_far else "runs_all"):
+            st.caption(f"**{shown.so_far or f'{shown.runs} runs'}**")
     columns, picture = _choose_view(project, refined)
+    st.caption(" ".join([*[FCP] * (columns != ["reconstruction"]), note_on_intervals(pooled)]))
     charts = {"validation": columns}
     if is_narrow() and len(columns) > 1:
         charts = {f"validation_{column}": [column] for column in columns}
     for name, parts in charts.items():
-        key = f"{shown.key} {bins.value()} {refined.value()} {parts}"
+        key = f"{shown.key} {bins} {refined.value()} {parts}"
         figure = _KEPT.once(key, partial(plot_validation, pooled, parts))
         words, config = describe_validation(pooled, parts), _saved_as(picture, name)
         show_figure(figure, words, name, config=config)
+    of_files = readable(lambda: project.calibration_evaluation)
+    if of_files is not None and not (whole and of_files.digest == evaluation.digest):
+        told = "The parameter files keep the threshold and the figures of their own validation"
+        st.caption(f"{told}: {_describe_protocol(of_files)}")
     if not whole:
         return
     if len(screenings) == 1 and (note := _note(evaluation, screenings[0])):
         st.info(escape_markdown(note))
-    if screenings:
-        _downloads(project, screenings, evaluation, pooled, by_dataset)
-    with st.expander("Figures as a table, and the width of the bins"):
-        st.table(validation_table(pooled))
-        title, told = "Width of the bins (decades)", "The overlap depends on it a little."
-        st.select_slider(title, BIN_WIDTHS, help=told, **bins.widget())
     if len(evaluation.names) > 1:
         st.subheader("Data set by data set")
         words, config = describe_comparison(by_dataset), _saved_as(picture, "comparison")
         show_figure(plot_comparison(by_dataset), words, "comparison", config=config)
     st.caption(f"Made with: {_describe_protocol(evaluation)}")
+    if screenings:
+        _downloads(project, screenings, evaluation, pooled, by_dataset)
+    with table.expander("Figures as a table"):
+        st.table(validation_table(pooled))
 
 
 def _choose_view(project: Project, refined: Field) -> tuple[list[str], str]:

@@ -49,10 +49,10 @@ def home_of_finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     settings = CalibrationSettings.from_json(form_values(project, dataset))
     found = calibrate(dataset, settings)
     project.keep_calibration(found, project.inputs)
-    own = EvaluationSettings(settings, 2, 20, refined=refine_settings(project, dataset))
+    own = EvaluationSettings(settings, 10, 20, refined=refine_settings(project, dataset))
     with ThreadPoolExecutor(1) as executor:
         runs = evaluate([found.screening.dataset], own, executor)
-    project.keep_settings({"validate_runs": 2})
+    project.keep_settings({"validate_runs": 10})
     project.keep_evaluation(Evaluation(runs, own, [dataset.name], [dataset.sha256]))
     return home
 
@@ -86,7 +86,9 @@ def test_a_changed_length_makes_the_results_stale(finished: Project) -> None:
     ("setting", "stale"),
     [
         ({"delta": 2e-3}, {"calibrate", "validate"}),
-        ({"validate_runs": 10}, {"validate"}),
+        ({"validate_runs": 20}, {"validate"}),
+        ({"validate_frames": 15}, {"validate"}),
+        ({"validate_splits": "frames"}, {"validate"}),
         ({"refine_sigma_px": 0.3}, {"calibrate", "validate"}),
         ({"validate_on": PAPER}, {"validate"}),
         ({"calibration_frames": 20}, {"calibrate"}),
@@ -97,6 +99,12 @@ def test_a_changed_setting_makes_its_results_stale(
 ) -> None:
     finished.keep_settings(setting)
     assert {name for name, mark in marks(finished).items() if mark == "stale"} == stale
+
+
+def test_the_menu_takes_the_form_as_the_page_does(finished: Project) -> None:
+    """A number of frames that other data had is not in the form: it shows the usual one."""
+    finished.keep_settings({"validate_frames": 999})
+    assert marks(finished)["validate"] == "done"
 
 
 def test_a_look_at_the_nineteen_rigs_changes_no_result(finished: Project) -> None:
