@@ -115,7 +115,9 @@ class Job:
             # Found before, or a first chunk: no measure of the speed.
             self.started, self.begun_with = time.monotonic(), done
         self.done, self.total = done, total
-        self.cancelled |= self.work.project.database.marker.exists()
+        # Not `|=`: that would undo a cancellation that comes while the disk is asked.
+        if self.work.project.database.marker.exists():
+            self.cancelled = True
         if self.cancelled:
             raise StoppedError
 

@@ -12,6 +12,8 @@ from stereocal.evaluation.evaluate import RunCounts, evaluate_runs
 from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import bring_back, remove
 from stereocal.projects.kept import KEPT
+from stereocal.projects.project import Project
+from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs, results, screening
 from stereocal.workflow import answer, pair_run
 from stereocal.workflow.answer import PairAnswer
@@ -66,6 +68,21 @@ def test_a_removed_project_stops_its_job(pressing: AppTest, home: Path) -> None:
     assert ended(project, "calibration").state == "cancelled"
     bring_back(home, project.id)
     assert STOPPED in messages(pressing.run()) and "run" in keys(pressing)
+
+
+def test_a_job_cancelled_while_it_looks_for_its_project_ends(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = Project.create(home)
+    job = jobs.Job(jobs.PageWork(project, "evaluation", ("runs",), lambda _: None), jobs.pool())
+
+    def another_page_cancels(_path: Path) -> bool:
+        job.cancelled = True
+        return False
+
+    monkeypatch.setattr(Path, "exists", another_page_cancels)
+    with pytest.raises(StoppedError):
+        job.progress(1, 2)
 
 
 def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
