@@ -30,7 +30,7 @@ HEADINGS = {
     "reconstruction": "3D error",
 }
 AXIS_TITLES = {
-    "residual": "Residual of the essential matrix (no unit)",
+    "residual": "Residual of the essential<br>matrix (no unit)",
     "reprojection": "Reprojection error (px)",
     "reconstruction": "3D error |D − D<sup>R</sup>| / D (%)",
 }
@@ -106,12 +106,12 @@ class Panel:
         line, counted = "no bar could be measured", f"n = {lengths.pdf.n:,}"
         if self.figure:
             value, among = self.figure
-            mark = f" · <b>{self.standing}</b>" if self.standing else ""
-            line = f"{'FCP' if found else 'median'} <b>{value}</b>{among}{mark}"
+            line = f"{'FCP' if found else 'median'} <b>{value}</b>{among}"
             counted = f"95 % within {percent(lengths.p95)} %, {counted}"
         if found:
             counted = f"n = {found.correct.n:,} correct, {found.wrong.n:,} wrong"
-        return [line, counted, *filter(None, [", ".join(self.notes)])]
+        mark = self.standing and f"<b>{self.standing}</b>"
+        return [*filter(None, [line, mark, counted, ", ".join(self.notes)])]
 
     @property
     def notes(self) -> list[str]:
@@ -243,7 +243,7 @@ def describe_validation(
 
 PANEL_HEIGHT, SPACING = 190, 0.065
 LEFT_WIDTH = 75
-LEGEND_LINE, LINE_HEIGHT, FOOT_HEIGHT = 24, 17, 80
+LEGEND_LINE, LINE_HEIGHT, FOOT_HEIGHT = 24, 17, 98
 QUICK = {"automargin": False, "ticklabeloverflow": "allow"}
 HATCH = {"shape": "/", "fillmode": "replace", "size": 6, "solidity": 0.3, "fgcolor": WRONG_COLOUR}
 

@@ -129,7 +129,7 @@ def marks(figure: go.Figure, column: int) -> dict[Method, str]:
     for method in METHODS:
         axis = f"{axis_of(method, column)} domain"
         (title,) = (a.text for a in figure.layout.annotations if a.xref == axis)
-        found[method] = next((m for m in ("best", TIED) if f"· <b>{m}</b>" in title), "")
+        found[method] = next((m for m in ("best", TIED) if f"<b>{m}</b>" in title), "")
     return found
 
 
@@ -158,7 +158,9 @@ def test_of_few_runs_there_are_no_intervals_and_no_marks(summaries: Summaries) -
     compared = {"one": few, "two": few}
     shown = [*texts(figure), describe_validation(few), validation_table(few).to_string()]
     shown += [text for trace in plot_comparison(compared).data for text in trace.text]
-    assert not [text for text in shown if re.search(r"\d to \d|· <b>|\(best\)|best, |winner", text)]
+    assert not [
+        text for text in shown if re.search(r"\d to \d|<b>best|\(best\)|best, |winner", text)
+    ]
     assert not figure.layout.shapes
     assert not [trace for trace in figure.data if "best" in str(trace.name)]
     assert f"Fewer than {FEWEST_RUNS} runs" in describe_validation(few)
