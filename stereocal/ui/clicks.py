@@ -40,12 +40,16 @@ from stereocal.ui.holding import held_target, is_coloured
 from stereocal.ui.messages import button, callback, fragment
 from stereocal.ui.picker import KEYS, Mark, Pick, pick, shown
 from stereocal.ui.texts import escape_markdown
+from stereocal.verdict.in_words import listed
 
 COLOURS = ("#56B4E9", "#E69F00", "#2CC197", "#F0E442", "#FF7F50", "#CC79A7")
 CORNER, TARGET = "The corner there", "The target there"
 WAYS = ("Where I click", CORNER, TARGET)
-_SETTLED, _REFUSED = "clicks_settled", "clicks_refused"
+_SETTLED, _NOTE = "clicks_settled", "clicks_note"
 ON_KEYS = f"In a picture: {KEYS} The keys on buttons are letters while a name or a number is typed."
+MOST_ACCEPTED = 50
+"""Frames whose proposals are accepted at once: each is found from the last, so that small errors
+add up, and somebody has to look."""
 REFRESHED = 1.25
 """Growth of the number of points after which their noise is looked at again."""
 
@@ -55,7 +59,7 @@ def show_clicks(project: Project, measure: ClickMeasure) -> None:
     footage = Pictures(project, measure.matching).show()
     if footage is not None:
         acts = ProjectClicks(project).acts
-        if acts and acts[-1].pictures != [*footage.labels.values()]:
+        if acts and acts[-1].pictures not in ([], [*footage.labels.values()]):
             before = escape_markdown(" and ".join(acts[-1].pictures))
             st.warning(f"The points so far were clicked in other pictures: {before}.")
         fragment(_Panel(project, footage, measure).show)()
@@ -67,6 +71,7 @@ class _Panel:
     def __init__(self, project: Project, footage: Footage, measure: ClickMeasure) -> None:
         self.project, self.footage, self.measure = project, footage, measure
         self.store, numbers = ProjectClicks(project), footage.numbers
+        self.drawn = self.store.clicks.of_cameras(measure.matching.placed)
         self.cameras = [*footage.labels]
         own = partial(setting, project, tabs_own=True)
         self.at: Field = own("clicks_frame", numbers[0], Number(numbers[0], numbers[-1]))
@@ -84,15 +89,17 @@ class _Panel:
         self.colours = dict(zip(tracks, cycle(COLOURS), strict=False))
         self._choose()
         self._check_sizes()
-        measured, (self.proposed, trial) = self._measured(self.clicks), self._propose()
+        measured = self._measured(self.clicks)
+        self.proposed, trial = self._propose(self.clicks, self.frame)
+        self.may_go_on = bool(self.proposed) and not _in_doubt(self.proposed, trial)
         self._step()
         for camera, place in zip(self.cameras, cycle(st.columns(2)), strict=False):
             with place:
                 self._show_picture(camera)
         st.caption(ON_KEYS)
         with st.container():
-            if refused := st.session_state.pop(_REFUSED, ""):
-                st.warning(escape_markdown(refused))
+            if note := st.session_state.pop(_NOTE, ""):
+                st.warning(escape_markdown(note))
             self._answer(measured, trial)
         with st.container(horizontal=True):
             self._offer()
@@ -118,10 +125,10 @@ class _Panel:
             kept = st.session_state[_SETTLED] = about, size, how.settled(clicks)
         return how.measured(clicks, kept[2])
 
-    def _propose(self) -> tuple[list[Click], MeasuredClicks | None]:
-        """The next places of tracks that have none in this frame, where the images show them and
+    def _propose(self, clicks: Clicks, frame: int) -> tuple[list[Click], MeasuredClicks | None]:
+        """The next places of tracks that have none in a frame, where the images show them and
         agree; and what all points measure with them."""
-        found, clicks, frame = [], self.clicks, self.frame
+        found = []
         for camera, track in product(self.cameras, clicks.tracks):
             near = nearest_clicks(clicks.along(track, camera), frame)
             if (frame, camera, track) in clicks.every or not near:
@@ -159,6 +166,7 @@ class _Panel:
             ("Back", "b", before != self.frame, self.at.set, before),
             ("Forward", "f", bool(after), self.at.set, onward),
             (accept, "a", bool(self.proposed), self._accept, onward),
+            ("Accept until in doubt", "g", self.may_go_on, self._accept_on),
             ("Remove it", "x", bool(here), self._place, [], here),
             ("Undo", "u", can_undo, self.store.undo),
         )
@@ -170,6 +178,27 @@ class _Panel:
     def _accept(self, onward: int) -> None:
         self._place(self.proposed)
         self.at.set(onward)
+
+    def _accept_on(self) -> None:
+        """Accept the proposals of this frame and of those after it as one act, up to a frame in
+        which a point is in doubt, or has been clicked."""
+        accepted, clicks, at = list[Click](), self.clicks, self.frame
+        wanted, note = {each.key[1:] for each in self.proposed}, ""
+        for at in self.footage.numbers[self.row :]:
+            every, trial = self._propose(clicks, at)
+            found = [each for each in every if each.key[1:] in wanted]
+            there = {key[1:] for key in clicks.placed(found).every if key[0] == at}
+            doubtful = {track for _, track in wanted - there} | _in_doubt(found, trial)
+            if doubtful:
+                note = f"Frame {at} was not accepted. In doubt there: {listed(sorted(doubtful))}."
+            elif len(accepted) >= MOST_ACCEPTED * len(wanted):
+                note = f"Accepted in {MOST_ACCEPTED} frames: look at them before you go on."
+            if note or not found:
+                break
+            accepted, clicks = [*accepted, *found], clicks.placed(found)
+        st.session_state[_NOTE] = note
+        self._place(accepted)
+        self.at.set(at)
 
     def _place(self, placed: Sequence[Click], removed: Sequence[Key] = ()) -> None:
         self.store.act(Act([*placed], [*removed], [*self.footage.labels.values()]))
@@ -204,7 +233,7 @@ class _Panel:
         try:
             at = self._snapped(camera, to, at)
         except StereocalError as error:
-            st.session_state[_REFUSED] = str(error)
+            st.session_state[_NOTE] = str(error)
             return
         source: Source = "clicked" if to == WAYS[0] else "snapped"
         self._place([Click(self.frame, camera, self.track, *at, source)])
@@ -258,6 +287,8 @@ class _Panel:
         total = count(len(clicks.every), "click")
         if clicks.are_points and st.button(f"Match and measure all ({total})", "clicks_all"):
             st.rerun()
+        if clicks.every != self.drawn.every and self.drawn.are_points:
+            st.caption("What is shown below is of the points before.")
         with st.popover("Download the clicks"):
             cameras = [*self.measure.matching.placed]
             tables = clicks.tables(cameras)
@@ -267,6 +298,13 @@ class _Panel:
             files |= {f"sleap_{c}.csv (SLEAP)": partial(sleap_table, clicks, c) for c in tables}
             for number, (label, text) in enumerate(files.items()):
                 offer(label, text, label.split(" ")[0], f"clicks_file_{number}")
+
+
+def _in_doubt(proposed: Sequence[Click], trial: MeasuredClicks | None) -> set[str]:
+    """The tracks of which no point is measured where one is proposed: the images of two cameras
+    have to agree."""
+    places = {Place(each.track, each.frame) for each in proposed}
+    return {place.track for place in places - {*(trial.rows if trial else ())}}
 
 
 def _next_click(track: str, seen: Sequence[str], cameras: Sequence[str]) -> str:

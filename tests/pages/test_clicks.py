@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,6 +14,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.clicks import Act, ProjectClicks
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.photograph import GreyImage
 from stereocal.ui.apply_points import CLICKED
@@ -152,3 +154,44 @@ def test_a_pair_after_a_rig_has_its_own_clicks_pictures_and_names(app: AppTest, 
     app.button(key="whose_0").click().run()
     assert not app.exception and "Click point 1 in one of the pictures." in told(app)
     assert app.button(key="clicks_u").disabled and len(store.clicks.every) == len(RIGS)
+
+
+def flown(frames: int, hidden: int) -> dict[str, GreyImage]:
+    """Photographs of the flight, in which each end has a texture of its own; the secondary does not
+    show those of one frame."""
+    images = {}
+    noise = np.random.default_rng(3).normal(0.0, 1.0, (2, 31, 31))
+    textures = [cv2.GaussianBlur(each, (0, 0), 2.0) for each in noise]
+    textures = [np.clip(128 + 400 * each, 0, 255).astype(np.uint8) for each in textures]
+    clicks = flight(frames).every.values()
+    for name, camera, own in (("left", PRIMARY, CAMERAS[0]), ("right", SECONDARY, CAMERAS[1])):
+        for frame in range(1, frames + 1):
+            image = np.full(camera.image_size[::-1], 90, np.uint8)
+            for texture, track in zip(textures, ("head", "tail"), strict=True):
+                (at,) = (e for e in clicks if e.key == (frame, own, track))
+                u, v = round(at.u) - 15, round(at.v) - 15
+                if not (frame == hidden and own == CAMERAS[1]):
+                    image[v : v + 31, u : u + 31] = texture
+            images[f"{name}_{frame:02}.png"] = image
+    return images
+
+
+def test_one_key_accepts_the_proposals_of_many_frames(app: AppTest, home: Path) -> None:
+    give_pictures(clicking(app), flown(7, hidden=6))
+    store = ProjectClicks(project_of(app, home))
+    store.act(Act([*flight(1).every.values()]))
+    app.run()
+    assert app.button(key="clicks_g").disabled  # nothing is proposed where all is clicked
+    app.button(key="clicks_f").click().run()
+    app.button(key="clicks_g").click().run()
+    assert "Frame 6 was not accepted. In doubt there: head and tail." in told(app, "warning")
+    assert app.slider[0].value == 6 and app.button(key="clicks_g").disabled
+    found = store.clicks.every
+    assert {frame for frame, *_ in found} == {1, 2, 3, 4, 5}
+    truth = flight(5).every
+    for key, click in found.items():
+        assert np.hypot(click.u - truth[key].u, click.v - truth[key].v) < 2.0
+        assert click.source == ("clicked" if click.frame == 1 else "followed")
+    assert len(store.acts) == 2
+    app.button(key="clicks_u").click().run()  # one act, undone at once
+    assert {frame for frame, *_ in store.clicks.every} == {1}
