@@ -16,5 +16,5 @@ chosen = None
 with ErrorsShown():
     chosen = choose_apply_inputs(project, store)
     if chosen is not None and chosen.work is not None:
-        update_application(project, store, chosen.work)
+        update_application(project, store, chosen.work, chosen.is_clicked)
 show_application(project, store, chosen)

@@ -15,7 +15,7 @@ from stereocal.matching.lengths import LengthCheck
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import PlacedCameras
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
-from stereocal.system.numbers import count, rounded
+from stereocal.system.numbers import count, decimals_of, rounded
 
 LEAST_PART = 0.2
 """Of the size of a scene with its cameras: smaller points are seen without them."""
@@ -25,6 +25,7 @@ MAXIMUM_TRACKS = 500
 MAXIMUM_MARKED = 1000
 """Maximum number of points of the chosen frame that are marked."""
 MARK_COLOUR = "#CC79A7"
+NTICKS = 6
 Colour = Literal["frame", "error"]
 TITLES: dict[Colour, str] = {"frame": "Frame", "error": "Error (px)"}
 COLOURS = ((0.0, "#1F83C4"), (0.5, "#009E73"), (1.0, "#D55E00"))
@@ -41,6 +42,9 @@ HEADINGS: Mapping[str, str] = {
     "error_px": "Error (px)",
     "runner_up_px": "Next best error (px)",
     "ambiguous": "Ambiguous",
+    "within_threshold": "Within the threshold",
+    "sigma_primary_px": "Noise, primary (px)",
+    "sigma_secondary_px": "Noise, secondary (px)",
     "x": "x, right (m)",
     "y": "y, down (m)",
     "z": "z, depth (m)",
@@ -58,6 +62,14 @@ IN_WORLD: Mapping[str, str] = {
     "coordinates": "World frame",
 }
 """Of points in a world frame."""
+
+
+FORMATS: dict[str, str] = {
+    **dict.fromkeys("xyz", "%.4g"),
+    **dict.fromkeys(("error_px", "runner_up_px"), "%.3g"),
+    **dict.fromkeys(("sigma_x", "sigma_y", "sigma_z"), "%.2g"),
+}
+"""Digits that a page shows of lengths, errors and standard errors; files have all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +107,12 @@ class PointCloud:
         if "outside_volume" not in self.points:
             return np.zeros(len(self.points), dtype=bool)
         return self.points["outside_volume"].to_numpy(dtype=bool)
+
+
+def formats(table: pd.DataFrame) -> dict[str, str]:
+    """The format of each column of pairs or points that is a measured number."""
+    pixels = {name: "%.2f" for name in map(str, table) if name[:2] in ("u_", "v_")}
+    return {name: own for name, own in (FORMATS | pixels).items() if name in table}
 
 
 def plot_points(
@@ -139,7 +157,8 @@ def plot_points(
         path[np.cumsum([len(track) + 1 for track in drawn]) - 1] = np.nan
         line = {**scale, "color": values[rows], "width": 3}
         add_trace(figure, path, line=line, name=f"Tracks (n = {len(tracks):,})")
-    _add_points(figure, cloud, shown, values, {**scale, "colorbar": _colour_bar(colour)})
+    bar = _colour_bar(colour, scale["cmax"] - scale["cmin"])
+    _add_points(figure, cloud, shown, values, {**scale, "colorbar": bar})
     marked = xyz[cloud.seen & (points["frame"] == frame)][:MAXIMUM_MARKED]
     if len(marked):
         size = 8 if len(marked) <= 20 else 4
@@ -160,16 +179,17 @@ def plot_points(
     return figure
 
 
-def _colour_bar(colour: Colour) -> dict[str, Any]:
+def _colour_bar(colour: Colour, span: float) -> dict[str, Any]:
+    whole = {"tickformat": "d", "dtick": 1 if span < NTICKS else None}
     return {
         "title": {"text": TITLES[colour], "side": "top"},
         "thickness": 14,
         "len": 0.8,
         "tickfont": {"size": 13},
-        "nticks": 6,
+        "nticks": NTICKS,
         "orientation": "h",
         **{"x": 0.5, "xanchor": "center", "y": 0.0, "yanchor": "top"},
-        **({"tickformat": "d"} if colour == "frame" else {}),
+        **(whole if colour == "frame" else {}),
     }
 
 
@@ -183,7 +203,7 @@ def _add_points(
     """The points inside and outside the volume of the bars, with one colour bar."""
     about = cloud.points[["frame", "error_px", "x", "y", "z"]].to_numpy(dtype=np.float64)
     place = ", ".join(
-        f"{axis} %{{customdata[{at}]:.3f}} m{words}"
+        f"{axis} %{{customdata[{at}]:.4~r}} m{words}"
         for at, (axis, words) in enumerate(zip("xyz", cloud.scene.words, strict=True), start=2)
     )
     outside = cloud.outside[rows]
@@ -199,7 +219,7 @@ def _add_points(
         add_trace(
             figure,
             cloud.xyz[some],
-            f"frame %{{customdata[0]:d}}, error %{{customdata[1]:.3f}} px<br>{place}",
+            f"frame %{{customdata[0]:d}}, error %{{customdata[1]:.3~r}} px<br>{place}",
             marker={**scale, **own, "showscale": bar},
             customdata=about[some],
             name=f"{name} (n = {len(some):,})",
@@ -223,11 +243,17 @@ def describe_points(
     shown = cloud.seen
     if not shown.any():
         return "No pair meets in front of both cameras."
-    x, y, z = cloud.xyz[shown].T
+    titles, ends = ("x", "y", "depth z" if world is None else "z"), cloud.xyz[shown]
+    decimals = decimals_of(float(np.abs(ends).max()) / 100)  # four digits of the largest
+    extents = ", ".join(
+        f"{title} from {low:z.{decimals}f} to {high:z.{decimals}f} m"
+        for title, low, high in zip(
+            titles, ends.min(axis=0).tolist(), ends.max(axis=0).tolist(), strict=True
+        )
+    )
     text = (
-        f"{count(int(shown.sum()), 'point')} of {count(points['frame'].nunique(), 'frame')}: x "
-        f"from {x.min():.2f} to {x.max():.2f} m, y from {y.min():.2f} to {y.max():.2f} m, "
-        f"{'depth ' if world is None else ''}z from {z.min():.2f} to {z.max():.2f} m"
+        f"{count(int(shown.sum()), 'point')} of {count(points['frame'].nunique(), 'frame')}: "
+        f"{extents}"
     )
     if outside := int((cloud.outside & shown).sum()):
         text += f"; {outside} of them outside the volume of the bars, with open symbols"
@@ -250,7 +276,7 @@ def plot_lengths(check: LengthCheck) -> go.Figure:
     add_trace(
         figure,
         np.column_stack([check.frames, 100 * check.errors]),
-        "frame %{x}<br>%{customdata:.4f} m, error %{y:.2f} %",
+        "frame %{x}<br>%{customdata:.4~r} m, error %{y:.2f} %",
         marker=marker_of("3d", 9),
         customdata=check.lengths_m,
         name=f"Measured (n = {len(check.frames):,})",

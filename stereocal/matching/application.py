@@ -6,7 +6,7 @@ The tables are identical to those of the commands `match` and `reconstruct`.
 import hashlib
 import io
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -62,6 +62,8 @@ class Application:
     matching: Parameters
     measuring: Parameters
     """The same rig, where it is one of three cameras and more."""
+    files: Sequence[str]
+    """Names of the parameter files: to match with and to measure with, or of the rig."""
     stated: Stated = field(default_factory=Stated)
     world: Pose | None = None
     """`world_from_primary` of the points, of a rig `world_from_reference`; None: points in the
@@ -78,21 +80,29 @@ class Application:
         return views_of(self.matching)
 
     @property
+    def made_from(self) -> dict[str, list[Any]]:
+        """Digests of the input and what is stated, as JSON; what differs is what has changed."""
+        stated, world = self.stated, self.world and name_of_world(self.world)
+        cameras = [*self.points]
+        return {
+            "points": [each.name for each in self.points.values()],
+            "parameters": [self.matching.digest, self.measuring.digest],
+            "threshold, depths, noise, names or world frame": [
+                stated.threshold_px,
+                [repr(depth) for depth in stated.depths_m],
+                ["names", stated.names],
+                *([] if cameras == [*CAMERAS] else [cameras]),
+                *([] if world is None else [world]),
+                *([] if stated.sigma_px is None else [["sigma_px", stated.sigma_px]]),
+            ],
+        }
+
+    @property
     def digest(self) -> str:
         """Digest of the input, independent of dates."""
-        stated, world = self.stated, self.world and name_of_world(self.world)
-        cameras = (*self.points,)
-        content = [
-            [each.name for each in self.points.values()],
-            [self.matching.digest, self.measuring.digest],
-            stated.threshold_px,
-            [repr(depth) for depth in stated.depths_m],
-            ["names", stated.names],
-            *([] if cameras == CAMERAS else [cameras]),
-            *([] if world is None else [world]),
-            *([] if stated.sigma_px is None else [["sigma_px", stated.sigma_px]]),
-        ]
-        return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+        points, parameters, settings = self.made_from.values()
+        content = json.dumps([points, parameters, *settings])
+        return hashlib.sha256(content.encode()).hexdigest()
 
     @property
     def used(self) -> dict[str, Any]:
@@ -133,8 +143,8 @@ class Outcome:
     measured_with: dict[str, Any]
     """Cameras and poses that measured, and the world frame of the points, as JSON."""
     used: dict[str, Any] = field(default_factory=dict)
-    """`points`: the labels of the files; `matching`, `measuring`: method and digest of the sets, or
-    `rig`: its digest. Empty in results of version 1.0."""
+    """`points`: the labels of the files; of two cameras `matching`, `measuring`: method and digest
+    of the sets. Empty in results of version 1.0."""
     sigma_px: float | None = None
     """Noise of the points, if it was stated."""
     names: str = AUTO
@@ -143,21 +153,18 @@ class Outcome:
     """Name of the table of what belongs together."""
     cameras: list[str] = field(default_factory=lambda: [*CAMERAS])
     """Those whose points were given."""
+    files: list[str] = field(default_factory=list)
+    """As of the `Application`; empty in results of version 1.0."""
+    made_from: dict[str, list[Any]] = field(default_factory=dict)
+    """As of the `Application`; empty in results of version 1.0."""
 
     def changed_since(self, work: Application) -> str:
-        """What of an input is another than it was for this result, as a list in words."""
-        used = self.used | {"depths": self.depths_m, "sigma_px": self.sigma_px}
-        now = work.used | {"depths": work.shown_depths_m, "sigma_px": work.stated.sigma_px}
-        names = {
-            "points": "points",
-            "matching": "set to match with",
-            "measuring": "set to measure with",
-            "rig": "rig",
-            "depths": "depths",
-            "sigma_px": "noise of the points",
-        }
-        found = [name for key, name in names.items() if used.get(key) != now.get(key)]
-        return ", ".join(found) or "threshold or world frame"
+        """What of an input is another than it was for this result, as a list in words; empty if the
+        result is current."""
+        if self.digest == work.digest:
+            return ""
+        now = work.made_from
+        return ", ".join(name for name in now if self.made_from.get(name) != now[name])
 
     @property
     def rig(self) -> PlacedCameras:
@@ -226,13 +233,15 @@ def apply_sets(
         names=stated.names,
         matched=table,
         cameras=[*work.points],
+        files=[*work.files],
+        made_from=work.made_from,
     )
 
 
 def _made_with(work: Application, threshold_px: float) -> str:
     labels = listed([each.label for each in work.points.values()])
     frame = "" if work.world is None else f", in the world frame {name_of_world(work.world)}"
-    sets = work.views.in_words(work.measuring, threshold_px, work.stated)
+    sets = work.views.in_words(work.files, work.measuring, threshold_px, work.stated)
     return f"{labels}; {sets}{frame}."
 
 

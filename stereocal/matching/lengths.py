@@ -9,7 +9,7 @@ from stereocal.errors import StereocalError
 from stereocal.matching.trajectories import further_columns
 from stereocal.rig.measured_lengths import check_length
 from stereocal.system.array_types import FloatArray, IntArray
-from stereocal.system.numbers import count, rounded
+from stereocal.system.numbers import count, digits, rounded
 
 MAXIMUM_LABELS = 500
 """A column with more distinct values is a measurement, not a name."""
@@ -44,7 +44,8 @@ class LengthCheck:
         more, bias = left_out * bool(self.left_out), float(self.errors.mean())
         return (
             f"The mean distance in {count(len(self.frames), 'frame')} is "
-            f"{self.lengths_m.mean():.4f} m; the known length is {rounded(self.known_m, 4)} m. "
+            f"{digits(float(self.lengths_m.mean()), 4)} m; the known length is "
+            f"{rounded(self.known_m, 4)} m. "
             f"The mean error is {100 * self.mean_error:.2f} %, the mean is "
             f"{100 * abs(bias):.2f} % too {'long' if bias > 0 else 'short'}.{more}"
         )

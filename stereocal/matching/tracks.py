@@ -101,7 +101,7 @@ class InGroups(Matching):
             f"{found['ambiguous'].sum()} ambiguous (another partner fits as well).",
             f"At most about {wrong} are wrong."
             if wrong
-            else "What share of them is wrong cannot be told from so few frames.",
+            else "The share of wrong ones cannot be estimated from so few frames.",
         ]
         far = on_far(noise.sigma_px, rig.noise_px) if noise.source == "estimated" else ""
         notes = [*filter(None, [self.contradiction, far]), *given.left_out.values()]

@@ -4,7 +4,7 @@ Points of N cameras belong together in groups whose images fit one point, the on
 With a parameter set of two, pairs below a threshold do, and a point is the midpoint of its rays.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -164,12 +164,14 @@ class Views:
     # What a result is made with
 
     def used(self, _measuring: Parameters) -> dict[str, Any]:
-        """Digests of what matches and measures."""
-        return {"rig": self.rig.digest}
+        """Of two cameras, method and digest of what matches and what measures."""
+        return {}
 
-    def in_words(self, _measuring: Parameters, _threshold_px: float, _stated: Stated) -> str:
-        """What matches and measures."""
-        return f"the rig of the cameras {listed([*self.rig.placed])}"
+    def in_words(
+        self, files: Sequence[str], _measuring: Parameters, _threshold_px: float, _stated: Stated
+    ) -> str:
+        """What matches and measures, by the names of the parameter files."""
+        return f"matched and measured with {files[0]}, cameras {listed([*self.rig.placed])}"
 
 
 class TwoViews(Views):
@@ -266,12 +268,15 @@ class TwoViews(Views):
         sets = {"matching": self.pair, "measuring": measuring.pair(*measuring.placed)}
         return {use: [chosen.method, chosen.digest] for use, chosen in sets.items()}
 
-    def in_words(self, measuring: Parameters, threshold_px: float, stated: Stated) -> str:
+    def in_words(
+        self, files: Sequence[str], measuring: Parameters, threshold_px: float, stated: Stated
+    ) -> str:
         near, far = stated.depths_m
         depths = "" if (near, far) == ANY_DEPTH else f", depths from {near:g} to {far:g} m"
         return (
-            f"matched with the {self.pair.set_name}, threshold {rounded(threshold_px, 4)} px"
-            f"{depths}; measured with the {measuring.pair(*measuring.placed).set_name}"
+            f"matched with {files[0]} ({self.pair.set_name}), threshold "
+            f"{rounded(threshold_px, 3)} px{depths}; measured with {files[1]} "
+            f"({measuring.pair(*measuring.placed).set_name})"
         )
 
 

@@ -55,6 +55,11 @@ def slot_of(camera: str) -> Asked:
     return camera if camera in CAMERAS else f"camera {camera}"
 
 
+def is_of_clicks(outcome: Outcome) -> bool:
+    """Whether a result is of points that were clicked on the page."""
+    return any(str(label).startswith(CLICKED_IN) for label in outcome.used.get("points", ()))
+
+
 @dataclass(frozen=True)
 class PointFile:
     """A point file and the table that was read from it."""
@@ -265,6 +270,12 @@ class ProjectApplication(ProjectPart):
                 return None
             outcome = of_plain(stored, Outcome)
             return outcome, {name: files[name] for name in (outcome.matched, POINTS)}
+
+    def result_of(self, is_clicked: bool) -> tuple[Outcome, dict[str, StoredFile]] | None:
+        """The last result; None if it is of points that were clicked here and others are in use, or
+        of others and clicked ones are."""
+        result = self.result
+        return result if result and is_of_clicks(result[0]) == is_clicked else None
 
     def forget_result(self) -> None:
         """Delete the last result, so that it can be computed again."""

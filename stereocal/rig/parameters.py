@@ -167,7 +167,8 @@ class RigParameters(Answer, Rig, ResultFile):
     def set_name(self) -> str:
         """In sentences, such as `2D set`."""
         short = {"2d": "2D", "3d": "3D"}
-        return f"{short.get(self.method, self.method)} set"
+        is_repaired = "repaired_from" in self.inputs
+        return f"{'repaired' if is_repaired else short.get(self.method, self.method)} set"
 
     @property
     def purpose(self) -> str:

@@ -10,7 +10,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import METHOD_NAMES
-from stereocal.fit.rig_file import Parameters
+from stereocal.fit.rig_file import RIG, Parameters
 from stereocal.matching.application import STAGES, Application
 from stereocal.matching.clicks import BY_HAND, ClickMeasure
 from stereocal.matching.matching import ANY_DEPTH, purpose_warning
@@ -34,7 +34,7 @@ from stereocal.ui.apply_points import (
 )
 from stereocal.ui.clicks import show_clicks
 from stereocal.ui.messages import ErrorsShown, button, readable, show_refusal, show_stale
-from stereocal.ui.parameter_files import APPLY_SETS, PURPOSES, Source, upload_set
+from stereocal.ui.parameter_files import APPLY_SETS, FILES, PURPOSES, Source, upload_set
 from stereocal.ui.press import set_in_use
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.warm_up import WARM_UP
@@ -81,7 +81,7 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
     matching_at, threshold_at, measuring_at = st.columns(3)
     with points_at:
         points, names = form.choose()
-    sets = _choose_sets(source, store, (matching_at, measuring_at))
+    files, sets = _choose_sets(source, store, (matching_at, measuring_at))
     stated = replace(
         BY_HAND if form.is_clicked else Stated(),
         threshold_px=threshold_field(project).value(),
@@ -109,7 +109,7 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
         source.tell_missing("a parameter file to match with, and one to measure with")
     work = None
     if sets is not None and threshold is not None and depths is not None:
-        work = Application(points, *sets, replace(stated, sigma_px=sigma_px), world)
+        work = Application(points, *sets, files, replace(stated, sigma_px=sigma_px), world)
     show = None if thresholds is None else partial(thresholds.show, threshold)
     return ApplyInputs(work, show, form.is_clicked)
 
@@ -128,28 +128,32 @@ def _click(
 
 def _choose_sets(
     source: Source, store: ProjectApplication, places: tuple[DeltaGenerator, DeltaGenerator]
-) -> tuple[RigParameters, RigParameters] | None:
-    answer, found = source.answer(), []
+) -> tuple[list[str], tuple[RigParameters, RigParameters] | None]:
+    """Names and contents of the files to match and to measure with."""
+    answer, files, found = source.answer(), list[str](), list[RigParameters]()
     for use, place in zip(USES, places, strict=True):
         kept = None if source.is_project else store.set_of(use)
         if answer:
-            chosen = set_in_use(source.project, use, answer)
+            field = set_in_use(source.project, use, answer)
             titles = {name: METHOD_NAMES[name] for name in answer.sets}
             titles[answer.recommendation.use[use]] += " · recommended"
             named = titles.__getitem__
-            chosen.menu(PURPOSES[use], place, format_func=named)
-            found.append(answer.sets[chosen.value()])
+            field.menu(PURPOSES[use], place, format_func=named)
+            method = field.value()
+            files.append(FILES[method][0])
+            found.append(answer.sets[method])
         elif kept is not None:
             place.caption(f"{PURPOSES[use]}  \nIn use: {escape_markdown(kept[0])}")
+            files.append(kept[0])
             found.append(kept[1])
-    return (found[0], found[1]) if len(found) == len(USES) else None
+    return files, (found[0], found[1]) if len(found) == len(USES) else None
 
 
 def _choose_for_rig(project: Project, store: ProjectApplication) -> ApplyInputs | None:
     """Points of three cameras and more, and the rig that matches and measures them."""
-    rig, label = project.rig, "the rig of this project"
+    rig, label, file = project.rig, "the rig of this project", RIG
     if not project.is_rig and (given := store.rig_given) is not None:
-        label, rig = given
+        (label, rig), file = given, given[0]
         with st.container(horizontal=True, vertical_alignment="center"):
             st.caption(f"In use: {escape_markdown(label)}, a rig of {len(rig.names)} cameras")
             button("Use other parameters", "forget_rig", store.forget_rig)
@@ -176,19 +180,22 @@ def _choose_for_rig(project: Project, store: ProjectApplication) -> ApplyInputs 
         clicks = ProjectClicks(project).clicks.of_cameras(rig.names)
         noise_px = ClickMeasure(rig, rig, stated).settled(clicks).sigma_px
         stated = replace(stated, sigma_px=noise_px)
-    return ApplyInputs(Application(points, rig, rig, stated, world), None, form.is_clicked)
+    return ApplyInputs(Application(points, rig, rig, [file], stated, world), None, form.is_clicked)
 
 
-def update_application(project: Project, store: ProjectApplication, work: Application) -> None:
+def update_application(
+    project: Project, store: ProjectApplication, work: Application, is_clicked: bool
+) -> None:
     """Compute short work at once; for long work show a button and progress."""
 
     def run(job: jobs.Job) -> None:
         store.run(work, job.begin, job.progress, job.executor)
 
-    result = readable(lambda: store.result, told=False)  # if damaged, it is computed again
-    current = result is not None and result[0].digest == work.digest
+    # If damaged, it is computed again.
+    result = readable(lambda: store.result_of(is_clicked), told=False)
+    stale = "" if result is None else result[0].changed_since(work)
+    current = result is not None and not stale
     job = jobs.PageWork(project, "apply", STAGES, run)
-    stale = "" if result is None or current else result[0].changed_since(work)
     if not current and work.expected_seconds <= INSTANT_S:
         with ErrorsShown(), st.spinner("Matching and measuring."), suppress(StoppedError):
             WARM_UP.over.wait()

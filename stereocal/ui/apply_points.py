@@ -1,10 +1,11 @@
 """The points of the Apply page: the project's own, or a file of each camera; their noise, the
 threshold, and depths."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import cycle
+from typing import Any, TypeVar, cast
 
 import pandas as pd
 import streamlit as st
@@ -28,6 +29,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import camera_in_words
+from stereocal.system.latest import Latest, once_or_refused
 from stereocal.system.numbers import count, rounded
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
@@ -37,6 +39,7 @@ from stereocal.ui.messages import button
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import ask_about_points
 
+T = TypeVar("T")
 CLICKED = "Click them here"
 FEWEST = 2
 """Cameras whose points are needed."""
@@ -156,6 +159,8 @@ class PointsForm:
         return {camera: points for camera, points in found.items() if points is not None}
 
 
+_KEPT: Latest[Any] = Latest(24)
+"""A page of two cameras uses eight at a time."""
 Depths = tuple[float, float]
 THRESHOLD = (
     "Threshold: largest reprojection error of a pair, mean over both cameras. Empty: by the noise "
@@ -255,31 +260,29 @@ class ThresholdForm:
             show_figure(plot_pair_errors(nearest, threshold), words, "pair_errors", caption=True)
 
 
-@st.cache_resource(
-    show_spinner=False,
-    max_entries=16,
-    hash_funcs={ThresholdForm: lambda form: (form.rig.digest, form.key)},
-)
 def _chosen(form: ThresholdForm, stated: Stated) -> tuple[ThresholdChoice | None, str]:
     """The threshold, or None, and the reason."""
-    try:
+
+    def choice() -> ThresholdChoice:
         tables = [*_tables(form).values()]
         columns = list(stated_columns(stated.names, *map(further_of, tables)))
         distinct = [table[columns] for table in tables]
         given = form.rig, _sampled(form), distinct, stated
-        return jobs.compute(names_and_threshold, *given)[-1], ""
+        return jobs.compute(names_and_threshold, *given)[-1]
+
+    try:
+        return once(f"{form.key} threshold {form.rig.digest} {stated}", choice), ""
     except StereocalError as error:
         return None, str(error)
 
 
-@st.cache_resource(
-    show_spinner=False,
-    max_entries=8,
-    hash_funcs={ThresholdForm: lambda form: (form.key, form.rig.time_offset, form.rig.start_frame)},
-)
 def _sampled(form: ThresholdForm) -> Sample:
     """A sample of the points of both cameras."""
-    return sample_frames(*points_in_step(form.rig, _tables(form))[0].values())
+
+    def sample() -> Sample:
+        return sample_frames(*points_in_step(form.rig, _tables(form))[0].values())
+
+    return once(f"{form.key} sample {form.rig.digest}", sample)
 
 
 def _tables(form: ThresholdForm) -> dict[str, pd.DataFrame]:
@@ -297,15 +300,28 @@ def _ask_names(store: ProjectApplication, points: Sequence[Points]) -> str:
     title = (
         f"Only points of one name belong together (column {escape_markdown(', '.join(columns))})"
     )
-    told = "The images check the names; what does not fit is told below."
+    told = "The images check the names; what does not fit is reported below."
     st.toggle(title, **field.widget(), help=told)
     return AUTO if field.value() else OFF
 
 
-@st.cache_resource(show_spinner="Reading the points.", max_entries=4)
-def whole_table(name: str, label: str, _store: ProjectApplication) -> pd.DataFrame:
-    """All points of a table, cached by name, which holds its digest."""
-    return _store.whole_table(name, label)
+def whole_table(name: str, label: str, store: ProjectApplication) -> pd.DataFrame:
+    """All points of a table, whose name is its digest."""
+
+    def read() -> pd.DataFrame:
+        with st.spinner("Reading the points."):
+            return store.whole_table(name, label)
+
+    return once(f"{name} table {label}", read)
+
+
+def once(key: str, make: Callable[[], T]) -> T:
+    """What was read of points or results, or found in them: made, or refused, once for a key.
+
+    Args:
+        key: names what is made, and has the digests of all that it is made of.
+    """
+    return cast(T, once_or_refused(_KEPT, key, make))
 
 
 def chosen_depths(project: Project) -> Depths:

@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
-from typing import NamedTuple
+from pathlib import Path, PurePosixPath
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,7 +18,6 @@ from stereocal.figures import measured
 from stereocal.figures.matches import describe_matches, plot_matches
 from stereocal.figures.space import VIEWS, view_names
 from stereocal.figures.style import Photograph
-from stereocal.fit.rig_file import RIG
 from stereocal.matching import lengths, trajectories
 from stereocal.matching.application import (
     POINTS,
@@ -32,17 +31,15 @@ from stereocal.matching.names import AUTO
 from stereocal.matching.point_table import pixels_of
 from stereocal.matching.trajectories import COORDINATES
 from stereocal.matching.views import TRACKS
-from stereocal.projects.application import CLICKED_IN, USES, ProjectApplication, slot_of
+from stereocal.projects.application import USES, ProjectApplication, Use, is_of_clicks, slot_of
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.rig.rig import camera_in_words
-from stereocal.system.array_types import IntArray
-from stereocal.system.latest import Latest
 from stereocal.system.numbers import count
 from stereocal.ui.apply import ApplyInputs
-from stereocal.ui.apply_points import OPTIONAL, whole_table
+from stereocal.ui.apply_points import OPTIONAL, once, whole_table
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
@@ -58,8 +55,6 @@ STEP_S = 0.5
 """Time of a frame while playing."""
 _PLAYING = "apply_playing"
 """Time of the last step; absent while it is paused."""
-_FRAMES: Latest[IntArray] = Latest(4)
-_TRACKS: Latest[list[IntArray]] = Latest(8)
 
 
 class Tables(NamedTuple):
@@ -76,9 +71,6 @@ class Tables(NamedTuple):
     usual_tracks: str | None
 
 
-_TABLES: Latest[Tables] = Latest(4)
-
-
 def show_application(
     project: Project, store: ProjectApplication, chosen: ApplyInputs | None
 ) -> None:
@@ -87,7 +79,8 @@ def show_application(
     One look at a time, or none; only what is shown is computed.
     """
     work = None if chosen is None else chosen.work
-    result, tables = store.result, None
+    result = store.result if chosen is None else store.result_of(chosen.is_clicked)
+    tables = None
     looks: dict[str, Callable[[], None]] = {}
     if result is not None:
         is_clicked = chosen is not None and chosen.is_clicked
@@ -125,14 +118,14 @@ def _show_result(
     tables = None
     with ErrorsShown():
         matched, points = files[outcome.matched], files[POINTS]
-        tables = _TABLES.once(f"{matched.name} {points.name}", partial(_read, matched, points))
+        tables = once(f"{matched.name} {points.name}", partial(_read, matched, points))
     if tables is None:
         button("Begin again", "forget_result", store.forget_result)
         return None
     where = "" if outcome.world is None else " Points are in the world frame."
     dataset = readable(lambda: project.dataset)
-    said = tables.answer if dataset is None else as_held(tables.answer, dataset)
-    st.success(escape_markdown(said + where))
+    answer = tables.answer if dataset is None else as_held(tables.answer, dataset)
+    st.success(escape_markdown(answer + where))
     for note in outcome.notes:
         st.warning(escape_markdown(note))
     if is_clicked:
@@ -162,7 +155,7 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
         return float("inf"), name
 
     left, right = st.columns(2)
-    title = "Points are told apart by"
+    title = "Distinguish points by"
     way = choose_from_menu(project, "apply_way", title, ways, place=left)
     known = setting(project, "apply_known", known_m, OPTIONAL).number_input(
         "Known length (m)", right, format="%.6g", placeholder="measured length"
@@ -185,9 +178,13 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
 
 def _show_tables(tables: Tables, matched: str) -> None:
     headings = measured.IN_WORLD if COORDINATES in tables.points else measured.HEADINGS
+    number = st.column_config.NumberColumn
     for name, table in ((matched, tables.pairs), (POINTS, tables.points)):
         st.caption(f"{name}: the first {min(FIRST_ROWS, len(table))} of {count(len(table), 'row')}")
-        st.dataframe(table.head(FIRST_ROWS), hide_index=True, column_config={**headings})
+        columns: dict[str, Any] = {**headings}
+        for name, digits in measured.formats(table).items():
+            columns[name] = number(headings.get(name, name), format=digits)
+        st.dataframe(table.head(FIRST_ROWS), hide_index=True, column_config=columns)
 
 
 def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | None) -> None:
@@ -201,15 +198,33 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
             f"{camera}{Path(table).suffix}"
             for camera, table in zip(outcome.cameras, outcome.tables, strict=True)
         ]
-        st.code(_commands(outcome, names), language="shell", wrap_lines=True)
+        files = [_parameter_file(outcome, use) for use in USES[: len(outcome.files) or None]]
+        st.code(_commands(outcome, names, files), language="shell", wrap_lines=True)
         with st.container(horizontal=True):
             for table, name in zip(outcome.tables, names, strict=True):
                 make = store.table(table).read_bytes
                 offer(f"Download {name}", make, name, f"download_{name}")
+            for use, file, name in zip(USES, outcome.files, files, strict=False):
+                kept, (_, digest) = store.set_of(use), outcome.used.get(use, ("", ""))
+                if name != file and kept and kept[1].digest == digest:
+                    offer(f"Download {name}", kept[1].dumps, name, f"download_set_{use}")
 
 
-def _commands(outcome: Outcome, names: Sequence[str]) -> str:
-    """The commands that write the same files from point files of these names."""
+def _parameter_file(outcome: Outcome, use: Use) -> str:
+    """The file to match or to measure with: parameters of another program as `reconstruct` reads
+    them."""
+    if not outcome.files:  # of version 1.0
+        return f"parameters_{outcome.used.get(use, [PAPER_SET_FOR[use]])[0]}.json"
+    name = outcome.files[USES.index(use)]
+    return name if name.lower().endswith(".json") else f"{PurePosixPath(name).stem}.json"
+
+
+def _commands(outcome: Outcome, names: Sequence[str], files: Sequence[str]) -> str:
+    """The commands that write the same files from point files of these names.
+
+    Args:
+        files: names of the parameter files.
+    """
     sigma = "" if outcome.sigma_px is None else f" --sigma-px {outcome.sigma_px!r}"
     world = "" if outcome.world is None else f" --world {WORLD_FILE}"
     by_name = "" if outcome.names == AUTO else f" --names {outcome.names}"
@@ -217,18 +232,15 @@ def _commands(outcome: Outcome, names: Sequence[str]) -> str:
         shlex.quote(name if camera in CAMERAS else f"{camera}={name}")
         for camera, name in zip(outcome.cameras, names, strict=True)
     )
+    files = [shlex.quote(name) for name in files]
     if outcome.matched == TRACKS:
-        match, measure = f"--rig {RIG}{sigma}{by_name}", f"--rig {RIG}{world}{sigma}"
+        match, measure = f"--rig {files[0]}{sigma}{by_name}", f"--rig {files[0]}{world}{sigma}"
     else:
         near, far = outcome.depths_m
         depths = "" if far is None and not near else f" --depth {near:g} {far or 'inf'}"
-        match_with, measure_with = (
-            f"--parameters parameters_{outcome.used.get(use, [PAPER_SET_FOR[use]])[0]}.json"
-            for use in USES
-        )
         threshold = f"--threshold {outcome.threshold_px!r}"
-        match = f"{match_with} {threshold}{sigma}{depths}{by_name}"
-        measure = f"{measure_with}{world}"
+        match = f"--parameters {files[0]} {threshold}{sigma}{depths}{by_name}"
+        measure = f"--parameters {files[1]}{world}"
     return (
         f"python -m stereocal match {given} {match} --out {outcome.matched}\n"
         f"python -m stereocal reconstruct {outcome.matched} {measure} --out {POINTS}"
@@ -255,8 +267,9 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
         st.rerun()  # the whole page: the timer is set where the fragment is called
     tables = [whole_table(name, name, store) for name in outcome.tables]
     numbers = partial(np.unique, np.concatenate([table["frame"] for table in tables]))
-    frames = _FRAMES.once(" ".join(outcome.tables), numbers).tolist()
-    frame = _choose_frame(store, outcome, frames)
+    frames = once(f"{' '.join(outcome.tables)} frames", numbers).tolist()
+    first = min(result.pairs["frame"].tolist(), default=frames[0])
+    frame = _choose_frame(store, outcome, frames, first)
     of_frame = result.pairs[result.pairs["frame"] == frame]
     seen = {
         side: pixels_of(table[table["frame"] == frame])
@@ -269,10 +282,12 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
     images, space = st.columns(2)
     with images:
         for side, pixels in seen.items():
-            title = side if side in CAMERAS else camera_in_words(side)
-            st.markdown(f"**{escape_markdown(title[0].upper() + title[1:])}**")
             size, photograph = outcome.rig.placed[side].camera.image_size, photographs.get(side)
             fits = photograph is not None and photograph.shape[::-1] == size
+            if not fits and not len(pixels):
+                continue  # an empty box
+            title = side if side in CAMERAS else camera_in_words(side)
+            st.markdown(f"**{escape_markdown(title[0].upper() + title[1:])}**")
             figure = plot_matches(of_frame, pixels, side, size, photograph if fits else None)
             show_figure(figure, words, f"matches_{side}")
         st.caption(escape_markdown(words))
@@ -282,19 +297,28 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
 
 def _are_own(store: ProjectApplication, outcome: Outcome) -> bool:
     """Whether a result is of the bar's own points."""
-    if any(str(label).startswith(CLICKED_IN) for label in outcome.used.get("points", ())):
+    if is_of_clicks(outcome):
         return False
     given = store.points(slot_of(outcome.cameras[0]))
     return given is None or given.name != outcome.tables[0]
 
 
-def _choose_frame(store: ProjectApplication, outcome: Outcome, frames: list[int]) -> int:
-    """A slider that plays; the bar's own points have the frame that is chosen on all pages."""
+def _choose_frame(
+    store: ProjectApplication, outcome: Outcome, frames: list[int], first: int
+) -> int:
+    """A slider that plays; the bar's own points have the frame that is chosen on all pages.
+
+    Args:
+        frames: those with points; of another, the nearest is shown.
+        first: shown until another is chosen.
+    """
     if len(frames) == 1:
         return frames[0]
     key, bounds = "apply_frame", Number(frames[0], frames[-1])
     name = NAME if _are_own(store, outcome) else key
-    field = setting(store.project, key, frames[0], bounds, name=name, tabs_own=True)
+    field = setting(store.project, key, first, bounds, name=name, tabs_own=True)
+    asked = int(field.value())
+    field.show(min(frames, key=lambda each: abs(each - asked)))
     playing = _PLAYING in st.session_state
     if playing and time.monotonic() - st.session_state[_PLAYING] > 0.8 * STEP_S:
         at = bisect.bisect_right(frames, field.value())
@@ -342,7 +366,8 @@ def _show_space(project: Project, outcome: Outcome, result: Tables, frame: int |
             same = usual or NOTHING
             column = choose(project, "apply_tracks", title, ways, same, as_menu=True)
     find = partial(trajectories.tracks_by, points, column)
-    tracks = [] if column == NOTHING else _TRACKS.once(f"{outcome.digest} {column}", find)
+    key = f"{outcome.digest} tracks {column}"
+    tracks = [] if column == NOTHING else once(key, find)
     figure = measured.plot_points(points, colour, outcome.rig, view, tracks, frame, outcome.world)
     words = measured.describe_points(points, tracks, outcome.world)
     show_figure(figure, words, "points", caption=True)

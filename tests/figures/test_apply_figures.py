@@ -1,5 +1,7 @@
 """The figures of the Apply page: what they draw, and that their sentences say the same."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
@@ -84,6 +86,19 @@ def test_points_in_space(colour: str) -> None:
     values = POINTS["frame" if colour == "frame" else "error_px"]
     np.testing.assert_array_equal(cloud.marker.color, values)
     assert describe_points(POINTS).startswith(f"{len(POINTS)} points of {FRAMES} frames")
+
+
+def test_digits_suit_the_size_of_a_scene_and_frames_are_whole() -> None:
+    small = POINTS.assign(**{axis: POINTS[axis] / 1000 for axis in "xyz"})
+    far = re.search(r"depth z from \S+ to (\S+) m", describe_points(small))
+    assert far and len(far[1].lstrip("0.")) == 4  # 0.01 m would say nothing
+    few = POINTS[POINTS["frame"] < POINTS["frame"].min() + 3]
+    bars = [
+        each.marker.colorbar
+        for each in plot_points(few, "frame", SET).data
+        if each.marker.showscale
+    ]
+    assert [bar.dtick for bar in bars] == [1]
 
 
 def test_points_in_a_world_frame_stand_upright() -> None:

@@ -45,7 +45,7 @@ def scattered(folder: Path) -> Application:
     params = RigParameters(rig.PRIMARY, rig.SECONDARY, rig.RIG, "2d", 0.0, {}, {})
     volume = Volume((-0.2, 0.2), (-0.2, 0.2), (6.5, 9.0))
     measuring = replace(params, method="3d", volume=volume)
-    return Application(points, params, measuring, Stated(0.5))
+    return Application(points, params, measuring, ("2d.json", "3d.json"), Stated(0.5))
 
 
 def test_matching_and_measuring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,28 +1,33 @@
 """The Apply page with its World frame, without a browser."""
 
 import io
+import json
+import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.field.checking.repair import REPAIRED
 from stereocal.figures.space import VIEWS
 from stereocal.matching.application import POINTS
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.views import PAIRS
-from stereocal.projects.application import ProjectApplication
+from stereocal.projects.application import USES, ProjectApplication
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import apply as apply_page
 from stereocal.ui import fields
+from stereocal.ui.apply_points import CLICKED
 from tests.field.world_tables import lines_csv, survey_csv
 from tests.known_rig import PRIMARY, RIG, SECONDARY
 from tests.matching.test_point_noise import seen
-from tests.pages.stored_projects import go, page_of, project_of, run_job, told
+from tests.pages.stored_projects import go, messages, page_of, pictured, project_of, run_job, told
 from tests.rigs.worlds import Place, plumb_lines, surveyed, world_of_cameras
 
 SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
@@ -262,3 +267,98 @@ def test_files_of_other_programs_are_asked_what_they_do_not_say(app: AppTest, ho
     # The true T of both, measured: 1e-6 m.
     np.testing.assert_allclose(first[1].pose.T, CASE_T, rtol=0, atol=1e-5)
     np.testing.assert_allclose(second[1].pose.inverse().T, CASE_T, rtol=0, atol=1e-5)
+
+
+def elements(app: AppTest, kind: str) -> Any:
+    return app.get(kind)
+
+
+def files_named(app: AppTest) -> tuple[str, ...]:
+    """The parameter files that the two shown commands name; *Made with* names the same."""
+    (shown,) = (str(code.value) for code in app.code)
+    found = tuple(re.findall(r"--(?:parameters|rig) (\S+)", shown))
+    made_with = told(app, "caption").partition("Made with: ")[2]
+    assert len(found) == 2 and all(f"with {name}" in made_with for name in found)
+    return found
+
+
+def test_the_files_of_the_project_that_were_used_are_named(pressed: AppTest) -> None:
+    app = go(pressed, "apply")
+    app.selectbox(key="apply_matching").set_value("2d").run()
+    app.selectbox(key="apply_measuring").set_value("3d").run()
+    assert files_named(app) == ("parameters_2d.json", "parameters_3d.json")
+
+
+def test_the_files_that_were_given_are_named(app: AppTest, home: Path) -> None:
+    give_points(begun(app), *map(csv, seen(0.0, 6, 15, missing=0.0)))
+    assert files_named(give_sets(app, SET_2D, SET_3D)) == ("matching.json", "measuring.json")
+    # As the button of Check does it: what is repaired has the method of the refined set.
+    repaired = replace(SET_2D, method="refined", inputs={"repaired_from": {}})
+    for use in USES:
+        store_of(app, home).keep_set(use, REPAIRED, repaired.dumps().encode())
+    assert files_named(app.run()) == (REPAIRED, REPAIRED)
+    assert "the refined set" not in told(app, "caption")
+    store_of(app, home).keep_set("matching", "d.csv", SET_2D.dumps().encode())
+    assert re.findall(r"--parameters (\S+)", str(app.run().code[0].value)) == ["d.json", REPAIRED]
+    assert "matched with d.csv" in told(app, "caption")
+    assert any(each.label == "Download d.json" for each in elements(app, "download_button"))
+
+
+def test_the_viewer_opens_at_a_frame_with_pairs_and_draws_no_empty_box(app: AppTest) -> None:
+    first, second = seen(0.0, 6, 15, missing=0.0)
+    first["frame"], second["frame"] = 10 * first["frame"] + 20, 10 * second["frame"] + 20
+    alone = pd.DataFrame({"frame": [1], "u": [100.0], "v": [100.0]})
+    give_points(begun(app), csv(pd.concat([alone, first])), csv(second))
+    give_sets(app, SET_2D, SET_3D)
+    at, last = int(first["frame"].min()), int(first["frame"].max())
+    assert app.slider[0].value == at
+    boxes = [f"matches_{side}" for side in ("primary", "secondary")]
+
+    def drawn() -> list[str]:
+        return [
+            name
+            for name in boxes
+            if any(name in each.proto.id for each in elements(app, "plotly_chart"))
+        ]
+
+    assert f"Frame {at}: 15 pairs" in pictured(app) and drawn() == boxes
+    app.slider[0].set_value(last - 3).run()  # without points
+    assert app.slider[0].value == last and f"Frame {last}: 15 pairs" in pictured(app)
+    app.slider[0].set_value(1).run()
+    assert "Frame 1: 0 pairs" in pictured(app) and drawn() == boxes[:1]
+
+
+def test_tables_on_the_page_have_four_digits_and_files_all(app: AppTest, home: Path) -> None:
+    with_files(app).segmented_control(key="apply_view").set_value("Tables").run()
+    shown = [json.loads(table.proto.columns) for table in app.dataframe]
+    assert shown[0]["u_primary"]["type_config"]["format"] == "%.2f"
+    assert {shown[1][axis]["type_config"]["format"] for axis in "xyz"} == {"%.4g"}
+    x = str(result_of(app, home)[1]["x"][0])
+    assert len(x) > 10
+
+
+def test_a_result_of_a_table_is_not_shown_with_clicked_points(app: AppTest, home: Path) -> None:
+    with_files(app)
+    before = store_of(app, home).result
+    assert before is not None and "90 pairs in 6 frames" in told(app, "success")
+    app.selectbox(key="apply_points").set_value(CLICKED).run()
+    assert "90 pairs" not in messages(app) and not app.get("plotly_chart")
+    assert "before" not in told(app, "warning")
+    app.selectbox(key="apply_points").set_value("Two point files").run()
+    after = store_of(app, home).result
+    assert "90 pairs in 6 frames" in told(app, "success")
+    assert after is not None and after[0] == before[0]  # kept, not computed again
+
+
+def test_what_has_changed_since_a_result_is_said(
+    app: AppTest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with_files(app)
+    monkeypatch.setattr(apply_page, "INSTANT_S", 0.0)
+    app.number_input(key="apply_threshold").set_value(40.0).run()
+    words = "Changed since this result: threshold, depths, noise, names or world frame."
+    assert words in told(app, "warning")
+    give_sets(app, SET_2D, replace(SET_2D, cost=2.0))
+    assert "Changed since this result: parameters, threshold" in told(app, "warning")
+    give_sets(app, SET_2D, SET_3D)
+    assert words in told(app, "warning")
