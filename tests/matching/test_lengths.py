@@ -29,7 +29,7 @@ def test_distance_of_two_named_points() -> None:
     assert check.frames.tolist() == [1, 2]
     np.testing.assert_allclose(check.lengths_m, [1.0, 1.1], rtol=1e-12)
     assert check.mean_error == pytest.approx(0.05)
-    assert "The mean distance in 2 frames is 1.0500 m" in check.sentence()
+    assert "The mean distance in 2 frames is 1.050 m" in check.sentence()
     assert "5.00 % too long" in check.sentence()
 
 
