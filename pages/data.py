@@ -21,9 +21,10 @@ if project is not None and (project.is_rig or ProjectGiven(project).is_of_rig):
     show_all_cameras(project)
     show_in_step(project)
 else:
+    # Above the photographs: they may be all that is missing.
+    ask_lengths(project, bool(project and has_photographs(project) and holds_board(project)))
     show_photographs(project)
     if project is not None:
         show_in_step(project)
-    ask_lengths(project, bool(project and has_photographs(project) and holds_board(project)))
     show_what_was_read(current_project())
 st.button("Start a new project", on_click=forget_project, key="forget")

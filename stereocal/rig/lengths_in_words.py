@@ -101,11 +101,12 @@ def as_held(sentence: str, dataset: Pair) -> str:
     return re.sub(r"\bbar(?=s?\b)", held, sentence) if held == "board" else sentence
 
 
-def question_about_units(dataset: Pair, pose: Pose | None) -> str:
+def question_about_units(dataset: Pair, pose: Pose | None, others: bool = True) -> str:
     """The question whether lengths that are unusually long are in metres; empty if none is.
 
     Args:
         pose: as in `rig_in_words`.
+        others: whether to say what they would be in other units: not where the user chose one.
     """
     depths, bar = _depths_m(dataset, pose), _bar_m(dataset)
     farthest = depths[1] if depths else 0.0
@@ -113,12 +114,15 @@ def question_about_units(dataset: Pair, pose: Pose | None) -> str:
     longest = LONG_BOARD_M if word_of(dataset) == "board" else LONG_BAR_M
     if max(dataset.baseline_m, farthest) <= LONG_M and bar <= longest and not beyond:
         return ""
-    others = [
+    rig = _lengths_in_words(dataset, pose)
+    if not others:
+        return f"{rig} Are these lengths right?"
+    fitting = [
         f"{_metres(dataset.baseline_m * per)} and {_metres(bar * per)} m if they are in {unit}"
         for unit, per in units_that_fit(dataset).items()
     ]
-    or_else = f" The two lengths would be {', '.join(others)}." if others else ""
-    return f"{_lengths_in_words(dataset, pose)} Are these lengths in metres?{or_else}"
+    or_else = f" The two lengths would be {', '.join(fitting)}." if fitting else ""
+    return f"{rig} Are these lengths in metres?{or_else}"
 
 
 def units_that_fit(dataset: Pair) -> dict[str, float]:

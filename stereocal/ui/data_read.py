@@ -22,8 +22,8 @@ from stereocal.ui.prerequisites import is_asked
 from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
 from stereocal.ui.texts import escape_markdown
 
-FEW_FRAMES = 10
-RECOMMENDED = "20 frames of the bar or more are recommended"
+FEW_FRAMES = 20
+RECOMMENDED = f"{FEW_FRAMES} frames of the bar or more are recommended"
 _DRAWN: Latest[go.Figure] = Latest(8)
 """The figures of the data shown last, by their digest: every act on the page draws it again."""
 
@@ -55,13 +55,13 @@ def show_what_was_read(project: Project | None) -> None:
 
 
 def _say_how_many(pairs: int, frames: int) -> None:
-    """How many points there are; green if they are enough."""
+    """How many points there are; green if they are enough, yellow if they are not."""
     there = f"{count(pairs, 'pair')} of points in {count(frames, 'frame')}"
     if pairs < MINIMUM_PAIRS:
         st.warning(f"{there}: at least {MINIMUM_PAIRS} pairs are needed, {RECOMMENDED}.")
     elif frames < FEW_FRAMES:
-        few = f"few, and what is found from few frames is uncertain: record more, {RECOMMENDED}"
-        st.info(f"Complete: {there}. These are {few}.")
+        few = "The fewer the frames, the less certain the results: record more if you can"
+        st.warning(f"Complete: {there}. {few}, {RECOMMENDED}.")
     else:
         st.success(f"Complete: {there}.")
 

@@ -1,7 +1,7 @@
 """The measured lengths and the lenses on the Data page: values, units, how well they are known."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -10,9 +10,8 @@ import numpy as np
 import streamlit as st
 
 from stereocal.fit.least_squares import unknowns
-from stereocal.fit.start.first_poses import robust_start
 from stereocal.projects.given import ProjectGiven
-from stereocal.projects.inputs import LENGTHS
+from stereocal.projects.inputs import LENGTHS, Length
 from stereocal.projects.project import Project
 from stereocal.rig import lengths_in_words as words
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
@@ -36,13 +35,12 @@ from stereocal.ui.length_known import (
 from stereocal.ui.messages import button, readable
 from stereocal.ui.project import current_project
 from stereocal.ui.texts import escape_markdown
+from stereocal.workflow.rough_pose import rough_pose
 
 KEPT_ANSWER = "lengths_in_metres"
 """Setting: the baseline and the bar that the user has said to be in metres."""
 
-BOTH: tuple[str, ...] = ("baseline_m", "target_distance_m")
-PAIRS = 500
-"""Pairs of points from which the depths are estimated."""
+BOTH: tuple[Length, ...] = ("baseline_m", "target_distance_m")
 ASSUMED = " (not stated, assumed)"
 
 
@@ -73,8 +71,7 @@ def ask_lengths(project: Project | None, of_board: bool) -> None:
 
 def _length_field(project: Project | None, name: str, label: str) -> None:
     """A length with its unit; the project stores metres."""
-    # Each tab may show the length in its own unit.
-    kept = setting(project, f"{name}_unit", "m", one_of(words.METRES_PER), tabs_own=True)
+    kept = _unit(project, name)
     key = f"{name}_value"
 
     def read() -> float | None:
@@ -84,9 +81,7 @@ def _length_field(project: Project | None, name: str, label: str) -> None:
 
     def take(number: float | None, unit: str) -> None:
         metres = None if number is None else float(number) * words.METRES_PER[unit]
-        given, ways = {name: metres}, {}
-        if project is not None and project.settings.get(f"{name}_known") == PRINTED:
-            given |= {sigma_of(name): metres and OF_PRINTER * metres}
+        given, ways = _with_sigma(project, name, metres), {}
         if unit != "mm" and metres is not None and metres > LONGEST_PLAUSIBLE_M:
             ways[f"It is {number:.10g} mm"] = partial(take, number, "mm")
         give_lengths({kept.key: unit}, given, ways)
@@ -99,6 +94,19 @@ def _length_field(project: Project | None, name: str, label: str) -> None:
     left, right = st.columns([3, 1], vertical_alignment="bottom")
     number.number_input(label, left, format="%.10g", placeholder="measured length")
     unit.menu("Unit", right)
+
+
+def _with_sigma(project: Project | None, name: str, metres: float | None) -> dict[str, Any]:
+    """A length to store, and with one as printed its standard deviation, which is a share of it."""
+    given: dict[str, Any] = {name: metres}
+    if project is not None and project.settings.get(f"{name}_known") == PRINTED:
+        given[sigma_of(name)] = metres and OF_PRINTER * metres
+    return given
+
+
+def _unit(project: Project | None, name: str) -> Field:
+    """The unit in which a length is shown; each tab may show it in its own."""
+    return setting(project, f"{name}_unit", "m", one_of(words.METRES_PER), tabs_own=True)
 
 
 def _offer_nominal_baseline(project: Project) -> None:
@@ -225,9 +233,7 @@ def ask_if_measured(project: Project) -> None:
 
 def show_rig(project: Project, dataset: Pair) -> None:
     """The rig in words to check, and a question if its lengths may be in another unit."""
-    step = len(dataset.correspondences) // PAIRS + 1
-    pose = robust_start(dataset, np.ascontiguousarray(dataset.rays[:, ::step]))
-    question = words.question_about_units(dataset, pose)
+    pose = rough_pose(dataset)
     stated = [dataset.baseline_m, dataset.target_distance_m]
     files = project.inputs.files
     if files.get("primary") == files.get("secondary"):
@@ -235,17 +241,25 @@ def show_rig(project: Project, dataset: Pair) -> None:
             "Both cameras have the same file. Two lenses are never alike, even of one model: give "
             "each camera its own."
         )
+    typed = [name for name in _asked(dataset) if _unit(project, name).value() != "m"]
+    question = words.question_about_units(dataset, pose, not typed)
     if not question or project.settings.get(KEPT_ANSWER) == stated:
         st.markdown(escape_markdown(words.rig_in_words(dataset, pose)))
         return
     st.warning(escape_markdown(question))
     with st.container(horizontal=True):
         kept = {KEPT_ANSWER: stated}
+        if typed:
+            button("They are right", "lengths_right", project.keep_settings, kept)
+            metres = {name: _number(project, name) for name in typed}
+            shown = " and ".join(f"{LENGTHS[name]} {own:.10g} m" for name, own in metres.items())
+            button(f"In metres: {shown}", "in_metres", _take_in_metres, project, metres)
+            return
         button("They are in metres", "in_metres", project.keep_settings, kept)
-        own = dataset.baseline_is_free or np.isfinite(dataset.correspondences.distance_m).any()
-        units = () if own else words.units_that_fit(dataset)
+        both = _asked(dataset) == BOTH
+        units = words.units_that_fit(dataset) if both else ()
         offers = [(f"They are in {unit}", f"in_{unit}", unit, BOTH) for unit in units]
-        if not own and dataset.target_distance_m > words.LONG_BAR_M:
+        if both and dataset.target_distance_m > words.LONG_BAR_M:
             offers += [
                 (f"Only A to B is in {unit}", f"bar_in_{unit}", unit, BOTH[1:])
                 for unit in ("mm", "cm")
@@ -254,8 +268,35 @@ def show_rig(project: Project, dataset: Pair) -> None:
             button(label, key, _take_unit, project, unit, names)
 
 
+def _asked(dataset: Pair) -> tuple[Length, ...]:
+    """The lengths that a person typed, of a baseline that is free or of a board none."""
+    of_board = np.isfinite(dataset.correspondences.distance_m).any()
+    return BOTH[int(dataset.baseline_is_free) : 1 if of_board else 2]
+
+
+def _number(project: Project, name: str) -> float:
+    """The number of a length in the unit of its field, as typed."""
+    per = words.METRES_PER[_unit(project, name).value()]
+    return float(f"{getattr(project.inputs, name) / per:.12g}")
+
+
+def _take_in_metres(project: Project, metres: Mapping[str, float]) -> None:
+    """Take the numbers that were typed as metres, and ask no more about the lengths they make."""
+    given: dict[str, Any] = {}
+    for name, length in metres.items():
+        given |= _with_sigma(project, name, length)
+    project.give({}, **given)
+    for name in metres:
+        _unit(project, name).set("m")
+    if (dataset := project.dataset) is not None:
+        lengths = [dataset.baseline_m, dataset.target_distance_m]
+        project.keep_settings({KEPT_ANSWER: lengths})
+
+
 def _take_unit(project: Project, unit: str, names: Sequence[str]) -> None:
-    """These lengths are in this unit; their uncertainties are as stated."""
-    project.give(
-        {}, **{name: getattr(project.inputs, name) * words.METRES_PER[unit] for name in names}
-    )
+    """These lengths, which were typed in metres, are in this unit."""
+    given: dict[str, Any] = {}
+    for name in names:
+        metres = getattr(project.inputs, name) * words.METRES_PER[unit]
+        given |= _with_sigma(project, name, metres)
+    project.give({}, **given)

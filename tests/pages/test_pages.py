@@ -193,6 +193,23 @@ def test_lengths_in_another_unit_are_asked_about_once(app: AppTest, home: Path) 
     assert app.number_input(key="baseline_m_value").value == pytest.approx(4.6)
 
 
+@pytest.mark.parametrize("press, baseline_m", [("in_metres", 4.5), ("lengths_right", 0.045)])
+def test_a_number_whose_unit_was_changed_is_taken_as_the_button_says(
+    press: str, baseline_m: float, app: AppTest, home: Path
+) -> None:
+    open_sample(app)
+    app.selectbox(key="baseline_m_unit").set_value("cm").run()
+    project = project_of(app, home)
+    assert project.inputs.baseline_m == pytest.approx(0.045)
+    (asked,) = (item.value for item in app.warning)
+    assert "0.045 m apart" in asked and not [b for b in app.button if b.key == "in_cm"]
+    app.button(key=press).click().run()
+    assert project.inputs.baseline_m == pytest.approx(baseline_m)
+    assert not app.warning and not app.exception
+    unit, number = app.selectbox(key="baseline_m_unit"), app.number_input(key="baseline_m_value")
+    assert (unit.value, number.value) == ("m" if press == "in_metres" else "cm", 4.5)
+
+
 @pytest.fixture
 def project(home: Path) -> Project:
     return placed(FULL, home)
