@@ -6,7 +6,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -19,11 +19,13 @@ from stereocal.detection.detect import corner_near
 from stereocal.detection.tags import find_tags
 from stereocal.detection.target import BAR, Balls, Bar2x2, Tags, Target
 from stereocal.errors import StereocalError
+from stereocal.frames.agreeing import agreeing
 from stereocal.frames.frame import Centre, Frame, correspondences_of, name_in
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.correspondences import TARGETS
 from stereocal.rig.geometry import stack_rays
 from stereocal.rig.rig import Rig
+from stereocal.system.numbers import count
 
 SAME_POSITION_PX = 1.0
 """Two targets of a photograph are farther apart: the smallest board is 20 px across."""
@@ -44,6 +46,8 @@ class Edit:
 
     before: Frame
     after: Frame
+    act: int | None = None
+    """What edits of several frames by one press share: they are undone together."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,12 @@ class Review:
 
     frames: tuple[Frame, ...]
     edits: tuple[Edit, ...] = ()
+
+    @property
+    def acts(self) -> int:
+        """How many times something can be undone."""
+        joined = (e.act is not None and e.act == d.act for d, e in pairwise(self.edits))
+        return len(self.edits) - sum(joined)
 
     def frame(self, number: int) -> Frame:
         """The frame of this number."""
@@ -157,14 +167,39 @@ def use_frame(review: Review, number: int, use: bool) -> Review:
     return _edited(review, frame, replace(frame, use=use, reviewed=True))
 
 
+def use_agreeing(review: Review, cameras: tuple[Camera, Camera]) -> tuple[Review, str]:
+    """Use all doubtful frames whose points agree with the epipolar lines of the frames in use, as
+    one act; and what was done, as a sentence.
+
+    Raises:
+        StereocalError: as of `agreeing`.
+    """
+    doubtful = [f for f in review.frames if is_undecided(f) and len(f.targets_in_both) == 2]
+    found = agreeing([f for f in review.frames if f.use], doubtful, cameras)
+    act = 1 + max((edit.act or 0 for edit in review.edits), default=0)
+    before = len(review.edits)
+    for number in found:
+        review = use_frame(review, number, True)
+    edits = [replace(edit, act=act) for edit in review.edits[before:]]
+    review = replace(review, edits=(*review.edits[:before], *edits))
+    left = len(doubtful) - len(found)
+    rest = f" The other {left} {'does' if left == 1 else 'do'} not: look at them." if left else ""
+    are = "is now used: it agrees" if len(found) == 1 else "are now used: they agree"
+    of = f"{len(found)} of {count(len(doubtful), 'doubtful frame')}"
+    return review, f"{of} {are} with the epipolar lines and the bar's length of the others.{rest}"
+
+
 def undo(review: Review) -> Review:
-    """Undo the latest edit, if any.
+    """Undo the latest act, if any: an edit, or those of several frames by one press.
 
     Only the fields changed by the edit are restored; later changes of other fields remain.
     """
     if not review.edits:
         return review
     *earlier, last = review.edits
+    if last.act is not None and earlier and earlier[-1].act == last.act:
+        review = undo(replace(review, edits=tuple(earlier)))
+        earlier = [*review.edits]
     before, after = vars(last.before), vars(last.after)
     changed = {name: value for name, value in before.items() if value != after[name]}
     frames = [

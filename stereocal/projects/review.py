@@ -36,7 +36,8 @@ def read_review(store: ProjectPhotographs) -> Review:
     for (text,) in rows:
         with suppress(*DAMAGED):
             item = json.loads(text)
-            edits.append(Edit(*(frame_from_json(item[when]) for when in ("before", "after"))))
+            before, after = (frame_from_json(item[when]) for when in ("before", "after"))
+            edits.append(Edit(before, after, item.get("act")))
     known = [edit for edit in edits if (edit.after.frame, edit.after.files) in there]
     return Review(tuple(frames), tuple(known))
 

@@ -76,24 +76,33 @@ def data_door(project: Project | None) -> None:
     take = partial(_take, use_videos=use_videos)
     cameras = CAMERAS if project is None else ProjectGiven(project).rig_cameras or CAMERAS
     with zone:
-        drop_zone(LABEL, "upload_data", partial(_keep, []), take, row=row, below=below)
+        keep, used = partial(_keep, []), _in_use(project)
+        drop_zone(LABEL, "upload_data", keep, take, row=row, below=below, in_use=bool(used))
     with below:
         show_refusal()
         if project is not None:
-            _show_state(ProjectGiven(project))
+            _show_state(ProjectGiven(project), used)
             ask_whose(ProjectGiven(project))
             ask_about_bars(ProjectApplication(project))
             ask_about_archive(project)
         ask_whose_video(use_videos, cameras, len(cameras))
 
 
-def _show_state(project_files: ProjectGiven) -> None:
-    """What is in use, and what is still missing."""
-    project, labels = project_files.project, project_files.project.inputs.labels
+def _in_use(project: Project | None) -> list[str]:
+    """What is in use, in words."""
+    if project is None:
+        return []
+    labels = project.inputs.labels
     used = [labels[slot] + words for slot, words in SLOTS.items() if slot in labels]
     with suppress(StereocalError):  # damaged: reported where they are shown
-        if counts := project_files.photographs_in_words:
+        if counts := ProjectGiven(project).photographs_in_words:
             used.append(counts)
+    return used
+
+
+def _show_state(project_files: ProjectGiven, used: Sequence[str]) -> None:
+    """What is in use, and what is still missing."""
+    project = project_files.project
     if not used:
         return
     st.caption(f"In use: {escape_markdown(', '.join(used))}")

@@ -248,6 +248,7 @@ def drop_zone(
     row: DeltaGenerator | None = None,
     below: DeltaGenerator | None = None,
     tables: tuple[str, ...] = (),
+    in_use: bool = False,
 ) -> None:
     """The uploader of files of any kind, one of a folder, and what the last files were.
 
@@ -256,6 +257,7 @@ def drop_zone(
         take: uses what was given; it may add to its `problems`.
         row, below: where the uploader of a folder, and what the last files were, stand; None: here.
         tables: as of `sort_files`.
+        in_use: whether the page says what is in use: then what was recognised is not said too.
     """
 
     def used(uploads: Sequence[Upload]) -> None:
@@ -270,15 +272,15 @@ def drop_zone(
         own = "A folder, with all folders in it"
         emptied_uploader(own, None, f"{key}_folder", used, many="directory")
     with below or st.container():
-        _show_last(key)
+        _show_last(key, in_use)
 
 
-def _show_last(key: str) -> None:
+def _show_last(key: str, in_use: bool) -> None:
     """What the last files were, and those that cannot be used."""
     of, taken, problems = st.session_state.get(_SAID, ("", "", []))
     if of != key:
         return
-    if taken:
+    if taken and not in_use:
         (st.info if problems else st.success)(f"Recognised: {taken}.")
     if problems:
         first = "\n".join(f"- {escape_markdown(each)}" for each in problems[:SHOWN])

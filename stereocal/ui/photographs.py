@@ -37,9 +37,12 @@ def has_photographs(project: Project) -> bool:
 def show_photographs(project: Project | None) -> None:
     """The pairs, and the targets found."""
     st.session_state.setdefault(ROUND, 0)
-    cameras = readable(lambda: project.cameras) if project else None
-    focal = [float(min(one.K[0, 0], one.K[1, 1])) for one in cameras or () if one]
-    print_what_is_held(project, min(focal) if len(focal) == 2 else None)
+    if project is None or not (
+        has_photographs(project) or "correspondences" in project.inputs.files
+    ):
+        cameras = readable(lambda: project.cameras) if project else None
+        focal = [float(min(one.K[0, 0], one.K[1, 1])) for one in cameras or () if one]
+        print_what_is_held(project, min(focal) if len(focal) == 2 else None)
     if project is None:
         return
     show_frames_taken(project)

@@ -31,6 +31,8 @@ ONE_FRAME = "one_frame"
 NEAREST = "Nearest"
 WANTED = (NEAREST, *TARGETS)
 _OUTCOME = "review_said"
+SHEET = -1
+"""In place of a frame's number: what was done to several."""
 Item = TypeVar("Item")
 ON_A_SHEET = 12
 COLUMNS = 3
@@ -101,10 +103,7 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
         help="The centre goes exactly where you click, also with the shift key held. Otherwise it "
         f"goes to the {_called(store)} near the click.",
     )
-    done: tuple[int, str, bool] | None = st.session_state.get(_OUTCOME)
-    if done and done[0] == frame.frame and done[1]:
-        (st.warning if done[2] else st.success)(escape_markdown(done[1]))
-    else:
+    if not _show_outcome(frame.frame):
         where = "to where you click" if raw.value() else f"to the {_called(store)} there"
         st.info(f"Click near the middle of a target: it moves {where}.")
     for camera, column in enumerate(st.columns(2)):
@@ -113,6 +112,15 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
     st.caption(f"{KEYS} Zoomed far in, the white circle is one sigma, the standard error.")
     st.table(reviewing.centres_table(frame))
     st.markdown(reviewing.describe_residuals(review.frames, frame, store.project.cameras))
+
+
+def _show_outcome(number: int) -> bool:
+    """What was done last, if it was done to this frame; whether it was."""
+    done: tuple[int, str, bool] | None = st.session_state.get(_OUTCOME)
+    if done is None or done[0] != number or not done[1]:
+        return False
+    (st.warning if done[2] else st.success)(escape_markdown(done[1]))
+    return True
 
 
 def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
@@ -145,7 +153,7 @@ def _decide(store: ProjectPhotographs, review: Review, frame: Frame, running: bo
     )
     undecided = is_undecided(frame)
     may_use = bool(frame.targets_in_both) and (undecided or not frame.use)
-    back, undo, may_leave = partial(take_back, store), len(review.edits), frame.use or undecided
+    back, undo, may_leave = partial(take_back, store), review.acts, frame.use or undecided
     with st.container(horizontal=True):
         for label, key, act, may, icon in (
             ("Use this frame", "t", use, may_use, "check"),
@@ -251,6 +259,7 @@ def take_back(store: ProjectPhotographs) -> None:
     if edits := read_review(store).edits:
         number = edits[-1].after.frame
         _go_to(store, number)
+        number = number if _view(store).value() == ONE else SHEET
         edit(store, number, lambda now: (reviewing.undo(now), "The last change is undone."))
 
 
@@ -271,6 +280,16 @@ def _go_to(store: ProjectPhotographs, number: int) -> None:
 def show_contact_sheet(store: ProjectPhotographs, frames: Sequence[Frame], running: bool) -> None:
     """The frames, twelve on a sheet; each can be used, left out, or opened."""
     st.info(describe_frames(frames))
+    _show_outcome(SHEET)
+    review = read_review(store)
+    doubtful = [f for f in frames if is_undecided(f) and len(f.targets_in_both) == 2]
+    with st.container(horizontal=True):
+        if doubtful:
+            label = "Use all doubtful ones that lie on their epipolar lines"
+            button(label, "use_agreeing", _use_agreeing, store, icon="done_all", disabled=running)
+        if review.acts:
+            label = f"Undo ({review.acts})"
+            button(label, "sheet_undo", take_back, store, icon="undo", disabled=running)
     groups: dict[str, list[Frame]] = {
         "All": list(frames),
         "To decide": [frame for frame in frames if is_undecided(frame)],
@@ -278,12 +297,22 @@ def show_contact_sheet(store: ProjectPhotographs, frames: Sequence[Frame], runni
     }
     groups = {name: group for name, group in groups.items() if group or name == "All"}
     counted = {name: f"{name} ({len(group)})" for name, group in groups.items()}
-    chosen = choose(store.project, "sheet_kind", "Show", groups, format_func=counted.__getitem__)
+    usual = "To decide" if "To decide" in groups else "All"
+    own = "sheet_kind", "Show", groups, usual
+    chosen = choose(store.project, *own, format_func=counted.__getitem__)
     on_a_sheet(store.project, groups[chosen], partial(_show_frame, store, running))
     st.caption(
         "Each picture: the primary camera on the left, the secondary on the right; A green, B "
         "pink. Sigma is the standard error of a centre."
     )
+
+
+def _use_agreeing(store: ProjectPhotographs) -> None:
+    """Use the doubtful frames that agree with the others (a callback)."""
+    first, second = store.project.cameras
+    if first is None or second is None:
+        raise StereocalError("Both camera files are needed to compare the frames.")
+    edit(store, SHEET, lambda now: reviewing.use_agreeing(now, (first, second)))
 
 
 def on_a_sheet(

@@ -108,12 +108,33 @@ def test_from_the_sheet_to_one_frame_and_an_edit_of_the_sheet_is_undone(
     app: AppTest, store: ProjectPhotographs
 ) -> None:
     app.segmented_control(key="frames_view").set_value("All frames").run()
+    app.segmented_control(key="sheet_kind").set_value("All").run()
     app.checkbox(key="use_frame_2").set_value(False).run()
     assert not read_review(store).frame(2).use
     press(app, "look_2")
     assert app.selectbox(key="review_frame").value == 2
     press(app, "review_u")
     assert read_review(store).frame(2).use
+
+
+def test_doubtful_frames_that_agree_are_used_by_one_press(
+    app: AppTest, store: ProjectPhotographs
+) -> None:
+    app.segmented_control(key="frames_view").set_value("All frames").run()
+    press(app, "use_agreeing")
+    assert "5 frames with both targets are used; at least 6" in told(app)
+    store.keep_corrected([*BARS.frames_of(store)[:6], *read_review(store).frames[6:]])
+    frame = read_review(store).frame(3)
+    doubtful = replace(frame, state="doubtful", use=False)
+    frames = [doubtful if f.frame == 3 else f for f in read_review(store).frames]
+    store.keep_corrected(frames)
+    app.run()
+    press(app, "use_agreeing")
+    assert "1 of 1 doubtful frame is now used" in told(app)
+    assert read_review(store).frame(3).use and read_review(store).acts == 1
+    press(app, "sheet_undo")
+    assert not read_review(store).frame(3).use
+    assert app.segmented_control(key="frames_view").value == "All frames"
 
 
 class TestClick:
