@@ -1,11 +1,13 @@
 """Checks of the detected targets: reasons for rejection, doubts, and their messages."""
 
+import math
 from typing import Literal
 
 import cv2
 import numpy as np
 
-from stereocal.detection.fit import Corner
+from stereocal.detection.edges import LONG_ARM
+from stereocal.detection.fit import MISFIT, Corner
 from stereocal.detection.intensity import GreyImage, Intensity
 
 Reason = Literal["too few candidates", "ambiguous", "saturated", "blurred", "cut by the border"]
@@ -21,6 +23,12 @@ BLURRED_STEEPNESS = 0.12
 CERTAIN_QUALITY = 0.7
 DISSIMILAR = 0.25
 """A pair is doubtful if its score is a smaller fraction of the product of the qualities."""
+SATURATED = 0.995
+"""Of full scale: white squares as bright are saturated."""
+FAINT = 0.1
+"""Of full scale: contrasts below it are named as the reason of a poor location."""
+SMALL_PX = 20.0
+"""Targets of at least this size are located well."""
 
 
 def _where(corner: Corner) -> str:
@@ -88,23 +96,52 @@ def rejection_of(pair: tuple[Corner, Corner], runner_up: float) -> tuple[Reason,
     return None
 
 
+def _doubt_of(corner: Corner, intensity: Intensity) -> str:
+    """What is worst about one target, in a sentence with what was measured; empty if nothing is."""
+    at = f"The target at {_where(corner)}"
+    if corner.flips:
+        return f"{at} may belong to a larger chessboard."
+    if corner.cut:
+        return f"{at} is cut by the border."
+    if corner.white >= SATURATED * intensity.full:
+        return f"{at} is overexposed: its white squares are saturated."
+    if corner.blur > BLUR_DOUBTFUL * corner.board_px:
+        return _blurred(corner)
+    if corner.quality < CERTAIN_QUALITY:
+        return _unlike(corner)
+    if corner.sigma_px > SIGMA_DOUBTFUL_PX:
+        why = f"it is located to {corner.sigma_px:.2f} px only"
+        if corner.contrast < FAINT * intensity.full:
+            share = 100.0 * corner.contrast / intensity.full
+            return f"{at} is faint, white and black differ by {share:.0f} % of full scale: {why}."
+        return f"{at} is uneven or noisy: {why}."
+    return ""
+
+
+def _unlike(corner: Corner) -> str:
+    """Which of the factors of its quality is the least."""
+    at, shortest = f"The target at {_where(corner)}", float(corner.arms.min())
+    sharp = min(1.0, shortest / (LONG_ARM * corner.blur))
+    fit = math.exp(-0.5 * (corner.misfit / MISFIT) ** 2)
+    even = math.sqrt(shortest / float(corner.arms.max()))
+    if fit <= min(sharp, even):
+        share = 100.0 * corner.misfit
+        return f"{at} has uneven squares, by {share:.0f} % of their contrast: a shadow, or bent?"
+    if even <= sharp:
+        return (
+            f"{at} has edges that end after {shortest:.0f} and {corner.arms.max():.0f} px: is it "
+            "partly hidden, or does something behind it go on?"
+        )
+    if corner.board_px < SMALL_PX:
+        return f"{at} is small: {corner.board_px:.0f} px across, 20 px are the least."
+    return _blurred(corner)
+
+
 def doubts_of(
     pair: tuple[Corner, Corner], intensity: Intensity, score: float, runner_up: float
 ) -> tuple[str, ...]:
     """Messages about properties of an accepted pair that the user should check."""
-    doubts = []
-    for corner in pair:
-        at = f"The target at {_where(corner)}"
-        sigma = corner.sigma_px
-        asked = {
-            f"{at} does not look quite like a target.": corner.quality < CERTAIN_QUALITY,
-            f"{at} may belong to a larger chessboard.": corner.flips > 0,
-            f"{at} is cut by the border.": corner.cut > 0,
-            _blurred(corner): corner.blur > BLUR_DOUBTFUL * corner.board_px,
-            f"{at} has saturated white squares.": corner.white >= 0.995 * intensity.full,
-            f"{at} is located to {sigma:.2f} px only.": sigma > SIGMA_DOUBTFUL_PX,
-        }
-        doubts += [sentence for sentence, true in asked.items() if true]
+    doubts = list(dict.fromkeys(filter(None, (_doubt_of(one, intensity) for one in pair))))
     if runner_up > RUNNER_UP_DOUBTFUL:
         doubts.append("Another place looks nearly as much like a target.")
     if score < DISSIMILAR * pair[0].quality * pair[1].quality:

@@ -109,6 +109,18 @@ def test_doubts_are_said(boards: list[Board], blur: float, word: str) -> None:
     assert word in detection.sentence
 
 
+def test_each_doubtful_target_has_one_reason_with_what_was_measured(usual: Photograph) -> None:
+    overexposed = np.clip(usual.astype(float) * 1.5, 0, 255).astype(np.uint8)
+    for image, words in (
+        (scene([LEFT, RIGHT], blur=11.0), ("blurred: its edges are",)),
+        (overexposed, ("overexposed",)),
+    ):
+        detection = detect_targets(image)
+        assert detection.state == "doubtful"
+        assert len(detection.doubts) <= 2
+        assert all(any(word in doubt for word in words) for doubt in detection.doubts)
+
+
 def test_a_chessboard_beside_the_bar_does_not_matter(usual: Photograph) -> None:
     image = usual.copy()
     image[290:390, 250:450] = chessboard_scene(6, 4, 40)[100:200, 200:400]
