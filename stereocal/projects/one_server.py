@@ -2,17 +2,19 @@
 
 import sqlite3
 import threading
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
+from filelock import FileLock, Timeout
+
 from stereocal.errors import StereocalError
-from stereocal.projects.database import result_code
+from stereocal.projects.database import BUSY, result_code
 from stereocal.projects.files import private_folder
 
-LOCK = "server.sqlite"
-"""The lock: a small database, which the operating system releases even after a kill."""
-_HELD: dict[Path, sqlite3.Connection | None] = {}
-"""By its path, the lock of this process; None where the folder can have none."""
+LOCK, LOCK_BEFORE = "server.lock", "server.sqlite"
+"""The lock, which the operating system releases even after a kill; that of earlier versions."""
+_HELD: dict[Path, FileLock] = {}
+"""By its folder, the lock of this process; it is not locked where the folder can have no lock."""
 _TAKING = threading.Lock()
 
 
@@ -22,24 +24,38 @@ def take_projects(home: Path) -> None:
     Raises:
         StereocalError: another process is their server.
     """
-    path = home / LOCK
     with _TAKING:
-        if path not in _HELD:
-            _HELD[path] = _locked(path)
+        if home in _HELD:
+            return
+        # A soft lock, in place of one that the disk has not, would outlive a kill.
+        lock = FileLock(home / LOCK, timeout=0, thread_local=False, fallback_to_soft=False)
+        with suppress(StereocalError, OSError):  # a folder that cannot be made is told by its use
+            private_folder(home)
+        try:
+            _remove_lock_before(home / LOCK_BEFORE)
+            lock.acquire()
+        except Timeout as error:
+            raise StereocalError(
+                f"Another stereocal server works with the projects in {home}. Open that one in the "
+                "browser; or end it, and start this one again; or give this one a folder of its "
+                "own (STEREOCAL_HOME)."
+            ) from error
+        except (OSError, sqlite3.Error, NotImplementedError):
+            pass  # only a lock is a sign of life, a disk that fails is none
+        _HELD[home] = lock
 
 
-def _locked(path: Path) -> sqlite3.Connection | None:
-    with suppress(OSError, StereocalError):  # a folder that cannot be made is told by its use
-        private_folder(path.parent)
-    try:
-        lock = sqlite3.connect(path, timeout=0, isolation_level=None, check_same_thread=False)
-        lock.execute("BEGIN EXCLUSIVE")
-    except sqlite3.Error as error:  # only a lock is a sign of life, a disk that fails is none
-        if result_code(error) not in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-            return None
-        raise StereocalError(
-            f"Another stereocal server works with the projects in {path.parent}. Open that one in "
-            "the browser; or end it, and start this one again; or give this one a folder of its "
-            "own (STEREOCAL_HOME)."
-        ) from error
-    return lock
+def _remove_lock_before(path: Path) -> None:
+    """Remove the lock of a server of an earlier version, which held a database locked.
+
+    Raises:
+        Timeout: it is still running.
+    """
+    if path.is_file():
+        with closing(sqlite3.connect(path, timeout=0, isolation_level=None)) as lock:
+            try:
+                lock.execute("BEGIN EXCLUSIVE")
+            except sqlite3.Error as error:
+                if result_code(error) in BUSY:
+                    raise Timeout(str(path)) from error
+        path.unlink()

@@ -1,8 +1,10 @@
 """Rows of long work: who runs it, what was interrupted, and what a search has found before."""
 
 import re
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -13,7 +15,7 @@ from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.home import duplicate
-from stereocal.projects.one_server import LOCK, take_projects
+from stereocal.projects.one_server import LOCK, LOCK_BEFORE, take_projects
 from tests.projects.test_database import database as database
 from tests.projects.test_project import filled
 
@@ -95,6 +97,17 @@ def test_a_second_server_of_the_same_projects_is_refused(tmp_path: Path) -> None
 def test_a_folder_that_cannot_be_locked_has_a_server_all_the_same(tmp_path: Path) -> None:
     (tmp_path / LOCK).mkdir()
     take_projects(tmp_path)
+
+
+def test_a_server_of_an_earlier_version_is_seen_and_its_lock_is_removed(tmp_path: Path) -> None:
+    path = tmp_path / LOCK_BEFORE
+    with closing(sqlite3.connect(path, isolation_level=None)) as before:
+        before.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(StereocalError, match="Another stereocal server"):
+            take_projects(tmp_path)
+        assert path.exists()
+    take_projects(tmp_path)
+    assert not path.exists() and (tmp_path / LOCK).exists()
 
 
 def test_on_a_full_disk_the_job_goes_on(database: Store, monkeypatch: pytest.MonkeyPatch) -> None:
