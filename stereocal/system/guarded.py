@@ -14,7 +14,7 @@ import signal
 import tempfile
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import wait
+from concurrent.futures import Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from pathlib import Path
@@ -63,29 +63,33 @@ class Guard:
         Args:
             arguments: of the reader, after the path.
         """
-        with disk_errors(f"{name} cannot be read"):
-            seconds = self._least_seconds + SECONDS_PER_MB * path.stat().st_size / MB
-        call = (read, path.resolve(), seconds, arguments)
+        return self.read_all(read, [(path, name, *arguments)])[0]
+
+    def read_all(
+        self,
+        read: Reader,
+        files: Sequence[tuple[Path, str, *tuple[Any, ...]]],
+        look: Callable[[], object] = lambda: None,
+    ) -> list[Any]:
+        """What a reader returns for each of a few files, read at the same time.
+
+        Args:
+            files: each with what `read` takes after the reader.
+            look: called while they are read, every `POLL_S`; what it raises ends the reading.
+        """
+        calls = []
+        for path, name, *arguments in files:
+            with disk_errors(f"{name} cannot be read"):
+                seconds = self._least_seconds + SECONDS_PER_MB * path.stat().st_size / MB
+            calls.append((name, seconds, (read, path.resolve(), seconds, arguments)))
         try:
             with suppress(BrokenProcessPool):  # all children were killed, for example by the system
-                return self._tried(call, seconds)
-            return self._tried(call, seconds)
-        except StereocalError:
-            raise
+                return self._tried(calls, look)
+            return self._tried(calls, look)
         except (BrokenProcessPool, RuntimeError) as error:
             raise StereocalError(
                 "The server cannot start its process for reading files."
             ) from error
-        except TimeoutError:
-            reason = f"takes too long to be decoded, more than {seconds:.0f} s"
-        except MemoryError:
-            reason = "needs too much memory to be decoded"
-        except Exception:  # the child died, or the decoder raised an unexpected error
-            reason = "makes its decoder fail"
-        raise StereocalError(
-            f"{name}: the file {reason} and was not read; save it again, if necessary with "
-            "another program."
-        )
 
     def close(self) -> None:
         """Stop the processes; the next check starts new ones."""
@@ -95,17 +99,27 @@ class Guard:
                 self._pool.join()
             self._pool = None
 
-    def _tried(self, call: tuple[Any, ...], seconds: float) -> Any:
+    def _tried(
+        self, calls: Sequence[tuple[str, float, tuple[Any, ...]]], look: Callable[[], object]
+    ) -> list[Any]:
         with self._lock:
             if self._pool is None or not self._pool.active:
                 self._pool = self._started()
             pool = self._pool
-            future = pool.schedule(_read, call, timeout=seconds)
-        # Pebble forgets a file that is scheduled while a pool breaks: it would never end.
-        while not wait([future], POLL_S).done:
-            if not pool.active:
-                raise BrokenProcessPool
-        return future.result()
+            futures: list[Future[Any]] = [
+                pool.schedule(_read, call, timeout=seconds) for _, seconds, call in calls
+            ]
+        try:
+            # Pebble forgets a file that is scheduled while a pool breaks: it would never end.
+            while wait(futures, POLL_S).not_done:
+                look()
+                if not pool.active:
+                    raise BrokenProcessPool
+        finally:
+            for future in futures:
+                future.cancel()
+        every = zip(futures, calls, strict=True)
+        return [_result(future, name, seconds) for future, (name, seconds, _) in every]
 
     def _started(self) -> ProcessPool:
         from pebble import ProcessPool  # where nothing is decoded apart, nothing starts processes
@@ -136,6 +150,23 @@ def read_apart(read: Reader, content: bytes, name: str, *arguments: Any) -> Any:
         guard.close()
 
 
+def _result(future: Future[Any], name: str, seconds: float) -> Any:
+    try:
+        return future.result()
+    except (StereocalError, BrokenProcessPool):
+        raise
+    except TimeoutError:
+        reason = f"takes too long to be decoded, more than {seconds:.0f} s"
+    except MemoryError:
+        reason = "needs too much memory to be decoded"
+    except Exception:  # the child died, or the decoder raised an unexpected error
+        reason = "makes its decoder fail"
+    raise StereocalError(
+        f"{name}: the file {reason} and was not read; save it again, if necessary with another "
+        "program."
+    )
+
+
 def _prepare(_: tuple[Reader, ...], memory: int) -> None:
     """In the child: limit its memory to that of its imports plus `memory` bytes, on Linux.
 
@@ -155,7 +186,7 @@ def _prepare(_: tuple[Reader, ...], memory: int) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
 
 
-def _read(read: Reader, path: Path, seconds: float, arguments: tuple[Any, ...]) -> Any:
+def _read(read: Reader, path: Path, seconds: float, arguments: Sequence[Any]) -> Any:
     """In the child: what a reader returns."""
     if hasattr(signal, "alarm"):  # in case the server, which enforces the timeout, was killed
         signal.alarm(int(seconds) + 5)

@@ -12,6 +12,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.system.guarded import Guard, Reader
+from stereocal.system.tasks import StoppedError
 from tests import deadly
 
 SLOW = 60.0
@@ -66,6 +67,22 @@ def test_a_damaged_file_is_survived(guard: Guard, file: Path) -> None:
         guard.read(deadly.refuse, file, "a")
     with pytest.raises(StereocalError, match="gone cannot be read"):
         guard.read(deadly.say, file.with_name("none"), "gone")
+
+
+def test_files_are_read_together_until_it_is_cancelled(guard: Guard, file: Path) -> None:
+    """Then the children end too, which would be busy for a minute."""
+    files, begun = [(file, "a"), (file.with_name("none"), "b")], time.monotonic()
+
+    def cancel() -> None:
+        raise StoppedError
+
+    with pytest.raises(StereocalError, match="b cannot be read"):
+        guard.read_all(deadly.say, files)
+    files[1] = file, "b"
+    with pytest.raises(StoppedError):
+        guard.read_all(deadly.hang, files, cancel)
+    assert guard.read_all(deadly.say, files) == [17, 17]
+    assert time.monotonic() - begun < SLOW / 2
 
 
 SERVER = """

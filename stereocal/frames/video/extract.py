@@ -2,14 +2,14 @@
 that pair by their names; of cameras started by hand each by itself."""
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 from scipy.ndimage import median_filter
 
 from stereocal.errors import StereocalError
@@ -36,6 +36,8 @@ FrameChoice = Literal["every", "still"]
 STAGES = ("frames looked at", "frames taken")
 LEAST_SECONDS = 120.0
 """Time limit of a segment of a video, on a busy server."""
+CHILDREN = 2
+"""Processes that read the videos."""
 SEGMENT = 200
 """Frames that a child process looks at in one go."""
 BATCH = 8
@@ -97,16 +99,15 @@ def extract(
             f"Of the videos of {len(names)} cameras, frames are taken as of cameras that were "
             "started by hand only, whose motion tells which belong together: say so."
         )
-    guard = Guard(
-        [read_times, score_frames, encoded_frames, read_rises], least_seconds=LEAST_SECONDS
-    )
+    guard = Guard((read_times, score_frames, encoded_frames, read_rises), CHILDREN, LEAST_SECONDS)
     step_s, rises, heard = None, list[FloatArray](), dict[str, float]()
     try:
-        times: list[VideoTimes] = [guard.read(read_times, each, each.name) for each in paths]
+        files, look = [(each, each.name) for each in paths], partial(progress, 0, 1)
+        times: list[VideoTimes] = guard.read_all(read_times, files, look)
         seconds = [each.seconds for each in times]
         n = settings.n if settings.choice == "every" else None
         with suppress(StereocalError):  # no sound that can be read
-            rises = [guard.read(read_rises, each, each.name) for each in paths]
+            rises = guard.read_all(read_rises, files, look)
         if settings.by_hand:
             pairs, step_s = by_themselves(seconds, n)
         else:
@@ -168,14 +169,15 @@ class _Work:
         ]
         scores: list[list[FloatArray]] = [[] for _ in self.names]
         done = 0
-        threads = ThreadPoolExecutor(len(self.names))
-        try:
-            for which, found in threads.map(self._scores, segments):
+        for at in range(0, len(segments), CHILDREN):
+            some = segments[at : at + CHILDREN]
+            calls = [self._call(which, *seconds[[0, -1]].tolist()) for which, seconds in some]
+            look = partial(self.progress, min(done, total), total)
+            every = self.guard.read_all(score_frames, calls, look)
+            for (which, _), found in zip(some, every, strict=True):
                 scores[which].append(found)
                 done += len(found)
-                self.progress(min(done, total), total)
-        finally:
-            threads.shutdown(cancel_futures=True)
+            self.progress(min(done, total), total)
         sides = [
             _at(np.concatenate(own), each.seconds)[self.pairs.frames[:, k]]
             for k, (own, each) in enumerate(zip(scores, self.times, strict=True))
@@ -190,38 +192,41 @@ class _Work:
         pixels *= 3 if self.coloured else 1
         lossless = pixels <= LOSSLESS_BYTES
         lost = 0
-        with ThreadPoolExecutor(len(self.names)) as threads:
-            for first in range(0, len(chosen), BATCH):
-                batch = chosen[first : first + BATCH]
-                encoded = partial(self._encoded, chosen=batch, lossless=lossless)
-                every = threads.map(encoded, range(len(self.names)))
-                rows = self.pairs.numbers[batch], self.pairs.frames[batch], *every
-                for number, there, *sides in zip(*rows, strict=True):
-                    if None in [side for side, at in zip(sides, there, strict=True) if at >= 0]:
-                        lost += 1
+        for first in range(0, len(chosen), BATCH):
+            batch = chosen[first : first + BATCH]
+            look = partial(self.progress, first, len(chosen))
+            encoded = self._encoded(self.pairs.frames[batch], lossless, look)
+            rows = self.pairs.numbers[batch], self.pairs.frames[batch], encoded
+            for number, there, sides in zip(*rows, strict=True):
+                if None in sides[there >= 0].tolist():
+                    lost += 1
+                    continue
+                for which, content in zip(self.names, sides, strict=True):
+                    if content is None:
                         continue
-                    for which, content in zip(self.names, sides, strict=True):
-                        if content is None:
-                            continue
-                        suffix = ".png" if content.startswith(b"\x89PNG") else ".jpg"
-                        keep(f"{which}/{number:06d}{suffix}", content)
-                self.progress(first + len(batch), len(chosen))
+                    suffix = ".png" if content.startswith(b"\x89PNG") else ".jpg"
+                    keep(f"{which}/{number:06d}{suffix}", content)
+            self.progress(first + len(batch), len(chosen))
         return lost
 
-    def _scores(self, segment: tuple[int, FloatArray]) -> tuple[int, FloatArray]:
-        which, seconds = segment
-        path, ends = self.paths[which], (float(seconds[0]), float(seconds[-1]))
-        return which, self.guard.read(score_frames, path, path.name, *ends)
+    def _encoded(
+        self, frames: IntArray, lossless: bool, look: Callable[[], object]
+    ) -> npt.NDArray[np.object_]:
+        """The frames (n, c) of each camera as bytes; None where there is none."""
+        found = np.full(frames.shape, None, dtype=object)
+        own = [at[at >= 0] for at in frames.T]
+        some = [which for which, at in enumerate(own) if len(at)]
+        calls = [
+            self._call(k, self.times[k].seconds[own[k]].tolist(), lossless, self.coloured)
+            for k in some
+        ]
+        every = self.guard.read_all(encoded_frames, calls, look)
+        for which, contents in zip(some, every, strict=True):
+            found[frames[:, which] >= 0, which] = contents
+        return found
 
-    def _encoded(self, which: int, chosen: IntArray, lossless: bool) -> list[bytes | None]:
-        path, found = self.paths[which], np.full(len(chosen), None, dtype=object)
-        at = self.pairs.frames[chosen, which]
-        seconds = self.times[which].seconds[at[at >= 0]].tolist()
-        if seconds:
-            found[at >= 0] = self.guard.read(
-                encoded_frames, path, path.name, seconds, lossless, self.coloured
-            )
-        return list(found)
+    def _call(self, which: int, *arguments: Any) -> tuple[Path, str, *tuple[Any, ...]]:
+        return self.paths[which], self.paths[which].name, *arguments
 
 
 def _at(scores: FloatArray, seconds: FloatArray) -> FloatArray:

@@ -2,7 +2,6 @@
 
 import atexit
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -77,9 +76,8 @@ def of_videos(
     Args:
         later_frames: by how many frames of the first each other video was started later.
     """
-    times = {
-        each: _GUARD.read(read_times, path, labels[each]).seconds for each, path in paths.items()
-    }
+    read = _GUARD.read_all(read_times, [(path, labels[each]) for each, path in paths.items()])
+    times = {each: own.seconds for each, own in zip(paths, read, strict=True)}
     first, *others = paths
     step_s, pairs = float(np.median(np.diff(times[first]))), {}
     for each in others:
@@ -97,20 +95,15 @@ def of_videos(
     def decode(_: str, number: int) -> Pictures:
         start = numbers.index(number)
         rows = slice(start, start + AHEAD)
-
-        def own(camera: str) -> list[bytes | None]:
-            path, seconds = paths[camera], times[camera][frames[camera][rows]].tolist()
-            found: list[bytes | None] = _GUARD.read(
-                encoded_frames, path, labels[camera], seconds, False, True
-            )
-            return found
-
-        with ThreadPoolExecutor(len(paths)) as threads:
-            return {
-                (camera, each): content or b""
-                for camera, found in zip(paths, threads.map(own, paths), strict=True)
-                for each, content in zip(numbers[rows], found, strict=True)
-            }
+        calls = [
+            (path, labels[camera], times[camera][frames[camera][rows]].tolist(), False, True)
+            for camera, path in paths.items()
+        ]
+        return {
+            (camera, each): content or b""
+            for camera, found in zip(paths, _GUARD.read_all(encoded_frames, calls), strict=True)
+            for each, content in zip(numbers[rows], found, strict=True)
+        }
 
     return Footage(labels, numbers, decode)
 
