@@ -4,16 +4,18 @@ import multiprocessing
 import os
 import re
 import signal
-from collections.abc import Iterator, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.context import SpawnContext, SpawnProcess
-from typing import Any
+from typing import Any, ParamSpec
 
 from stereocal.errors import StereocalError
 from stereocal.system.child_process import end_with_parent
 from stereocal.version import __version__
 
+P = ParamSpec("P")
 SCHEDULER = "STEREOCAL_SCHEDULER"
 """Environment variable with the address of the cluster for a server's jobs."""
 LONGEST_TO_CONNECT = "10s"
@@ -58,6 +60,19 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
             for process in set(multiprocessing.active_children()) - others:
                 process.terminate()
             raise
+
+
+def in_background(
+    function: Callable[P, object], /, *arguments: P.args, **named: P.kwargs
+) -> threading.Thread:
+    """Call in a thread of its own, for what waits for tasks or for the clock.
+
+    On the executor of its tasks it could take the place that they wait for. A program that ends
+    does not wait for it, as it would for each thread of a `ThreadPoolExecutor`.
+    """
+    thread = threading.Thread(target=function, args=arguments, kwargs=named, daemon=True)
+    thread.start()
+    return thread
 
 
 class _Process(SpawnProcess):

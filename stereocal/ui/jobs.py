@@ -1,7 +1,8 @@
 """Background jobs: they continue when the page is left, and can be cancelled.
 
-Projects store which jobs run (`projects.jobs`). If the server ends before a job does, its page says
-so, and its button begins it again.
+A thread of its own drives each job, and hands its tasks to the server's pool (docs/architecture.md
+says why). Projects store which jobs run (`projects.jobs`). If the server ends before a job does,
+its page says so, and its button begins it again.
 """
 
 import hashlib
@@ -12,8 +13,9 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from typing import Any, Literal, ParamSpec, TypeVar
 
 import streamlit as st
@@ -24,8 +26,8 @@ from stereocal.projects.files import Store
 from stereocal.projects.jobs import FoundBefore
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
-from stereocal.system.executors import engine, scheduler_of
-from stereocal.system.tasks import EndingError, StoppedError
+from stereocal.system.executors import engine, in_background, scheduler_of
+from stereocal.system.tasks import POLL_S, EndingError, StoppedError, Task, run_tasks
 from stereocal.ui.messages import button, clear_refusal
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.warm_up import WARM_UP
@@ -43,6 +45,7 @@ Kind = Literal[
     "answer",
     "rig",
 ]
+State = Literal["running", "done", "cancelled", "failed"]
 UNFORESEEN = "Unexpected error. Earlier results are unchanged; the server's log says more."
 INTERRUPTED = "The server stopped while this ran, and it was not finished. Start it again."
 UNEVEN = "steps"
@@ -69,7 +72,8 @@ class PageWork:
     so_far: Any = None
     """What it has found, for its page: `run` adds to it."""
     follows: bool = False
-    """Whether its page starts it unasked (`follow`): then no project stores that it runs."""
+    """Whether its page starts it unasked, at each change of its settings: it takes the place of one
+    of another digest at once, one that failed is not begun again, and no project stores it."""
 
 
 def job_digest(about: Mapping[str, Any]) -> str:
@@ -89,7 +93,7 @@ class Job:
     """Number of the stage."""
     total: int = 0
     done: int = 0
-    state: Literal["running", "done", "cancelled", "failed"] = "running"
+    state: State = "running"
     sentence: str = ""
     """Why it failed."""
     note: str = ""
@@ -133,8 +137,10 @@ def pool() -> ThreadPoolExecutor:
 
 
 def compute(function: Callable[P, T], /, *arguments: P.args, **named: P.kwargs) -> T:
-    """Compute in the pool while a page is drawn, so that sessions add no threads."""
-    return pool().submit(function, *arguments, **named).result()
+    """Compute as one task of the pool, so that sessions add no threads."""
+    task = Task(partial(function, *arguments, **named), ())
+    ((_, result),) = run_tasks([task], pool(), 1)
+    return result
 
 
 JOBS: dict[tuple[Store, Kind], Job] = {}
@@ -153,51 +159,29 @@ def is_running(project: Project, kind: Kind) -> bool:
     return job is not None and job.state == "running"
 
 
-def start(work: PageWork, anew: bool = False) -> None:
-    """Begin a job, unless one of its kind is running (a callback).
+def start(work: PageWork, anew: bool = False) -> Job:
+    """The job of this work, begun unless one of its kind is running (or, for work that `follows`,
+    one of its digest is running or has failed).
 
     Args:
-        anew: in the place of the one that is running, which is cancelled.
+        anew: begun in any case, in the place of one that is running.
     """
-    job = Job(work, pool())
-    with _STARTING:
-        last = job_of(work.project, work.kind)
-        if last is not None and last.state == "running":
-            if not anew:
-                return
-            last.cancelled = True
-        try:
-            stored_jobs.begin(work.project.results, work.kind)
-        except StereocalError as error:
-            job.sentence, job.state = str(error), "failed"
-        JOBS[work.project.results, work.kind] = job
-    if job.state == "running":
-        _begin(job)
-
-
-def follow(work: PageWork) -> Job:
-    """The job of this digest, begun unless it runs or has failed; one of another digest is
-    cancelled, and leaves its place at once."""
     key = work.project.results, work.kind
     with _STARTING:
-        last = JOBS.get(key)
-        if last is not None:
-            if last.work.digest == work.digest and last.state in ("running", "failed"):
+        if (last := JOBS.get(key)) is not None:
+            kept = ("running", "failed") if work.follows else ("running",)
+            same = last.work.digest == work.digest or not work.follows
+            if last.state in kept and same and not anew:
                 return last
             last.cancelled = True
         job = JOBS[key] = Job(work, pool())
-    _begin(job)
+        try:
+            if not work.follows:
+                stored_jobs.begin(work.project.results, work.kind)
+            in_background(_drive, job)
+        except StereocalError as error:
+            job.sentence, job.state = str(error), "failed"
     return job
-
-
-def forget(job: Job) -> None:
-    """Let `follow` begin the work of a failed job again (for callbacks)."""
-    if job_of(job.work.project, job.work.kind) is job:
-        JOBS.pop((job.work.project.results, job.work.kind), None)
-
-
-def _begin(job: Job) -> None:
-    threading.Thread(target=_drive, args=(job,), daemon=True, name=job.work.kind).start()
 
 
 def start_button(
@@ -214,35 +198,31 @@ def start_button(
 
 
 def _drive(job: Job) -> None:
-    WARM_UP.over.wait()  # else this process would compile what others are compiling
+    """Run a job to its end. That of a server that ends before stays *running* in its project, whose
+    page says after a restart that it was interrupted."""
+    ended: State = "done"
     try:
-        if address := scheduler_of(os.environ):
-            with engine(scheduler=address) as job.executor:
-                ended = job.work.run(job)
-        else:
-            ended = job.work.run(job)
-        _end(job, "cancelled" if ended is False else "done")
+        while not WARM_UP.over.wait(POLL_S):  # else this process would compile what others compile
+            job.progress(0, 0)
+        address = scheduler_of(os.environ)
+        with engine(scheduler=address) if address else nullcontext(job.executor) as job.executor:
+            if job.work.run(job) is False:
+                ended = "cancelled"
     except StoppedError:
-        _end(job, "cancelled")
-    except StereocalError as error:
-        _end(job, "failed", str(error))
+        ended = "cancelled"
     except EndingError:
-        pass  # after a restart its page says that it was interrupted
-    except Exception:
-        # Otherwise no page would show an error of this thread.
-        _LOG.exception("A job ended in an error that nobody foresaw.")
-        _end(job, "failed", UNFORESEEN)
-
-
-def _end(job: Job, state: Literal["done", "cancelled", "failed"], sentence: str = "") -> None:
-    job.sentence = sentence
-    if job.work.follows:
-        job.state = state
         return
-    with _STARTING:
-        if job_of(job.work.project, job.work.kind) is job:  # else another has taken its place
-            stored_jobs.end(job.work.project.results, job.work.kind, failed=state == "failed")
-    job.state = state
+    except StereocalError as error:
+        job.sentence, ended = str(error), "failed"
+    except Exception:  # otherwise no page would show an error of this thread
+        _LOG.exception("A job ended in an error that nobody foresaw.")
+        job.sentence, ended = UNFORESEEN, "failed"
+    if not threading.main_thread().is_alive():
+        return
+    with _STARTING:  # another may have taken its place
+        if not job.work.follows and job_of(job.work.project, job.work.kind) is job:
+            stored_jobs.end(job.work.project.results, job.work.kind, failed=ended == "failed")
+    job.state = ended
 
 
 def show_job(project: Project, kind: Kind, cancelled: str) -> None:
@@ -271,10 +251,9 @@ def show_job(project: Project, kind: Kind, cancelled: str) -> None:
 
 def abandon(project: Project, kind: Kind) -> None:
     """Cancel a job of this server, and forget how an earlier one ended and what it found."""
-    job = job_of(project, kind)
-    if job is not None and job.state == "running":
-        job.cancelled = True
-    elif not is_running(project, kind):
+    if is_running(project, kind):
+        JOBS[project.results, kind].cancelled = True
+    else:
         stored_jobs.end(project.results, kind)
         JOBS.pop((project.results, kind), None)
 

@@ -175,7 +175,7 @@ def follow_validation(
     about = {"settings": settings.to_json(), "data": [each.sha256 for each in datasets]}
     digest = jobs.job_digest(about)
     work = jobs.PageWork(project, "evaluation", STAGES, run, digest, growing, follows=True)
-    job, begun = jobs.follow(work), time.monotonic()
+    job, begun = jobs.start(work), time.monotonic()
     while job.state == "running" and (waited := time.monotonic() - begun) < LONGEST_WAIT_S:
         all_in_time = job.done * LONGEST_WAIT_S >= waited * job.total
         if not all_in_time and any(job.work.so_far.so_far(refined)):

@@ -112,7 +112,7 @@ def _show(
         st.rerun()
     if job.state == "failed":
         st.error(escape_markdown(job.sentence))
-        button("Try again", "validate", jobs.forget, job)
+        button("Try again", "validate", jobs.abandon, project, "evaluation")
     elif (found := _so_far(job, datasets, with_refined(project).value())) is not None:
         _show_evaluation(project, found, datasets, head, places.table)
         return

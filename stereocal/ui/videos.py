@@ -110,9 +110,8 @@ def take_videos(
             finally:
                 shutil.rmtree(folder, ignore_errors=True)
 
-        jobs.start(jobs.PageWork(project, "video", STAGES, run))
-        job = jobs.job_of(project, "video")
-        if job is not None and job.state != "failed":  # else it may not have been started
+        job = jobs.start(jobs.PageWork(project, "video", STAGES, run))
+        if job.state != "failed":  # else it may not have been started
             undo.pop_all()
 
 

@@ -13,6 +13,7 @@ from stereocal.commands.warming import compile_all
 from stereocal.errors import StereocalError
 from stereocal.projects.home import sweep
 from stereocal.projects.server_settings import ServerSettings, default_home
+from stereocal.system.executors import in_background
 
 SWEEP_EVERY_S = 3600.0
 LOOK_EVERY_S = 0.3
@@ -37,7 +38,7 @@ class WarmUp:
             if not self._started:
                 self._started = True
                 self.over.clear()
-                threading.Thread(target=self._run, daemon=True, name="warm-up").start()
+                in_background(self._run)
 
     def show(self, bar: DeltaGenerator) -> None:
         """The progress, if something is being compiled."""
@@ -90,7 +91,7 @@ def compiling_shown(place: DeltaGenerator) -> Iterator[None]:
         bar.empty()
 
     thread = threading.Thread(target=show, daemon=True, name="compiling shown")
-    add_script_run_ctx(thread, get_script_run_ctx())
+    add_script_run_ctx(thread, get_script_run_ctx())  # has to be before it starts
     thread.start()
     try:
         yield

@@ -15,6 +15,7 @@ from stereocal.projects.kept import KEPT
 from stereocal.projects.project import Project
 from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs, results, screening
+from stereocal.ui.warm_up import WARM_UP
 from stereocal.workflow import answer, pair_run
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
@@ -83,6 +84,33 @@ def test_a_job_cancelled_while_it_looks_for_its_project_ends(
     monkeypatch.setattr(Path, "exists", another_page_cancels)
     with pytest.raises(StoppedError):
         job.progress(1, 2)
+
+
+def test_a_job_that_waits_for_the_compilation_can_be_cancelled(
+    pressing: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(WARM_UP, "over", threading.Event())
+    project, run = project_of(pressing, home), list[jobs.Job]()
+    job = jobs.start(jobs.PageWork(project, "calibration", ("runs",), run.append))
+    jobs.abandon(project, "calibration")
+    assert ended(project, "calibration").state == "cancelled" and job.cancelled and not run
+
+
+def test_a_server_that_ends_leaves_its_jobs_interrupted(
+    pressing: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not failed, though they can hand in no more tasks."""
+    project, closed = project_of(pressing, home), ThreadPoolExecutor(1)
+    closed.shutdown()
+    with monkeypatch.context() as patch:
+        patch.setattr(jobs, "pool", lambda: closed)
+        patch.setattr(jobs, "in_background", lambda drive, job: drive(job))
+        work = jobs.PageWork(
+            project, "calibration", ("runs",), lambda _: bool(jobs.compute(abs, 1))
+        )
+        assert jobs.start(work).state == "running"
+    jobs.JOBS.clear()
+    assert STOPPED in messages(pressing.run())
 
 
 def test_an_unforeseen_error_is_a_calm_sentence_and_stands_in_the_log(
