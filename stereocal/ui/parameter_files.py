@@ -112,14 +112,13 @@ class Source:
 
 def parameter_downloads(answer: PairAnswer | None) -> None:
     """A download button for each file; those to use stand out. None: buttons without files yet."""
-    with st.container(horizontal=True):
-        for method, (name, purpose) in FILES.items():
-            label, key = f"{name} · {purpose}", f"download_{method}"
-            if answer is None:
-                offer(label, None, name, key)
-            elif method in answer.sets:
-                to_use = method in answer.recommendation.use.values()
-                offer(label, answer.sets[method].dumps, name, key, primary=to_use)
+    for method, (name, purpose) in FILES.items():
+        label, key = f"{name} · {purpose}", f"download_{method}"
+        if answer is None:
+            offer(label, None, name, key)
+        elif method in answer.sets:
+            to_use = method in answer.recommendation.use.values()
+            offer(label, answer.sets[method].dumps, name, key, primary=to_use)
 
 
 def other_formats(project: Project, answer: PairAnswer) -> None:

@@ -24,6 +24,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import as_held, word_of
 from stereocal.rig.pair import Pair
+from stereocal.system.numbers import count
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import frames, refined_looks
 from stereocal.ui.downloads import offer
@@ -42,7 +43,10 @@ from stereocal.verdict.recommendation import frames_to_come
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 
-TILES = ("Wrong pairs let in", "95 % of lengths within", "Threshold")
+TILES = (
+    *("Wrong pairs accepted", "95 % of lengths within"),
+    *("Threshold", "Mean reprojection error"),
+)
 FRAMES, ACCURACY, STATED = "Errors by frame", "How accurate, where", "Stated and estimated"
 IN_SIGHT = (FRAMES, ACCURACY, STATED)
 """The looks that most people want; the others are under *More*."""
@@ -62,7 +66,7 @@ def show_result(project: Project, run: PairRun, answer: PairAnswer | None) -> No
     found = run.calibration
     if timing := found.screening.time_note:
         st.info(escape_markdown(timing))
-    for warning in found.warnings:
+    for warning in found.warnings[:1]:
         st.warning(escape_markdown(warning))
     frames.offer_to_bring_into_step(project, found)
     if answer:
@@ -72,13 +76,18 @@ def show_result(project: Project, run: PairRun, answer: PairAnswer | None) -> No
     frames.show_left_out(project, found, partial(_look_at_frame, project, found))
     if answer:
         refined_looks.show_disagreement(answer.run.inputs)
-    for title, column in zip(TILES, st.columns(3), strict=True):
+    for title, column in zip(TILES, st.columns(4), strict=True):
         with column, st.container(border=True):
             value, words = _tile(title, answer) if answer else ("…", "being computed  \n…")
             st.metric(title, value)
             st.caption(words)
-    parameter_downloads(answer)
-    _offer_kit(project, answer)
+    _show_rest(found, answer)
+    with st.container(horizontal=True):
+        parameter_downloads(answer)
+        _offer_kit(project, answer)
+        if answer is not None:
+            with st.popover("Other formats"):
+                other_formats(project, answer)
     if project.pair is None:  # a rig shows all its cameras
         _show_rig(project, found, answer)
     _show_closer_looks(project, run, answer)
@@ -91,12 +100,26 @@ def show_recommendation(answer: PairAnswer) -> None:
     if recommendation.caution:
         st.error(escape_markdown(f"Do not rely on this result: {recommendation.caution}"))
     dataset = answer.run.calibration.dataset
-    first, *others = (escape_markdown(as_held(s, dataset)) for s in recommendation.sentences)
+    first, *others = (escape_markdown(as_held(s, dataset)) for s in recommendation.brief)
     accused = any(item.accused for item in answer.run.inputs)
     sound = recommendation.forecast_holds and not recommendation.caution and not accused
     doubted = recommendation.verdict is not None and not recommendation.forecast_holds
     show = st.warning if doubted else st.success if sound else st.info
     show("\n\n".join([f"**{first}**", *others]))
+
+
+def _show_rest(found: Calibration, answer: PairAnswer | None) -> None:
+    """Further warnings, and what the recommendation says beyond its box and the tiles."""
+    said = answer.recommendation if answer else None
+    words = [as_held(s, found.dataset) for s in (said.sentences if said else ())]
+    brief = [as_held(s, found.dataset) for s in (said.brief if said else ())]
+    others = [sentence for sentence in words if sentence not in brief]
+    more = count(len(found.warnings[1:]), "more note") if found.warnings[1:] else ""
+    if others or more:
+        with st.expander(f"In words{more and ', and '}{more}"):
+            for warning in found.warnings[1:]:
+                st.warning(escape_markdown(warning))
+            st.markdown("\n\n".join(map(escape_markdown, others)))
 
 
 def _tile(title: str, answer: PairAnswer) -> tuple[str, str]:
@@ -110,6 +133,10 @@ def _tile(title: str, answer: PairAnswer) -> tuple[str, str]:
         held = word_of(calibration.dataset)
         alone = "" if scatter is None else f"  \nrelative to the {held}: {in_percent(scatter)}"
         return shown, f"{words}{alone}"
+    if title == TILES[3]:
+        errors = calibration.errors[match.method]
+        frames_used = count(len(calibration.frames), "frame")
+        return f"{digits(errors.mean_reprojection_px, 2)} px", f"of the {frames_used} used here"
     value, frames = match.threshold_px, len(calibration.dataset.correspondences.frames)
     source = "from frames held out here" if answer.validation else "forecast"
     left_out = f"{len(calibration.screening.left_out):,} of {frames:,} frames left out"
@@ -270,7 +297,7 @@ def _show_two_sets(project: Project, run: PairRun, _answer: PairAnswer | None) -
         show_figure(two_sets.plot_gap(views, method), words, "gap", caption=True)
 
 
-def _show_parameters(project: Project, run: PairRun, answer: PairAnswer | None) -> None:
+def _show_parameters(_project: Project, run: PairRun, answer: PairAnswer | None) -> None:
     refined_looks.show_inputs(answer)
     found = run.calibration
     if answer is not None and answer.run.forecast is not None:
@@ -287,9 +314,6 @@ def _show_parameters(project: Project, run: PairRun, answer: PairAnswer | None) 
         )
     made_with = describe_settings(found.settings)
     st.caption(f"Made with: {made_with}, {len(found.frames):,} calibration frames.")
-    if answer is not None:
-        st.markdown("**In the format of another program**")
-        other_formats(project, answer)
 
 
 def _show_searches(_project: Project, run: PairRun, _answer: PairAnswer | None) -> None:

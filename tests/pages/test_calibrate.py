@@ -19,6 +19,7 @@ from stereocal.projects.project import Project
 from stereocal.system.latest import Latest
 from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
+from stereocal.ui.results import TILES
 from stereocal.verdict import recommendation
 from stereocal.verdict.in_words import digits
 from stereocal.workflow import pair_run
@@ -49,7 +50,7 @@ def test_one_press_gives_everything(pressed: AppTest, home: Path) -> None:
     assert kinds == {"run": "secondary", "next": "primary"}
     assert "Use the refined set for both" in messages(pressed)
     labels = [metric.label for metric in pressed.metric]
-    assert labels == ["Wrong pairs let in", "95 % of lengths within", "Threshold"]
+    assert labels == [*TILES]
     assert all(metric.value.endswith(("%", "px")) for metric in pressed.metric)
     assert "forecast for similar bars" in told(pressed, "caption")
     assert "held out here: " in told(pressed, "caption") and "not yet" not in told(
