@@ -42,17 +42,17 @@ def describe_plan_map(found: PlanForecast, quantity: Quantity = "distance") -> s
 
 
 def plot_plan_depths(plans: Sequence[PlanForecast]) -> go.Figure:
-    """Mean length error against depth, a line for each of up to three plans."""
+    """What 95 % of lengths are within against depth, a line for each of up to three plans."""
     figure = blank(HEIGHT)
     for found, (colour, dash, symbol) in zip(plans, PLAN_STYLES, strict=False):
-        depths, length, _ = found.fit.by_depth
-        name = found.plan.name if len(plans) > 1 else "Length error"
-        points = np.column_stack([depths, 100 * length])
+        own = found.fit.by_depth
+        name = found.plan.name if len(plans) > 1 else "95 % of lengths"
+        points = np.column_stack([own.depths_m, 100 * own.length_p95])
         style = {"line": line_of(colour, 2, dash), "marker": {"symbol": symbol, "size": 8}}
         add_trace(figure, points, f"{HOVER}<extra>%{{fullData.name}}</extra>", name=name, **style)
     figure.update_layout(showlegend=len(plans) > 1)
     figure.update_xaxes(title_text="Depth ahead of the primary camera (m)")
-    figure.update_yaxes(title_text="Mean length error (%)", rangemode="tozero")
+    figure.update_yaxes(title_text="95 % of lengths within (%)", rangemode="tozero")
     return figure
 
 
@@ -60,18 +60,18 @@ def describe_plan_depths(plans: Sequence[PlanForecast]) -> str:
     """The errors at the least and the largest depth of each plan."""
     parts = []
     for found in plans:
-        depths, length, _ = found.fit.by_depth
+        depths, length = found.fit.by_depth.depths_m, found.fit.by_depth.length_p95
         known = np.flatnonzero(np.isfinite(length))
         first, last = known[0], known[-1]
         parts.append(
             f"{found.plan.name}: {percent(length[first])} % at {rounded(depths[first], 3)} m, "
             f"{percent(length[last])} % at {rounded(depths[last], 3)} m"
         )
-    return f"Mean length error of the refined set against depth. {'; '.join(parts)}."
+    return f"What 95 % of lengths are within, by depth, of the refined set. {'; '.join(parts)}."
 
 
 def plot_plan_baselines(found: PlanForecast) -> go.Figure:
-    """Mean length error in the volume against the baseline."""
+    """What 95 % of lengths in the volume are within, against the baseline."""
     advice, planned = found.advice, found.plan.baseline_m
     known = np.isfinite(advice.baseline_errors)
     if known.sum() < 2:
@@ -82,12 +82,12 @@ def plot_plan_baselines(found: PlanForecast) -> go.Figure:
     add_trace(figure, others, HOVER, name="other baselines", line=line_of(), marker={"size": 8})
     marker = {"size": 13, "symbol": "diamond", "color": PLAN_STYLES[0][0]}
     text = {"text": ["planned"], "textposition": "top right", "cliponaxis": False}
-    at = np.array([[planned, 100 * found.fit.length_error]])
+    at = np.array([[planned, 100 * found.fit.length_p95]])
     add_trace(figure, at, f"planned: {HOVER}", name="planned", marker=marker, **text)
     figure.update_layout(showlegend=False)
     ticks = {"tickvals": baselines, "ticktext": [f"{float(f'{b:.2g}'):g}" for b in baselines]}
     figure.update_xaxes(title_text="Baseline (m)", type="log", **ticks)
-    figure.update_yaxes(title_text="Mean length error (%)", rangemode="tozero")
+    figure.update_yaxes(title_text="95 % of lengths within (%)", rangemode="tozero")
     return figure
 
 
@@ -99,8 +99,8 @@ def describe_plan_baselines(found: PlanForecast) -> str:
         return NO_BASELINE
     best = known[int(np.argmin(advice.baseline_errors[known]))]
     return (
-        "Mean length error against the baseline, the cameras aimed at the same place: "
-        f"{percent(found.fit.length_error)} % with {rounded(found.plan.baseline_m, 3)} m as "
+        "What 95 % of lengths are within, by baseline, the cameras aimed at the same place: "
+        f"{percent(found.fit.length_p95)} % with {rounded(found.plan.baseline_m, 3)} m as "
         f"planned, least with {rounded(advice.baselines_m[best], 3)} m, "
         f"{percent(advice.baseline_errors[best])} %. A baseline is not tried where less than 60 % "
         "of the common view would be left."

@@ -172,11 +172,12 @@ def _compare(project: Project | None, found: PlanForecast, others: Sequence[Plan
 
 
 def _summary(found: PlanForecast, title: str) -> None:
-    depths, length, position = found.fit.by_depth
+    own = found.fit.by_depth
     st.markdown(f"**{escape_markdown(title)}**")
     st.markdown(
-        f"Length {percent(length[-1])} % at {rounded(depths[-1], 3)} m  \n"
-        f"Position {distance(float(position[-1]))} there  \n"
+        f"95 % of lengths within {percent(own.length_p95[-1])} % at {rounded(own.depths_m[-1], 3)} "
+        "m  \n"
+        f"Positions to {distance(float(own.position_m[-1]))} there  \n"
         f"{points_per_frame(found)} points a frame  \n"
         f"Limited by: {found.advice.limited_by}"
     )

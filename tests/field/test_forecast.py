@@ -12,7 +12,7 @@ from stereocal.calibration.methods import FILE_METHODS
 from stereocal.errors import StereocalError
 from stereocal.field.planning.advice import LIMITS, advise, with_baseline
 from stereocal.field.planning.common_cameras import COMMON
-from stereocal.field.planning.expected import expect
+from stereocal.field.planning.expected import expect, within_95
 from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer
 from stereocal.field.planning.plan import AimedPose, Plan, Uncertainty
 from stereocal.formats.camera_file import write_camera
@@ -115,10 +115,25 @@ def test_what_limits(one: Plan, limit: str) -> None:
 
 
 def test_more_bars_a_longer_bar_and_less_noise_never_hurt() -> None:
-    usual = expect(FIELD).length_error
+    usual = expect(FIELD).length_p95
     for better in (plan(frames=100), plan(bar_m=1.8), plan(noise_px=0.1)):
-        assert expect(better).length_error < 1.1 * usual
-    assert expect(plan(noise_px=0.1)).length_error < 0.7 * usual
+        assert expect(better).length_p95 < 1.1 * usual
+    assert expect(plan(noise_px=0.1)).length_p95 < 0.7 * usual
+
+
+def test_what_95_percent_of_lengths_are_within() -> None:
+    """Of errors with several standard deviations; and as the drawn rigs have it."""
+    assert within_95(np.full(4, 0.3)) == pytest.approx(0.3 * 1.96, rel=1e-3)
+    sigmas = np.array([0.1, 0.2, 1.0, np.nan])
+    drawn = np.random.default_rng(0).standard_normal((100_000, 3)) * sigmas[:3]
+    assert within_95(sigmas) == pytest.approx(np.quantile(np.abs(drawn), 0.95), rel=0.01)
+    assert np.isnan(within_95(np.array([np.nan])))
+    for one in (FIELD, NEAR):  # measured: 0.98 and 0.97 with all drawn rigs
+        found = forecast(one, rigs=64)
+        ratio = found.fit.length_p95 / found.metric_p95("refined").value
+        assert ratio == pytest.approx(1.0, abs=0.12)
+    by_depth = found.to_json()["by_depth"]
+    assert {*by_depth[0]} == {"depth_m", "mean_length_error", "position_error_m"}
 
 
 def test_another_baseline_keeps_the_aim() -> None:
@@ -143,7 +158,7 @@ def test_two_gopros_in_wide_mode() -> None:
     assert np.degrees(np.ptp(np.arctan(edges))) == pytest.approx(118.0, abs=1.0)
     pair = plan(stated_primary=lens, stated_secondary=lens, near_m=1.0, far_m=4.0, bar_m=0.4)
     found = expect(replace(pair, stated_pose=AimedPose(1.0, 10.0, 0.0)))
-    assert 0 < found.length_error < 0.01
+    assert 0 < found.length_p95 < 0.02
 
 
 @pytest.mark.parametrize("height", [0.0, 0.7, -0.4])

@@ -49,7 +49,7 @@ class Advice:
     """The changes worth making, best first."""
     baselines_m: FloatArray
     baseline_errors: FloatArray
-    """The mean length error with each of `baselines_m`; NaN where the plan cannot work."""
+    """What 95 % of lengths are within with each of `baselines_m`; NaN where a plan cannot work."""
 
 
 def advise(fit: ExpectedFit) -> Advice:
@@ -58,14 +58,14 @@ def advise(fit: ExpectedFit) -> Advice:
     H, P = fit.result.information, fit.result.unknowns.precision
 
     def known(**better: float) -> float:
-        return fit.error_with(H, fit.precision_knowing(better))
+        return fit.length_p95_with(H, fit.precision_knowing(better))
 
     baselines, errors = _baseline_scan(fit)
-    half_noise, lenses = fit.error_with(4.0 * H, P, 0.5), known(**LENSES_TWICE)
+    half_noise, lenses = fit.length_p95_with(4.0 * H, P, 0.5), known(**LENSES_TWICE)
     twice = errors[np.argmin(np.abs(baselines - 2 * plan.baseline_m))]
     halves = {  # of LIMITS, with one of them twice as good
         "image noise": half_noise,
-        "calibration": fit.error_with(MORE_FRAMES * H, P),
+        "calibration": fit.length_p95_with(MORE_FRAMES * H, P),
         "lenses": lenses,
         "baseline": float(np.nanmin([twice, known(baseline=0.5, object=0.5)])),
     }
@@ -84,9 +84,9 @@ def advise(fit: ExpectedFit) -> Advice:
     # Each with the fraction of the planned error that is left, and that error.
     found = [
         (
-            error / fit.length_error,
-            f"{text}: a mean length error of {percent(error)} % instead of "
-            f"{percent(fit.length_error)} %.",
+            error / fit.length_p95,
+            f"{text}: 95 % of lengths within {percent(error)} % instead of "
+            f"{percent(fit.length_p95)} %.",
         )
         for text, error in (
             *_another_baseline(plan, baselines, errors),
@@ -115,12 +115,12 @@ def _baseline_scan(fit: ExpectedFit) -> tuple[FloatArray, FloatArray]:
     """Baselines in m, and the length error with each; NaN where the common view is lost."""
     plan = fit.plan
     baselines = plan.baseline_m * BASELINES
-    errors = np.where(BASELINES == 1.0, fit.length_error, np.nan)
+    errors = np.where(BASELINES == 1.0, fit.length_p95, np.nan)
     for at in np.flatnonzero(BASELINES != 1.0):
         with suppress(StereocalError):
             other = with_baseline(plan, float(baselines[at]))
             if len(other.common_points) >= KEPT_VIEW * len(plan.common_points):
-                errors[at] = expect(other).length_error
+                errors[at] = expect(other).length_p95
     return baselines, errors
 
 
@@ -167,7 +167,7 @@ def _more_bars(fit: ExpectedFit) -> tuple[str, float]:
         "towards the edges of the images": away >= np.median(away),
     }
     errors = {
-        f"{fit.plan.frames} more bars, {where}": fit.error_with(
+        f"{fit.plan.frames} more bars, {where}": fit.length_p95_with(
             result.information + fit.plan.frames * fit.information_of(np.asarray(among)),
             result.unknowns.precision,
         )
@@ -190,5 +190,5 @@ def _longer_bar(fit: ExpectedFit) -> list[tuple[str, float]]:
         other = expect(replace(fit.plan, bar_m=longer)).result
     except StereocalError:
         return []
-    error = fit.error_with(other.information, other.unknowns.precision)
+    error = fit.length_p95_with(other.information, other.unknowns.precision)
     return [(f"A bar of {rounded(longer)} m instead of {rounded(fit.plan.bar_m)} m", error)]

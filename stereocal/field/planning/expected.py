@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.special import ndtr
 
 from stereocal.errors import StereocalError
 from stereocal.field.planning.bars import place_planned_bars
@@ -31,6 +33,8 @@ BARS = 120
 DEPTHS, POINTS = 9, 60
 """Depths at which errors are stated, and points of the common view at each."""
 MAP_SIZE = 32
+WIDEST = 2.0
+"""Standard deviations that hold more than 95 % of normal errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,14 +48,14 @@ class ExpectedFit:
     """(bars, 2, 3): the bars of the fit, on which lengths are judged too."""
 
     @cached_property
-    def length_error(self) -> float:
-        """Mean relative error of lengths like the bar's, in the volume."""
-        return self.error_with(self.result.information, self.result.unknowns.precision)
+    def length_p95(self) -> float:
+        """The relative error that 95 % of lengths like the bar's are within, in the volume."""
+        return self.length_p95_with(self.result.information, self.result.unknowns.precision)
 
-    def error_with(
+    def length_p95_with(
         self, information: FloatArray, precision: FloatArray, noise: float = 1.0
     ) -> float:
-        """The length error with another knowledge of the cameras.
+        """The same with another knowledge of the cameras.
 
         Args:
             information: (33, 33), of images and bars.
@@ -59,8 +63,7 @@ class ExpectedFit:
             noise: factor of the noise of the points that are measured.
         """
         own, jacobian = self._of_bars
-        sigmas = self._relative_sigmas(noise**2 * own, jacobian, information, precision)
-        return uncertainty.MEAN_OF_NORMAL * float(np.mean(sigmas))
+        return within_95(self._relative_sigmas(noise**2 * own, jacobian, information, precision))
 
     def _relative_sigmas(
         self, own: FloatArray, jacobian: FloatArray, information: FloatArray, precision: FloatArray
@@ -88,27 +91,26 @@ class ExpectedFit:
         return np.asarray(others + of_baseline / better.get("baseline", 1.0) ** 2)
 
     @cached_property
-    def by_depth(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Depths in m, and there the mean length error (a fraction) and position error (m); NaN
-        where the cameras see nothing in common.
-        """
+    def by_depth(self) -> "ByDepth":
+        """The errors by depth."""
         plan = self.plan
         depths = np.linspace(plan.near_m, plan.far_m, DEPTHS)
-        length, position = np.full(DEPTHS, np.nan), np.full(DEPTHS, np.nan)
+        mean, p95, position = np.full((3, DEPTHS), np.nan)
         for at, depth in enumerate(depths):
             try:
                 points = common_points(plan.rig, depths[at : at + 1])
             except StereocalError:
                 continue
             points = points * (depth / points[:, 2:])
-            away, error = self.errors_at(points[:: max(len(points) // POINTS, 1)])
-            length[at], position[at] = np.nanmean(error), np.nanmean(away)
-        return depths, uncertainty.MEAN_OF_NORMAL * length, position
+            away, sigmas = self.errors_at(points[:: max(len(points) // POINTS, 1)])
+            mean[at] = uncertainty.MEAN_OF_NORMAL * np.nanmean(sigmas)
+            p95[at], position[at] = within_95(sigmas), np.nanmean(away)
+        return ByDepth(depths, mean, p95, position)
 
     def errors_at(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Standard errors of points in m, (n,): the root of the sum of three variances; and of
-        lengths like the bar's in the middle of which they are, a fraction, (n,): the mean over
-        three directions.
+        lengths like the bar's in the middle of which they are, a fraction, (3, n): in three
+        directions.
         """
         halves = 0.5 * self.plan.bar_m * np.eye(3)
         H, P = self.result.information, self.result.unknowns.precision
@@ -118,7 +120,7 @@ class ExpectedFit:
         ]
         covariances = uncertainty.point_covariances(self.result, points_m)
         away = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
-        return np.asarray(away), np.asarray(np.mean(lengths, axis=0))
+        return np.asarray(away), np.array(lengths)
 
     @cached_property
     def maps(self) -> list[uncertainty.AccuracyMap]:
@@ -140,7 +142,8 @@ class ExpectedFit:
         seen = sees(plan.primary, grid) & sees(plan.secondary, plan.pose.apply(grid))
         away, length = np.full(len(grid), np.nan), np.full(len(grid), np.nan)
         if seen.any():
-            away[seen], length[seen] = self.errors_at(grid[seen])
+            away[seen], lengths = self.errors_at(grid[seen])
+            length[seen] = lengths.mean(axis=0)
         shape = (size, size)
         return uncertainty.AccuracyMap(plane, at, u, z, away.reshape(shape), length.reshape(shape))
 
@@ -158,6 +161,32 @@ class ExpectedFit:
         own, jacobian = uncertainty.length_variances(at, noise_px, first_m, second_m)
         lengths = np.linalg.norm(first_m - second_m, axis=1)
         return np.asarray(own / lengths**2), np.asarray(jacobian / lengths[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class ByDepth:
+    """Errors by depth, (d,) each; NaN where the cameras see nothing in common."""
+
+    depths_m: FloatArray
+    mean_length: FloatArray
+    """The mean relative error of lengths like the bar's."""
+    length_p95: FloatArray
+    """What 95 % of them are within."""
+    position_m: FloatArray
+    """The mean standard error of points."""
+
+
+def within_95(sigmas: FloatArray) -> float:
+    """What 95 % of normal errors are within whose standard deviations differ; NaN if none is
+    known."""
+    known = sigmas[np.isfinite(sigmas)]
+    if not len(known):
+        return float("nan")
+
+    def outside(limit: float) -> float:
+        return float(2.0 * ndtr(-limit / known).mean()) - 0.05
+
+    return float(brentq(outside, 0.0, WIDEST * known.max()))
 
 
 def expect(plan: Plan, seed: int = 0) -> ExpectedFit:

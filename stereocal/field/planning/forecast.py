@@ -125,6 +125,7 @@ class PlanForecast:
 
     def to_json(self) -> dict[str, Any]:
         """The content of `forecast.json`; errors are fractions, missing values null."""
+        depths = self.fit.by_depth
         content = {
             "format": FORECAST_FORMAT,
             "plan": self.plan.name,
@@ -142,7 +143,13 @@ class PlanForecast:
             "advice": list(self.advice.sentences),
             "by_depth": [
                 {"depth_m": z, "mean_length_error": error, "position_error_m": away}
-                for z, error, away in np.stack(self.fit.by_depth, axis=1).tolist()
+                for z, error, away in zip(
+                    *(
+                        own.tolist()
+                        for own in (depths.depths_m, depths.mean_length, depths.position_m)
+                    ),
+                    strict=True,
+                )
             ],
             "rigs": self.rigs.count,
             "rigs_failed": self.rigs.failed,
@@ -202,16 +209,17 @@ def _over_rigs(values: FloatArray) -> Estimate:
 
 def plan_answer(forecast: PlanForecast) -> str:
     """What the plan will measure, how well, and what limits it."""
-    depths, length, position = forecast.fit.by_depth
-    known = np.flatnonzero(np.isfinite(length))
+    by_depth = forecast.fit.by_depth
+    depths, within, position = by_depth.depths_m, by_depth.length_p95, by_depth.position_m
+    known = np.flatnonzero(np.isfinite(within))
     middle, far = known[len(known) // 2], known[-1]
     first = f"{_about_needed(forecast)}{_length_in_words(forecast)}"
     return (
-        f"{first}Lengths to {percent(length[middle])} % at {rounded(depths[middle], 3)} m and "
-        f"{percent(length[far])} % at {rounded(depths[far], 3)} m, positions to "
-        f"{distance(float(position[middle]))} and {distance(float(position[far]))} (mean errors of "
-        f"the refined set). About {points_per_frame(forecast)} points of a frame can be matched. "
-        f"Limited by {LIMITS[forecast.advice.limited_by]}."
+        f"{first}With the refined set 95 % of lengths are within {percent(within[middle])} % at "
+        f"{rounded(depths[middle], 3)} m and {percent(within[far])} % at {rounded(depths[far], 3)} "
+        f"m, and positions have standard errors of {distance(float(position[middle]))} and "
+        f"{distance(float(position[far]))} there. About {points_per_frame(forecast)} points of a "
+        f"frame can be matched. Limited by {LIMITS[forecast.advice.limited_by]}."
     )
 
 
