@@ -22,8 +22,8 @@ FEWEST_TICKS = 3
 TOP, TITLE, GAP, FOOT = 112, 26, 72, 62
 Quantity = Literal["distance", "point"]
 TITLES: dict[Quantity, str] = {
-    "distance": "Error of a distance as long as the bar (%)",
-    "point": "Error of a point (mm)",
+    "distance": "Standard error of a distance as long as the bar (%)",
+    "point": "Standard error of a point (mm)",
 }
 UNITS: dict[Quantity, str] = {"distance": " %", "point": " mm"}
 NO_VIEW = "The cameras share no view in these planes."
@@ -161,8 +161,8 @@ def describe_accuracy(maps: Sequence[AccuracyMap], quantity: Quantity = "distanc
     sides = ("left of", "right of") if found.plane == "above" else ("above", "below")
     towards = sides[int(across >= 0)]
     return (
-        f"From above and from the side: {TITLES[quantity].lower().split(' (')[0]}, one standard "
-        f"error, is {rounded(middle)}{unit} (median) where both cameras see, from {rounded(low)} "
+        f"From above and from the side: {TITLES[quantity].lower().split(' (')[0]} "
+        f"is {rounded(middle)}{unit} (median) where both cameras see, from {rounded(low)} "
         f"to {rounded(high)}{unit} (5th to 95th percentile), and least {found.z_m[j]:.1f} m ahead "
         f"and {abs(across):.1f} m {towards} the primary camera. Points: the targets of the bar."
     )
