@@ -17,7 +17,7 @@ from stereocal.ui.results import show_result
 project = project_with_data()
 if project.is_rig:
     calibrate_all(project)
-    st.header("Two cameras of them", divider="gray")
+    st.header("A pair of cameras", divider="gray")
 project, dataset = two_cameras_of(project)
 top = st.container()
 with st.expander("Settings"):

@@ -8,7 +8,15 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from stereocal.figures.html import html_list, html_page, html_plot, html_table, paragraphs
-from stereocal.figures.space import NARROW, WIDE, Eye, above_or_below, outline_of, set_scene
+from stereocal.figures.space import (
+    NARROW,
+    VIEWS,
+    WIDE,
+    above_or_below,
+    eye_of,
+    outline_of,
+    set_scene,
+)
 from stereocal.figures.style import (
     FAINT,
     METHOD_COLOURS,
@@ -90,17 +98,19 @@ def describe_rig_graph(rig: RigFile) -> str:
 
 
 def plot_cameras(
-    rig: RigFile, recording: Recording | None = None, narrow: bool = False
+    rig: RigFile, recording: Recording | None = None, view: str = VIEWS[0], narrow: bool = False
 ) -> go.Figure:
     """All cameras in 3D, as pyramids, and the object in each frame; equal axes, metres.
 
     Args:
         recording: whose points are drawn; None: the cameras alone.
+        view: one of `view_names`.
         narrow: for a screen of 420 px.
     """
     centres, figure = _centres(rig), blank(HEIGHT + 60)
+    target = centres.mean(axis=0)
     if recording is not None:
-        _add_objects(figure, rig, recording)
+        target = _add_objects(figure, rig, recording)
     apart = np.linalg.norm(centres[:, None] - centres, axis=2)
     for name, pose in rig.poses.items():
         outline = outline_of(rig.cameras[name], pose.inverse(), MAGNIFIED * float(apart.max()))
@@ -109,12 +119,13 @@ def plot_cameras(
     marker = {"size": 4, "color": METHOD_COLOURS["2d"]}
     names = {"text": list(rig.poses), "textposition": _name_sides(-centres[:, 1])}
     add_trace(figure, centres, "camera %{text}", marker=marker, **names, showlegend=False)
-    set_scene(figure, Eye(shape=NARROW if narrow else WIDE))
+    set_scene(figure, eye_of(view, rig, target, shape=NARROW if narrow else WIDE))
     return figure
 
 
-def _add_objects(figure: go.Figure, rig: RigFile, recording: Recording) -> None:
-    """The object in each frame: a line from end to end, of the points that two cameras see."""
+def _add_objects(figure: go.Figure, rig: RigFile, recording: Recording) -> FloatArray:
+    """The object in each frame: a line from end to end, of the points that two cameras see; the
+    middle of all (3,)."""
     own, first = recording.of_cameras(rig.names), rig.names[0]
     late = {name: rig.shift(first, name) for name in rig.names[1:]}
     own = own.shifted({name: offset for name, offset in late.items() if offset.is_shift})
@@ -135,6 +146,7 @@ def _add_objects(figure: go.Figure, rig: RigFile, recording: Recording) -> None:
         text=np.repeat(texts, 4),
         name=f"{recording.object.word.capitalize()}s ({n_drawn(len(shown))})",
     )
+    return np.asarray(np.median(ends[shown], axis=(0, 1)) if len(shown) else np.zeros(3))
 
 
 def _name_sides(up: FloatArray) -> list[str]:

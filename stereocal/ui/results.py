@@ -259,7 +259,7 @@ def _show_frames(project: Project, run: PairRun, answer: PairAnswer | None) -> N
         words = f"{frames.state_of(found, frame)} {_in_words(found, views)}"
         st.markdown(escape_markdown(words))
         method = answer.recommendation.match.method if answer else "2d"
-        _show_images(project, frame, views, method, st.columns(2))
+        _show_images(project, found, frame, views, method, st.columns(2))
 
 
 def _in_words(found: Calibration, views: dict[Method, FrameView]) -> str:
@@ -268,15 +268,18 @@ def _in_words(found: Calibration, views: dict[Method, FrameView]) -> str:
 
 def _show_images(
     project: Project,
+    found: Calibration,
     frame: int,
     views: dict[Method, FrameView],
     method: Method,
     columns: Sequence[DeltaGenerator],
 ) -> None:
     photographs = frames.photographs_of(project, frame)
-    for camera, (side, column) in enumerate(zip(CAMERAS, columns, strict=True)):
+    names = found.dataset.names
+    for camera, (side, name, column) in enumerate(zip(CAMERAS, names, columns, strict=True)):
         with column:
-            st.markdown(f"**{side.capitalize()}**")
+            title = f"Camera {name}" if project.pair else name.capitalize()
+            st.markdown(f"**{escape_markdown(title)}**")
             figure = two_sets.plot_image(views, method, camera, photographs[camera])
             words = two_sets.describe_image(views, method, camera)
             show_figure(figure, words, f"image_{side}", caption=True)
@@ -290,7 +293,7 @@ def _show_two_sets(project: Project, run: PairRun, _answer: PairAnswer | None) -
     method = choose(project, "two_sets_method", "Set", views, format_func=named)
     st.markdown(f"**{escape_markdown(_in_words(found, views))}**")
     *images, space = st.columns(3)
-    _show_images(project, frame, views, method, images)
+    _show_images(project, found, frame, views, method, images)
     with space:
         st.markdown("**In space, where the rays pass each other**")
         words = two_sets.describe_gap(views, method)

@@ -6,15 +6,17 @@ import streamlit as st
 
 from stereocal.errors import StereocalError
 from stereocal.figures import rig_report
+from stereocal.figures.space import view_names
 from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.fit.rig_file import RIG, RigFile
 from stereocal.projects.data import PAIRS
 from stereocal.projects.project import Project
+from stereocal.system.numbers import count
 from stereocal.system.tasks import Progress
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
-from stereocal.ui.fields import Field, one_of, setting, yes_or_no
+from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
 from stereocal.ui.figure import clicked_in, is_narrow, show_figure
 from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
@@ -22,6 +24,7 @@ from stereocal.verdict.in_words import digits, in_percent
 from stereocal.workflow.run import Run
 
 GRAPH = "rig_graph"
+ONE_RIG = "One rig of"
 NOTES, LATE = "rig_pairs_without_files", "rig_time_offsets"
 TILES = ("Mean reprojection error", "95 % of lengths within", "Noise of an image point")
 
@@ -74,9 +77,15 @@ def ask_time_offsets(project: Project) -> None:
 
 def show_rig(project: Project, rig: RigFile) -> None:
     """The answer for all cameras: how good they are, their files, and where they stand."""
-    st.success(escape_markdown(rig_sentence(rig)))
-    for note in [*rig_notes(rig), *project.settings.get(NOTES, [])]:
+    headline, _, rest = escape_markdown(rig_sentence(rig)).partition(ONE_RIG)
+    st.success(f"**{headline.strip() or ONE_RIG + rest}**\n\n{(ONE_RIG + rest) * bool(headline)}")
+    notes = [*rig_notes(rig), *project.settings.get(NOTES, [])]
+    for note in notes[:1]:
         st.warning(escape_markdown(note))
+    if notes[1:]:
+        with st.expander(count(len(notes[1:]), "more note")):
+            for note in notes[1:]:
+                st.warning(escape_markdown(note))
     for title, words, column in zip(TILES, _tiles(rig), st.columns(3), strict=True):
         with column, st.container(border=True):
             value, told = words
@@ -88,7 +97,8 @@ def show_rig(project: Project, rig: RigFile) -> None:
             offer("All pairs (zip)", project.pair_files, PAIRS, "rig_zip")
     st.subheader("The cameras in 3D")
     recording = project.recording_in_use
-    figure = rig_report.plot_cameras(rig, recording, is_narrow())
+    view = choose(project, "view_of_all", "Seen from", view_names(rig), as_menu=True)
+    figure = rig_report.plot_cameras(rig, recording, view, is_narrow())
     show_figure(figure, rig_report.describe_rig_graph(rig), "rig_cameras")
 
 

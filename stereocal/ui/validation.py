@@ -34,6 +34,8 @@ from stereocal.workflow.pair_run import usual_frames
 
 NINETEEN = ROOT / "sample_data" / "nineteen"
 MINE, ALL, PAPER = "My data set", "All my data sets", "Nineteen synthetic rigs"
+ALL_PAIRS = "All pairs of cameras"
+"""Each refined by itself, with the lenses of the rig."""
 RUNS = (10, 500)
 """Ends of the slider of the runs."""
 BIN_WIDTHS, USUAL_WIDTH = (0.02, 0.04, 0.1, 0.2, 0.5), 0.1
@@ -50,6 +52,7 @@ def choose_data(project: Project, own: Pair) -> list[Pair]:
     """The data sets to validate on."""
     kinds = [
         MINE,
+        *([ALL_PAIRS] if project.pair and len(project.pair_names) > 1 else []),
         *([ALL] if project.more_datasets else []),
         *([PAPER] if NINETEEN.is_dir() else []),
     ]
@@ -78,6 +81,9 @@ def chosen_data(project: Project, own: Pair) -> list[Pair]:
     kind = project.settings.get("validate_on", MINE)
     if kind == PAPER and NINETEEN.is_dir():
         return [_read(path) for path in sorted(NINETEEN.iterdir()) if path.is_dir()]
+    if kind == ALL_PAIRS and project.pair:
+        pairs = [project.of_pair(name).dataset for name in project.pair_names]
+        return [dataset for dataset in pairs if dataset is not None]
     return [own, *project.more_datasets] if kind == ALL else [own]
 
 

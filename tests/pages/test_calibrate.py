@@ -182,7 +182,7 @@ def test_nothing_is_offered_before_its_threshold_is_final(
     (tile,) = [metric.value for metric in app.metric if metric.label == "Threshold"]
     in_file = found.sets["refined"].matching_threshold_px
     assert in_file is not None and tile == f"{digits(in_file, 2)} px"
-    assert f"match below {tile}, and measure" in messages(app)
+    assert f"match below {tile} (held-out frames), and measure" in messages(app)
     assert "of parameters_refined.json, from frames held out here" in told(app, "caption")
     app.segmented_control(key="view").set_value("Stated and estimated").run()
     (row,) = [each.value for each in app.table if "Matching threshold (px)" in each.value.index]

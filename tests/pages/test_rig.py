@@ -36,6 +36,7 @@ from stereocal.ui.results import looks_of
 from stereocal.ui.rig import TILES as RIG_TILES
 from stereocal.ui.rig import run_of
 from stereocal.ui.start import RIG, three_cameras
+from stereocal.ui.validation import ALL_PAIRS
 from tests.archives import caliscope_files, wand_csv
 from tests.files import encoded, zipped
 from tests.lens import PATTERN, SMALL, photographed
@@ -96,7 +97,12 @@ def test_calibrate_shows_all_cameras_and_the_pair_that_is_chosen(project: Projec
     # The same pair on the next page, in this tab and after the page is opened anew.
     assert go(app, "validate").selectbox(key="pair").value == "2-3"
     assert not app.exception and not app.error
-    assert page_of(project, "validate").selectbox(key="pair").value == "2-3"
+    app = page_of(project, "validate")
+    assert app.selectbox(key="pair").value == "2-3"
+    app.segmented_control(key="validate_on").set_value(ALL_PAIRS).run()
+    assert ended(pair, "evaluation").state == "done"
+    assert pair.evaluation is not None and len(pair.evaluation.runs) == 3
+    assert not app.run().exception and not app.error
     cards = told(go(app, "start"))
     assert "One rig: 0." in cards and cards.count("3 cameras") == 1
 
