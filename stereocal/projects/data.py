@@ -20,7 +20,7 @@ from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import Table, read_table
 from stereocal.formats.dataset_description import DESCRIPTION, find_description
 from stereocal.formats.dataset_files import parse_recording
-from stereocal.projects.contents import INPUT, RECORDING, RIG_FILES, VALUES
+from stereocal.projects.contents import BAR, INPUT, RECORDING, RIG_FILES, VALUES
 from stereocal.projects.database import DamagedError
 from stereocal.projects.files import Store, StoredFile
 from stereocal.projects.inputs import LENGTHS, Inputs, Slot, inputs_of
@@ -190,6 +190,14 @@ class ProjectData:
             return self._of_pair(inputs)
         key = json.dumps(dataclasses.asdict(inputs), sort_keys=True)
         return None if inputs.missing else once(Pair, key, made)
+
+    @property
+    def given_digest(self) -> str:
+        """Identifies what was given, stated and corrected, settings apart."""
+        files = {part: self.database.files(part) for part in (RECORDING, BAR)}
+        named = {part: {n: each.sha256 for n, each in own.items()} for part, own in files.items()}
+        about = json.dumps([dataclasses.asdict(self.inputs), named], sort_keys=True)
+        return hashlib.sha256(about.encode()).hexdigest()
 
     # Three cameras and more
 

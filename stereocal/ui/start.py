@@ -35,7 +35,7 @@ RECORDING, FIELD, PHOTOGRAPHS, RIG = (
 )
 DESCRIPTION = ("dataset.json", "primary.json", "secondary.json")
 SAMPLE = "sample"
-"""Setting of a project that was made of a sample: key of its button, and name."""
+"""Setting of a project that was made of a sample: key of its button, and digest of what it held."""
 LARGE = """<style>
 .st-key-begin button, .st-key-recording button { min-height: 4.5rem; }
 .st-key-begin button p, .st-key-recording button p { font-size: 1.2rem; }
@@ -153,7 +153,7 @@ def _sample_button(key: str, label: str, make: Callable[[], Project], large: boo
 
 
 def _opened_or_made(key: str, make: Callable[[], Project]) -> Project:
-    """The project of a sample that is there, if it still has its name; else a new one.
+    """The project of a sample that is there, if nobody has changed what it holds; else a new one.
 
     On a shared server it may be another person's, and is made again.
     """
@@ -161,10 +161,10 @@ def _opened_or_made(key: str, make: Callable[[], Project]) -> Project:
         for project_id in find_projects(default_home()):
             with suppress(StereocalError, OSError):
                 kept = Project.open(default_home(), project_id)
-                if kept.settings.get(SAMPLE) == [key, kept.inputs.name]:
+                if kept.settings.get(SAMPLE) == [key, kept.given_digest]:
                     return kept
     project = make()
-    project.keep_settings({SAMPLE: [key, project.inputs.name]})
+    project.keep_settings({SAMPLE: [key, project.given_digest]})
     return project
 
 
