@@ -31,7 +31,7 @@ def missing_of(project: Project) -> str:
         return "the boards in the photographs (press *Find the boards*)"
     targets = "the targets in the photographs (press *Find the targets*)"
     if readable(lambda: ProjectPhotographs(project).frames, told=False) is not None:
-        targets = "targets that are used (the frames on *Data* say why none are)"
+        targets = "usable targets in both photographs (the frames on *Data* say why none are)"
     return missing.replace("the table of points", targets)
 
 

@@ -53,7 +53,7 @@ def video_settings(project: Project | None) -> VideoSettings:
         return place.toggle(title, help=text, **own.widget())
 
     left, right = st.columns(2, vertical_alignment="bottom")
-    named, title = CHOICES.__getitem__, "Frames to take of videos"
+    named, title = CHOICES.__getitem__, "Which frames of the videos"
     choice = choose_from_menu(
         project, "video_choice", title, CHOICES, place=left, format_func=named
     )
