@@ -74,7 +74,6 @@ def _results() -> Iterator[tuple[Key, Held]]:
 
 CONTENTS: dict[Key, Held] = {
     **{("value", INPUT, name): Held("measured lengths and frames") for name in VALUES},
-    ("value", INPUT, "baselines_m"): Held("measured baselines of several cameras", since=3),
     ("value", SETTING, ANY): Held("settings"),
     ("value", BAR, "pairs"): Held("edited pairs"),
     ("value", BAR, "pairing"): Held("how photographs are paired"),

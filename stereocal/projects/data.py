@@ -5,7 +5,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from itertools import combinations
+from itertools import combinations, permutations
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from stereocal.formats.camera_file import read_camera
 from stereocal.formats.correspondences_csv import Table, read_table
 from stereocal.formats.dataset_description import DESCRIPTION, find_description
 from stereocal.formats.dataset_files import parse_recording
-from stereocal.projects.contents import BAR, INPUT, RECORDING, RIG_FILES, VALUES
+from stereocal.projects.contents import BAR, INPUT, RECORDING, RIG_FILES, VALIDATION, VALUES
 from stereocal.projects.database import DamagedError
 from stereocal.projects.files import Store, StoredFile
 from stereocal.projects.inputs import LENGTHS, Inputs, Slot, inputs_of
@@ -35,11 +35,10 @@ from stereocal.workflow.pair_of_rig import data_of_pair, settings_of_pair
 
 OF_TABLE = ("exchanged", "put_back", "left_out", "start_frame", "step_notes")
 """Inputs that are valid for one table of points."""
-OF_RECORDING = (
-    *("baselines_m", "baseline_sigma_m", "baseline_free", "target_distance_sigma_m"),
-    *("exchanged", "put_back", "left_out"),
-)
-"""What is stated of a recording of three cameras and more."""
+LENGTHS_OF_ALL = ("baselines_m", "baseline_sigma_m", "baseline_free", "target_distance_sigma_m")
+"""What is stated of the lengths of three cameras and more."""
+RESULTS = ("calibration", "recommended", "evaluation", VALIDATION)
+"""What is computed of the data of two cameras."""
 SOURCE = "the recording of this project"
 MADE_FROM = "made_from"
 PAIRS = "pairs.zip"
@@ -111,22 +110,46 @@ class ProjectData:
         digests = sorted(hashlib.sha256(content).hexdigest() for content in files.values())
         return digests == sorted(self._given_digest.split())
 
-    def give_recording(self, recording: Recording, files: Mapping[str, bytes]) -> None:
+    def give_recording(
+        self, recording: Recording, files: Mapping[str, bytes], same_lengths: bool = False
+    ) -> None:
         """Store a recording of three cameras and more, and its files, instead of what was there;
-        its results go."""
+        corrections and results go.
+
+        Args:
+            same_lengths: whether what is stated of the lengths is of this one too.
+        """
         kept = {name: self.database.keep_file(content, name) for name, content in files.items()}
-        if kept == (before := self.database.files(RECORDING)):
+        if kept == self.database.files(RECORDING):
             return
-        given = {"name": recording.name}
-        if before:  # what was stated is of that one
-            fresh = Inputs()
-            given |= {name: getattr(fresh, name) for name in OF_RECORDING}
+        fresh, inputs = Inputs(), self.inputs
+        given = {name: getattr(fresh, name) for name in (*LENGTHS_OF_ALL, *OF_TABLE)}
+        if same_lengths:
+            given |= {name: getattr(inputs, name) for name in LENGTHS_OF_ALL}
+            pairs = {pair_name(pair) for pair in permutations(recording.cameras, 2)}
+            given["baselines_m"] = {n: m for n, m in inputs.baselines_m.items() if n in pairs}
         with self.database.transaction():
+            self.database.forget_files(INPUT)
             self.database.replace_files(RECORDING, kept)
-            self.database.forget_files(RIG_FILES)
-            self.database.forget_pairs()
-            self.database.keep_values(INPUT, given)
+            self._forget_results()
+            self.database.keep_values(INPUT, {**given, "name": recording.name})
         KEPT[Recording].keep(self._given_digest, recording)
+
+    def forget_recording(self) -> None:
+        """Delete the data of three cameras and more, for those of two."""
+        with self.database.transaction():
+            if self.is_rig:
+                self.database.forget_files(RECORDING)
+                self._forget_results()
+                fresh = Inputs()
+                lengths = {name: getattr(fresh, name) for name in LENGTHS_OF_ALL}
+                self.database.keep_values(INPUT, lengths)
+
+    def _forget_results(self) -> None:
+        self.database.forget_files(RIG_FILES)
+        self.database.forget_pairs()
+        for kind in RESULTS:
+            self.database.keep_result(kind, None)
 
     def _check(self, inputs: Inputs) -> None:
         """Check the inputs as far as they are complete."""
@@ -218,7 +241,8 @@ class ProjectData:
         inputs = self.inputs
         if (recording := self.recording_of(inputs)) is None or not inputs.left_out:
             return recording
-        return recording.where(~np.isin(recording.frame, inputs.left_out))
+        whole, key = recording, f"without {inputs.left_out} {self._key_of(inputs)}"
+        return once(Recording, key, lambda: whole.where(~np.isin(whole.frame, inputs.left_out)))
 
     @property
     def recording_as_given(self) -> Recording | None:

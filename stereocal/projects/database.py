@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import quote
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, damaged
 from stereocal.projects.pairs_of_before import pairs_of_before
 
 LOCK_TIMEOUT_S = 120.0
@@ -347,8 +347,9 @@ def _bring_up_to_date(db: sqlite3.Connection) -> None:
         for number in range(db.execute(asked).fetchone()[0], VERSION):
             if number not in MIGRATIONS:
                 raise DamagedError("This file is not a project of stereocal, or it is damaged.")
-            for change in MIGRATIONS[number]:
-                change(db) if callable(change) else db.execute(change)
+            with damaged("Something in the project's file is damaged.", DamagedError, keep=True):
+                for change in MIGRATIONS[number]:
+                    change(db) if callable(change) else db.execute(change)
             db.execute(f"PRAGMA user_version = {number + 1}")
 
 

@@ -30,12 +30,19 @@ from stereocal.projects.contents import (
 )
 from stereocal.rig.camera import CAMERAS
 
+OBJECT_SIGMA = "object_sigma_m"
+"""Setting of a project of three cameras."""
 NOT_SAID = ("of_rig", "refined_of_rig", "all_frames")
 """Settings of a pair that no person had made."""
 
 
 def pairs_of_before(db: sqlite3.Connection) -> None:
     """Bring the pairs of a project to the form of this version, in the caller's transaction."""
+    stated = _values(db, SETTING).get(OBJECT_SIGMA)
+    if isinstance(stated, int | float):  # how well the object of three cameras is known
+        row = [INPUT, "target_distance_sigma_m", json.dumps(stated)]
+        db.execute("INSERT OR REPLACE INTO value VALUES (?, ?, ?)", row)
+    db.execute("DELETE FROM value WHERE part = ? AND name = ?", [SETTING, OBJECT_SIGMA])
     found = db.execute(
         "SELECT DISTINCT part FROM value WHERE part GLOB ?", [f"{SCOPE}*/{INPUT}"]
     ).fetchall()
@@ -44,7 +51,8 @@ def pairs_of_before(db: sqlite3.Connection) -> None:
     for scope in sorted(set(scopes) - set(pages)):
         if (pair := known.get(scope.removeprefix(SCOPE).rstrip("/"))) is not None:
             _move_corrections(db, scope, pair)
-            _move(db, scope, dict(zip(CAMERAS, pair, strict=True)))
+            is_first = pair[0] == next(iter(known.values()))[0]
+            _move(db, scope, dict(zip(CAMERAS, pair, strict=True)), is_first)
         for table, column in PAIRED.items():
             at = f"substr({column}, 1, length(?1)) = ?1"
             db.execute(f"DELETE FROM {table} WHERE {at}", [scope])
@@ -82,8 +90,14 @@ def _move_corrections(db: sqlite3.Connection, scope: str, pair: tuple[str, str])
         )
 
 
-def _move(db: sqlite3.Connection, scope: str, names: dict[str, str]) -> None:
-    """Settings, and what was given on the pages Apply and Check, by the cameras' names."""
+def _move(db: sqlite3.Connection, scope: str, names: dict[str, str], is_first: bool) -> None:
+    """Settings, and what was given on the pages Apply and Check, by the cameras' names.
+
+    Files of two cameras that Check was given are not moved: they are not of all.
+
+    Args:
+        is_first: whether the frame of the pair, in which its world frame is, is that of the rig.
+    """
     for name, value in _values(db, f"{scope}{SETTING}").items():
         if name not in NOT_SAID:
             row = [SETTING, name, json.dumps(value)]
@@ -92,17 +106,18 @@ def _move(db: sqlite3.Connection, scope: str, names: dict[str, str]) -> None:
         for which, camera in names.items():
             _name(db, part, f"camera {camera}", f"{scope}{part}", which)
     check, clicks = f"{CHECK}/{BAR}", f"{CLICKS}/{BAR}"
-    places = {part: part for part in (SETS, WORLD, CHECK)}
+    places = {part: part for part in (SETS, *([WORLD] if is_first else []))}
     places |= {check: f"{SCOPE}{check}", clicks: f"{SCOPE}{clicks}"}
     for part, to in places.items():
         rows = db.execute("SELECT name FROM named WHERE part = ?", [f"{scope}{part}"]).fetchall()
         for (name,) in rows:
             first, slash, rest = str(name).partition("/")
             _name(db, to, f"{names.get(first, first)}{slash}{rest}", f"{scope}{part}", name)
-    if not _values(db, CLICKS):
-        for name, act in _values(db, f"{scope}{CLICKS}").items():
-            row = [CLICKS, name, json.dumps(_renamed(act, names))]
-            db.execute("INSERT INTO value VALUES (?, ?, ?)", row)
+    last = max(map(int, _values(db, CLICKS)), default=0)
+    acts = sorted(_values(db, f"{scope}{CLICKS}").items())
+    for number, (_, act) in enumerate(acts, start=last + 1):
+        row = [CLICKS, f"{number:09d}", json.dumps(_renamed(act, names))]
+        db.execute("INSERT INTO value VALUES (?, ?, ?)", row)
 
 
 def _name(db: sqlite3.Connection, part: str, name: str, before: str, own: str) -> None:

@@ -203,6 +203,7 @@ class ProjectPhotographs(ProjectPart):
                 with suppress(StereocalError):  # no target was found, or none is used
                     rows = correspondences_of(self.frames or [])
                     of_frames["correspondences"] = TABLE_LABEL, packed_table(rows)
+            self.project.forget_recording()
             try:
                 self.project.give({**files, **of_frames}, ("correspondences",), **values)
             except RefusedRowsError as error:

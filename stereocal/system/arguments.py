@@ -91,8 +91,8 @@ def _fits(value: Any, hint: Any) -> bool:
         is_one = isinstance(value, str | bytes | Mapping | pd.DataFrame)
         return isinstance(value, Iterable) and not is_one and _all_fit(value, within[0])
     if origin is tuple:
-        is_tuple = isinstance(value, tuple | list) and len(value) == len(within)
-        return is_tuple and all(map(_fits, value, within))
+        is_tuple = isinstance(value, tuple | list) or np.ndim(value) == 1
+        return is_tuple and len(value) == len(within) and all(map(_fits, value, within))
     if origin is Callable:
         return callable(value)
     if hint in (int, float):  # those of NumPy too

@@ -238,7 +238,8 @@ def _calibrate(store: ProjectGiven, gathered: Gathered) -> None:
         for name in store.parts:
             store.drop_part(name)
         return
-    store.project.give_recording(recording, gathered.files)
+    store.project.give_recording(recording, gathered.files, same_lengths=True)
+    jobs.drop_pairs(store.project)
     press(store.project)
     go_to("calibrate")
 
@@ -284,7 +285,8 @@ def _keep(store: ProjectPhotographs, found: Found, digest: str) -> None:
     project = store.project
     if found.recording.object.board is not None:
         whole = replace(found.recording, name=project.inputs.name or "Rig")
-        project.give_recording(whole, pack_recording(whole))
+        project.give_recording(whole, pack_recording(whole), same_lengths=True)
+        jobs.drop_pairs(project)
     else:
         ProjectGiven(project).add_parts({POINTS: write_points(found.recording)})
     project.keep_settings({FOUND_BY: digest, UNUSED: [*found.unused], TOLD: found.pairing.sentence})

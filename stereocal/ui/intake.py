@@ -154,6 +154,8 @@ def give_dataset(
             recording = in_step(recording)
         own = {name: content for name, content in stated.items() if name.startswith(folder)}
         project.give_recording(recording, own)
+        jobs.abandon(project, "rig")
+        jobs.drop_pairs(project)
         return
     with naming(source):
         survey = pair_to_calibrate(recording) if with_points else recording.pair(*CAMERAS)

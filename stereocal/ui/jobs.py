@@ -219,9 +219,9 @@ def _drive(job: Job) -> None:
         job.sentence, ended = UNFORESEEN, "failed"
     if not threading.main_thread().is_alive():
         return
-    with _STARTING:  # another may have taken its place
-        if not job.work.follows and job_of(job.work.project, job.work.kind) is job:
-            stored_jobs.end(job.work.project.results, job.work.kind, failed=ended == "failed")
+    # Another may have taken its place.
+    if not job.work.follows and job_of(job.work.project, job.work.kind) is job:
+        stored_jobs.end(job.work.project.results, job.work.kind, failed=ended == "failed")
     job.state = ended
 
 
@@ -247,6 +247,15 @@ def show_job(project: Project, kind: Kind, cancelled: str) -> None:
         st.info(cancelled)
     elif job is not None and job.note:
         st.info(escape_markdown(job.note))
+
+
+def drop_pairs(project: Project) -> None:
+    """Cancel and forget the jobs of a rig's pairs, whose results have gone."""
+    with _STARTING:
+        for place, kind in [*JOBS]:
+            of_pair = place.path == project.database.path and place != project.database
+            if of_pair and kind in ("calibration", "evaluation", "answer"):
+                JOBS.pop((place, kind)).cancelled = True
 
 
 def abandon(project: Project, kind: Kind) -> None:

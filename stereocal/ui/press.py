@@ -75,19 +75,19 @@ class Press:
         calibration = run.calibration
         step("forecast")
         self.project.keep_calibration(calibration, self.inputs)
+        digest = self.project.calibration_digest
         job.begin("runs")
         try:
             if len(self.dataset.correspondences.frames) >= FEWEST_TO_VALIDATE:
-                self._validate(job)
+                self._validate(job, digest)
         except StereocalError as error:
             job.note = f"Not validated: {error}"
         finally:  # without a validation too
-            self._conclude()
+            self._conclude(digest)
 
-    def _validate(self, job: jobs.Job) -> None:
+    def _validate(self, job: jobs.Job, digest: str | None) -> None:
         """Evaluate the calibration, and store the result, unless another one is stored by then."""
-        digest, run = self.project.calibration_digest, self.project.run
-        if run is None:
+        if (run := self.project.run) is None:
             raise StoppedError
         most = max(len(run.screening.dataset.correspondences.frames) - 2, 1)
         settings = replace(
@@ -101,13 +101,16 @@ class Press:
             raise StoppedError
         self.project.keep_evaluation(found, of_calibration=True)
 
-    def _conclude(self) -> None:
-        """Make the answer, so that the page has it at once, and store what it recommends."""
-        answer = self.project.answer
-        assert answer is not None
+    def _conclude(self, digest: str | None) -> None:
+        """Make the answer, so that the page has it at once, and store what it recommends, unless
+        another result is stored by then."""
+        if (answer := self.project.answer) is None:
+            return
         compute_all(answer)
         use = answer.recommendation
-        self.project.keep_recommended(use.match.method, use.measure.method)
+        with self.project.results.transaction():
+            if self.project.calibration_digest == digest:
+                self.project.keep_recommended(use.match.method, use.measure.method)
 
 
 def work_of(project: Project) -> jobs.PageWork:

@@ -12,7 +12,7 @@ from stereocal.fit.rig_file import RIG, RigFile
 from stereocal.projects.data import PAIRS
 from stereocal.projects.project import Project
 from stereocal.system.numbers import count
-from stereocal.system.tasks import Progress
+from stereocal.system.tasks import Progress, StoppedError
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
@@ -63,8 +63,12 @@ def rig_work(project: Project) -> jobs.PageWork:
         if found is None:
             raise StereocalError("This project holds no recording of several cameras.")
         rig, files = found.rig.dumps(), pack_zip(found.pair_files)
+        now = project.recording
+        if now is None or [*now.cameras] != [*found.recording.cameras]:
+            raise StoppedError  # another recording has been given
         project.keep_settings({NOTES: found.notes_on_pairs})
         project.keep_rig(rig, files, found.digest)
+        jobs.drop_pairs(project)
 
     return jobs.PageWork(project, "rig", ("steps", "pairs"), work)
 

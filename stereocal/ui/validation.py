@@ -83,7 +83,7 @@ def chosen_data(project: Project, own: Pair) -> list[Pair]:
         return [_read(path) for path in sorted(NINETEEN.iterdir()) if path.is_dir()]
     if kind == ALL_PAIRS and project.pair:
         pairs = [project.of_pair(name).dataset for name in project.pair_names]
-        return [dataset for dataset in pairs if dataset is not None]
+        return [dataset for dataset in pairs if dataset is not None] or [own]
     return [own, *project.more_datasets] if kind == ALL else [own]
 
 

@@ -54,13 +54,8 @@ class Recommendation(Answer):
     """Why the result is not to be relied on; else empty."""
     contradiction: str = ""
     """Where held-out frames contradict the forecast beyond chance, and why; else empty."""
-    left_out: str = ""
-    """Which frames were left out; empty if none."""
-
-    @property
-    def brief(self) -> tuple[str, ...]:
-        """Of the sentences what to use, what speaks against the forecast, and what was left out."""
-        return tuple(filter(None, (self.sentences[0], self.contradiction, self.left_out)))
+    brief: tuple[str, ...] = ()
+    """Of the sentences what to use, what speaks against the forecast, and what was left out."""
 
     @property
     def use(self) -> Mapping[Literal["matching", "measuring"], Method]:
@@ -136,7 +131,9 @@ def recommend(
         caution = why_not_trusted(calibration)
     caution = " ".join(filter(None, (caution, far_off(calibration.inputs))))
     sentences = tuple(filter(None, (use, *figures, certainty, left_out, in_runs)))
-    return Recommendation(match, measure, found, sentences, caution, contradiction, left_out)
+    against = contradiction if found is not None and found.holds else certainty
+    brief = tuple(filter(None, (use, against, left_out)))
+    return Recommendation(match, measure, found, sentences, caution, contradiction, brief)
 
 
 def _contradiction(

@@ -19,7 +19,7 @@ def test_writes_summary_and_report_and_shows_progress(
     datasets = [str(FIELD), str(NINETEEN / "07")]
     assert main(["evaluate", *datasets, "--out", str(tmp_path / "new"), *options]) == 0
     printed = capsys.readouterr()
-    assert "6/6 runs" in printed.err
+    assert "6 runs: done" in printed.err
     assert "Held out here: " in printed.out
     names = {path.name for path in (tmp_path / "new").iterdir()}
     assert names == {"report.html", "summary.json"}

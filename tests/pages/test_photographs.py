@@ -18,6 +18,7 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import read_photograph
+from stereocal.ui import jobs
 from stereocal.ui.holding import held_target
 from tests.ball_bars import CAMERA, COLOURS, ball_bars
 from tests.bar_photographs import bar_set
@@ -100,6 +101,7 @@ def test_from_photographs_to_a_complete_data_set_which_a_cancelled_search_leaves
 
     before = store_of(app, tmp_path).frames
     monkeypatch.setattr("stereocal.intrinsics.photograph_search.detect_frames", wait_for_the_cancel)
+    monkeypatch.setattr(jobs, "WAIT_S", 0.0)
     app.button(key="find_targets").click().run()
     assert app.button(key="find_targets").disabled
     assert app.checkbox(key="use_frame_1").disabled

@@ -17,13 +17,13 @@ from stereocal.projects import jobs
 from stereocal.projects.application import ProjectCheck
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.contents import RECORDING
-from stereocal.projects.data import OF_RECORDING
+from stereocal.projects.data import LENGTHS_OF_ALL, OF_TABLE
 from stereocal.projects.home import card_of, duplicate, find_projects
 from stereocal.projects.project import Project
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states
 from stereocal.ui.rig import run_of
-from stereocal.ui.start import RIG, three_cameras
+from stereocal.ui.start import FIELD, RIG, three_cameras
 
 
 def given() -> dict[str, bytes]:
@@ -85,9 +85,10 @@ STATED: dict[str, dict[str, Any]] = {
 def test_what_is_stated_is_in_the_recording_and_makes_a_rig_stale(project: Project) -> None:
     given, digests, recording = project.inputs, set[str](), project.recording
     assert recording is not None and 9 in recording.frame[recording.camera == 1]
+    own = {name: getattr(given, name) for name in (*LENGTHS_OF_ALL, *OF_TABLE)}
     for values in ({}, *STATED.values()):
         with project.database.transaction():
-            project.give({}, **{name: getattr(given, name) for name in OF_RECORDING} | values)
+            project.give({}, **own | values)
         run = run_of(project)
         assert run is not None
         digests.add(run.digest)
@@ -107,6 +108,26 @@ def test_lengths_of_three_cameras_are_stated(project: Project) -> None:
     changed = exchanged.target != recording.target
     assert {*recording.frame[changed]} == {frame}
     assert {*recording.camera[changed]} == {1}
+
+
+def test_two_cameras_and_three_take_the_place_of_each_other(project: Project) -> None:
+    project.give({}, baselines_m={"1-2": 2.0}, left_out=[9])
+    give_dataset(project, {path.name: path.read_bytes() for path in FIELD.iterdir()}, "field")
+    of_two = project.dataset
+    assert project.camera_count == 2 and of_two is not None
+    assert project.inputs.baselines_m == {} and project.inputs.left_out == []
+    project.leave_out(1)
+    project.exchange_targets(2)
+    project.keep_recommended("2d", "3d")
+    project.give_recording(parse_recording(given(), "sample"), given())
+    assert project.camera_count == 3 and project.dataset is None and not project.recommended
+    assert project.inputs.left_out == [] and project.inputs.exchanged == {}
+    # Corrected files of the same recording leave what was stated of its lengths.
+    project.give({}, baselines_m={"1-2": 2.0}, target_distance_sigma_m=0.001)
+    files = {**given(), "more.txt": b""}
+    project.give_recording(parse_recording(given(), "again"), files, same_lengths=True)
+    assert project.inputs.baselines_m == {"1-2": 2.0}
+    assert project.inputs.target_distance_sigma_m == 0.001
 
 
 def test_an_invalid_recording_changes_nothing(project: Project) -> None:

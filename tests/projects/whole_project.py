@@ -14,6 +14,7 @@ from stereocal.projects import jobs
 from stereocal.projects.application import ProjectApplication, ProjectCheck
 from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.projects.contents import ANY, CONTENTS, Key
+from stereocal.projects.data import RESULTS
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.pair_rows import PairRow
@@ -42,7 +43,10 @@ def whole_project(home: Path) -> Project:
     project.add_dataset("more.zip", dataset_zip())
     project.keep_settings({"delta": 0.002})
 
+    of_two = {kind: project.database.result(kind) for kind in RESULTS}
     project.give_recording(parse_recording(given(), "rig"), given())
+    for kind, content in of_two.items():
+        project.database.keep_result(kind, content)
     project.keep_rig(rig_text(), b"zip", "digest")
     project.of_pair("1-2").keep_recommended("2d", "3d")
     for content in (b"first", b"second"):

@@ -166,6 +166,6 @@ MISTAKES: Mapping[str, BoardMistake] = {
     "distortion of both of the other sign": _of_pair(of_files(flipped, True), "distortion"),
     "file of another zoom": _of_pair(ANOTHER_ZOOM, "focal length"),
     "one file for both cameras": _of_pair(ONE_FILE, "same lens"),
-    "frames in no order": _of_pair(unrelated, "cannot tell"),
+    "frames in no order": _of_pair(unrelated, "None of these explains it"),
     "half of the frames copied": _of_pair(partial(copied, share=0.5), "exactly those of"),
 }

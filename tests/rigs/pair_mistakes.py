@@ -244,7 +244,7 @@ MISTAKES: Mapping[str, Mistake] = {
     "file of another zoom": Mistake(ANOTHER_ZOOM, ("focal length",)),
     "0.3 frames late": Mistake(None, ("out of step", "same moment")),
     "0.3 frames late, every tenth frame kept": Mistake(None, ("out of step",), every=10),
-    "frames in no order": Mistake(unrelated, ("cannot tell",)),
+    "frames in no order": Mistake(unrelated, ("None of these explains it",)),
     "one camera upside down": Mistake(
         of_points(upside_down), ("mirrored", "from below", "head"), harmless=True
     ),

@@ -76,7 +76,7 @@ def test_command_writes_the_photographs(
     monkeypatch.setattr("tools.photographs.sample.outdoors", lambda *_: (120.0, 90.0))
     monkeypatch.setattr("tools.photographs.sample.indoors", lambda *_: 125.0)
     main(["--out", str(tmp_path / "photographs"), "--frames", "1", "--boards", "1", "--seed", "3"])
-    assert "4/4 photographs" in capsys.readouterr().err
+    assert "4 photographs: done" in capsys.readouterr().err
     folder = tmp_path / "photographs"
     files = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
     folders = ("primary", "secondary", "boards_primary", "boards_secondary")
