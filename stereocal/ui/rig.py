@@ -138,6 +138,8 @@ def show_graph(project: Project, rig: RigFile) -> None:
             field.set(pair)
 
     graph, words = rig_report.plot_rig_graph(rig), rig_report.describe_rig_graph(rig)
+    if project.pair != field.value():  # chosen here: the page is about another pair
+        st.rerun()
     show_figure(graph, words, GRAPH, on_select=choose_clicked, selection_mode="points")
     st.caption("A click on a line chooses that pair.")
     if loops := loops_sentence(rig):

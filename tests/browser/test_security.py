@@ -34,9 +34,12 @@ def visit(page: Page, url: str, path: str, project: str) -> None:
     if path in FIGURES:
         expect(figures.nth(FIGURES[path] - 1)).to_be_visible(timeout=LONGEST_MS)
     for view in VIEWS.get(path, []):
-        page.get_by_role("radio", name=view, exact=True).or_(
+        control = page.get_by_role("radio", name=view, exact=True).or_(
             page.get_by_role("button", name=view, exact=True)
-        ).first.click()
+        )
+        if path == "calibrate" and not control.count():
+            page.get_by_role("button", name=re.compile("^More")).click()
+        control.first.click()
         page.wait_for_timeout(300)
         settle(page)
 
