@@ -34,6 +34,7 @@ NOT_VALIDATED = "Cancelled: the result has no validation."
 RIG_CANCELLED = "Cancelled. The last result, if any, is unchanged."
 STAGES = ("steps", "runs")
 FEWEST_TO_VALIDATE = 5
+ResultState = tuple[str | None, bool, bool]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +151,12 @@ def show_press(project: Project, only_if_stale: bool = False) -> None:
     label = f"Calibrate{' this pair' if project.pair else ''}{' again' if is_there else ''}"
     key = "run_pair" if project.pair else "run"
     button(label, key, press, project, first=bool(changed) or not is_there)
+
+
+def result_state(project: Project) -> ResultState:
+    """Which result there is, and whether another one is being computed."""
+    computing = jobs.is_running(project, KIND), jobs.is_running(project.whole, "rig")
+    return project.calibration_digest, *computing
 
 
 def changed_since(project: Project) -> str:

@@ -34,6 +34,7 @@ from stereocal.ui.forms import describe_settings
 from stereocal.ui.messages import button, callback, fragment, readable
 from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import FILES, other_formats, parameter_downloads
+from stereocal.ui.press import ResultState, result_state
 from stereocal.ui.review import look_closely
 from stereocal.ui.rig import show_graph
 from stereocal.ui.texts import escape_markdown
@@ -90,7 +91,7 @@ def show_result(project: Project, run: PairRun, answer: PairAnswer | None) -> No
                 other_formats(project, answer)
     if project.pair is None:  # a rig shows all its cameras
         _show_rig(project, found, answer)
-    _show_closer_looks(project, run, answer)
+    _show_closer_looks(project, run, answer, result_state(project))
 
 
 def show_recommendation(answer: PairAnswer) -> None:
@@ -226,8 +227,16 @@ def open_clicked_frame(project: Project) -> None:
 
 
 @fragment
-def _show_closer_looks(project: Project, run: PairRun, answer: PairAnswer | None) -> None:
-    """A choice of views; only the chosen one is computed."""
+def _show_closer_looks(
+    project: Project, run: PairRun, answer: PairAnswer | None, drawn: ResultState
+) -> None:
+    """A choice of views; only the chosen one is computed.
+
+    Args:
+        drawn: of what the page was drawn; a press in here, which draws this part alone, changes it.
+    """
+    if result_state(project) != drawn:
+        st.rerun()
     shown, looks = _view(project), looks_of(project)
     view = shown.value()
     in_sight = [*IN_SIGHT, *([] if view in IN_SIGHT else [view])]
