@@ -45,7 +45,7 @@ def test_videos_of_cameras_started_by_hand(home: Path, tmp_path: Path) -> None:
     ended(project, "photographs")
     app.run()
     assert not app.exception
-    assert "by the motion" in told(app) and "The sound says the same" in told(app)
+    assert "by the motion" in told(app) and "The sound agrees" in told(app)
     frames = ProjectPhotographs(project).frames or []
     first, second = (int(name.split("/")[1][:6]) for name in frames[5].files)
     assert abs((first - second) / 15 - START_S) < 1 / 30
