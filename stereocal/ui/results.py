@@ -240,13 +240,12 @@ def _show_closer_looks(
     shown, looks = _view(project), looks_of(project)
     view = shown.value()
     in_sight = [*IN_SIGHT, *([] if view in IN_SIGHT else [view])]
-    with st.container(horizontal=True, vertical_alignment="bottom"):
-        control = shown.widget("default")
-        st.segmented_control("Look at", in_sight, required=True, **control)
-        with st.popover("More"):
-            for name in looks:
-                if name not in in_sight:
-                    button(name, f"look_{name}", shown.set, name)
+    # Each in a row of its own: beside each other they leave a screen of 420 px.
+    st.segmented_control("Look at", in_sight, required=True, **shown.widget("default"))
+    with st.popover("More"):
+        for name in looks:
+            if name not in in_sight:
+                button(name, f"look_{name}", shown.set, name)
     looks[view](project, run, answer)
 
 
