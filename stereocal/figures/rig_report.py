@@ -130,23 +130,25 @@ def _add_objects(figure: go.Figure, rig: RigFile, recording: Recording) -> Float
     late = {name: rig.shift(first, name) for name in rig.names[1:]}
     own = own.shifted({name: offset for name, offset in late.items() if offset.is_shift})
     frames, images = own.where(own.usable).images()
-    fitter, pixels = ViewFitter(rig), images.reshape(-1, *images.shape[2:])
-    found = fitter.fit(pixels, fitter.rays(pixels)).xyz.reshape(*images.shape[:2], 3)
-    ends = found[:, own.object.longest]
-    shown = np.flatnonzero(np.isfinite(ends).all(axis=(1, 2)))
-    shown = shown[evenly_drawn(len(shown))]
-    lengths = np.linalg.norm(ends[shown, 0] - ends[shown, 1], axis=1)
+    images = images[:, own.object.longest]
+    seen = np.flatnonzero((np.isfinite(images[..., 0]).sum(axis=2) >= 2).all(axis=1))
+    shown = seen[evenly_drawn(len(seen))]  # before the fit: a page draws this each time
+    fitter, pixels = ViewFitter(rig), images[shown].reshape(-1, *images.shape[2:])
+    ends = fitter.fit(pixels, fitter.rays(pixels)).xyz.reshape(-1, 2, 3)
+    fitted = np.isfinite(ends).all(axis=(1, 2))
+    shown, ends = shown[fitted], ends[fitted]
+    lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
     texts = [f"frame {f}<br>length {m:.4g} m" for f, m in zip(frames[shown], lengths, strict=True)]
     add_trace(
         figure,
-        with_gaps(np.insert(ends[shown], 1, ends[shown].mean(axis=1), axis=1)),
+        with_gaps(np.insert(ends, 1, ends.mean(axis=1), axis=1)),
         "%{text}",
         mode="lines",
         line=line_of(METHOD_COLOURS["refined"], 3),
         text=np.repeat(texts, 4),
-        name=f"{recording.object.word.capitalize()}s ({n_drawn(len(shown))})",
+        name=f"{recording.object.word.capitalize()}s ({n_drawn(len(seen))})",
     )
-    return np.asarray(np.median(ends[shown], axis=(0, 1)) if len(shown) else np.zeros(3))
+    return np.asarray(np.median(ends, axis=(0, 1)) if len(ends) else np.zeros(3))
 
 
 def _name_sides(up: FloatArray) -> list[str]:

@@ -96,7 +96,7 @@ class ProjectData:
             kept = {name: getattr(before, name) for name in VALUES} | {"lens_known": known}
             kept["planned"] = [name for name in before.planned if name not in values]
             if "correspondences" in files or "correspondences" in drop:
-                kept |= {name: getattr(Inputs(), name) for name in OF_TABLE}
+                kept |= _unstated(*OF_TABLE)
             self.database.keep_values(INPUT, kept | values)
             self._check(self.inputs)
 
@@ -122,8 +122,8 @@ class ProjectData:
         kept = {name: self.database.keep_file(content, name) for name, content in files.items()}
         if kept == self.database.files(RECORDING):
             return
-        fresh, inputs = Inputs(), self.inputs
-        given = {name: getattr(fresh, name) for name in (*LENGTHS_OF_ALL, *OF_TABLE)}
+        inputs = self.inputs
+        given = _unstated(*LENGTHS_OF_ALL, *OF_TABLE)
         if same_lengths:
             given |= {name: getattr(inputs, name) for name in LENGTHS_OF_ALL}
             pairs = {pair_name(pair) for pair in permutations(recording.cameras, 2)}
@@ -141,9 +141,7 @@ class ProjectData:
             if self.is_rig:
                 self.database.forget_files(RECORDING)
                 self._forget_results()
-                fresh = Inputs()
-                lengths = {name: getattr(fresh, name) for name in LENGTHS_OF_ALL}
-                self.database.keep_values(INPUT, lengths)
+                self.database.keep_values(INPUT, _unstated(*LENGTHS_OF_ALL))
 
     def _forget_results(self) -> None:
         self.database.forget_files(RIG_FILES)
@@ -364,6 +362,12 @@ class ProjectData:
         return once(
             Camera, file.sha256, lambda: read_camera(file.read_bytes(), file.label, "brown")
         )
+
+
+def _unstated(*names: str) -> dict[str, Any]:
+    """Inputs as they are before anything is stated of them."""
+    fresh = Inputs()
+    return {name: getattr(fresh, name) for name in names}
 
 
 def _rows(file: StoredFile) -> Correspondences:

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from stereocal.calibration.methods import Method
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.fit.results import Calibration
+from stereocal.fit.start.pairs import pair_name
 from stereocal.formats.evaluation_files import Evaluation, pack_evaluation, unpack_evaluation
 from stereocal.projects.calibration_files import as_stored, pack_calibration, unpack_calibration
 from stereocal.projects.contents import CALIBRATED, FURTHER, SETTING, VALIDATION
@@ -52,7 +53,7 @@ class Project(ProjectData):
         """
         if (recording := self.recording) is None:
             raise StereocalError("This project has no recording of several cameras: no pairs.")
-        return Project(self.database, "-".join(recording.pair_named(name)))
+        return Project(self.database, pair_name(recording.pair_named(name)))
 
     @property
     def whole(self) -> "Project":

@@ -8,6 +8,7 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
+from stereocal.fit.start.pairs import pair_name
 from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.archives.all_cameras import Gathered, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import is_table
@@ -69,9 +70,9 @@ def _ask_lengths(project: Project, given: Recording) -> None:
 
 def _ask_baselines(project: Project, given: Recording) -> bool:
     """The distances of two cameras that were measured, typed in any unit; whether there are any."""
-    of_files = {"-".join(pair): metres for pair, metres in given.baselines_m.items()}
+    of_files = {pair_name(pair): metres for pair, metres in given.baselines_m.items()}
     known = project.inputs.baselines_m or of_files
-    names = ["-".join(pair) for pair in given.pairs]
+    names = [*map(pair_name, given.pairs)]
     title, told = (
         "Measured distance of two cameras",
         "Any of them, or none: the bars give the scale.",
@@ -79,38 +80,36 @@ def _ask_baselines(project: Project, given: Recording) -> bool:
     pair = choose_from_menu(
         project, "baseline_of", title, names, next(iter(known), None), help=told
     )
-    scale = _unit(project, "unit_of_baselines")
+    unit = _unit(project, "unit_of_baselines")
 
     def take(metres: float | None) -> None:
         rest = {name: own for name, own in known.items() if name != pair}
         give_lengths({}, {"baselines_m": rest if metres is None else {**rest, pair: metres}})
 
-    _length(f"Cameras {pair}", f"baseline_{pair}", scale, lambda: known.get(pair), take)
+    _length(f"Cameras {pair}", f"baseline_{pair}", unit, lambda: known.get(pair), take)
     if known:
         listed = ", ".join(
-            f"{name} {own / scale:.6g} {_UNIT_OF[scale]}" for name, own in known.items()
+            f"{name} {own / METRES_PER[unit]:.6g} {unit}" for name, own in known.items()
         )
         st.caption(f"Measured: {escape_markdown(listed)}")
     return bool(known)
 
 
-_UNIT_OF = {metres: unit for unit, metres in METRES_PER.items()}
-
-
-def _unit(project: Project, key: str) -> float:
-    """Metres of the unit in which this tab shows the lengths of a rig."""
+def _unit(project: Project, key: str) -> str:
+    """The unit in which this tab shows the lengths of a rig."""
     own = setting(project, key, "m", one_of(METRES_PER), name="rig_unit", tabs_own=True)
-    return METRES_PER[own.buttons("Unit")]
+    return str(own.buttons("Unit"))
 
 
 def _length(
     title: str,
     key: str,
-    scale: float,
+    unit: str,
     read: Callable[[], float | None],
     take: Callable[[float | None], object],
 ) -> None:
     """The field of a length, which is stored in metres."""
+    scale = METRES_PER[unit]
 
     def shown() -> float | None:
         metres = read()
@@ -123,7 +122,6 @@ def _length(
         lambda value: take(None if value is None else float(f"{value * scale:.12g}")),
         fit=Number(0.0, or_none=True),
     )
-    unit = _UNIT_OF[scale]
     own.number_input(
         f"{escape_markdown(title)} ({unit})", format="%.10g", placeholder="measured length"
     )
@@ -204,12 +202,12 @@ def _lengths(project: Project, targets: Sequence[str]) -> dict[str, float]:
     if len(targets) < 2:
         return {}
     first, *others = targets
-    scale, found = _unit(project, "unit_of_object"), dict[str, float]()
+    unit, found = _unit(project, "unit_of_object"), dict[str, float]()
     for target, column in zip(others, st.columns(len(others)), strict=True):
         name = f"several_{target}_m"
         own = setting(project, name, None, Number(0.0, or_none=True))
         with column:
-            _length(f"{first} to {target}, along the bar", name, scale, own.value, own.set)
+            _length(f"{first} to {target}, along the bar", name, unit, own.value, own.set)
         if value := own.value():
             found[target] = value
     return found

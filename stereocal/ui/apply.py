@@ -36,6 +36,7 @@ from stereocal.ui.clicks import show_clicks
 from stereocal.ui.messages import ErrorsShown, button, readable, show_refusal, show_stale
 from stereocal.ui.parameter_files import APPLY_SETS, FILES, PURPOSES, Source, upload_set
 from stereocal.ui.press import set_in_use
+from stereocal.ui.rig import tell_not_calibrated
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.warm_up import WARM_UP
 from stereocal.ui.world import choose_world
@@ -158,8 +159,7 @@ def _choose_for_rig(project: Project, store: ProjectApplication) -> ApplyInputs 
             st.caption(f"In use: {escape_markdown(label)}, a rig of {len(rig.names)} cameras")
             button("Use other parameters", "forget_rig", store.forget_rig)
     if rig is None:
-        st.info("The cameras are not calibrated yet.")
-        st.page_link("pages/calibrate.py", label="Calibrate them on the page Calibrate")
+        tell_not_calibrated()
         return None
     heights = {name: camera.image_size[1] for name, camera in rig.cameras.items()}
     form = PointsForm(store, heights, project.recording, is_rig=True)

@@ -28,6 +28,7 @@ from stereocal.ui.intake import take_one
 from stereocal.ui.messages import button, end_here, show_refusal
 from stereocal.ui.new_images import NewImagesForm
 from stereocal.ui.parameter_files import APPLY_SETS, Source
+from stereocal.ui.rig import tell_not_calibrated
 from stereocal.ui.texts import escape_markdown
 
 VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
@@ -80,8 +81,7 @@ def _of_all(project: Project) -> tuple[Parameters, str]:
     """The rig of a recording, and what it is called."""
     rig = project.rig
     if rig is None:
-        st.info("The cameras are not calibrated yet.")
-        st.page_link("pages/calibrate.py", label="Calibrate them on the page Calibrate")
+        tell_not_calibrated()
         end_here()
     return rig, "this project's rig"
 

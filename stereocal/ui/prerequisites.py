@@ -11,7 +11,7 @@ from stereocal.ui.lengths import ask_if_measured
 from stereocal.ui.messages import button, end_here, readable
 from stereocal.ui.photographs import has_photographs
 from stereocal.ui.project import current_project, project_to_write
-from stereocal.ui.rig import pair_field
+from stereocal.ui.rig import pair_field, tell_not_calibrated
 
 
 def is_asked(project: Project) -> bool:
@@ -67,8 +67,7 @@ def two_cameras_of(project: Project) -> tuple[Project, Pair]:
     those that are chosen from a menu. Without a rig, the page says so, and stops."""
     if project.is_rig:
         if (rig := project.rig) is None:
-            st.info("The cameras are not calibrated yet.")
-            st.page_link("pages/calibrate.py", label="Calibrate them on the page Calibrate")
+            tell_not_calibrated()
             end_here()
         field = pair_field(project, rig)
         field.menu("Pair of cameras", width=260)

@@ -9,6 +9,7 @@ from stereocal.figures import rig_report
 from stereocal.figures.space import view_names
 from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
 from stereocal.fit.rig_file import RIG, RigFile
+from stereocal.fit.start.pairs import pair_name
 from stereocal.projects.data import PAIRS
 from stereocal.projects.project import Project
 from stereocal.system.numbers import count
@@ -73,6 +74,12 @@ def rig_work(project: Project) -> jobs.PageWork:
     return jobs.PageWork(project, "rig", ("steps", "pairs"), work)
 
 
+def tell_not_calibrated() -> None:
+    """That there is no rig yet, and where it is made."""
+    st.info("The cameras are not calibrated yet.")
+    st.page_link("pages/calibrate.py", label="Calibrate them on the page Calibrate")
+
+
 def ask_time_offsets(project: Project) -> None:
     """Whether every time offset is applied."""
     title, told = "Apply every time offset", "Else those that are significant are applied."
@@ -124,7 +131,7 @@ def _tiles(rig: RigFile) -> list[tuple[str, str]]:
 
 def pair_field(project: Project, rig: RigFile) -> Field:
     """The pair whose two images the page is about."""
-    names = project.pair_names or ["-".join(rig.names[:2])]
+    names = project.pair_names or [pair_name((rig.names[0], rig.names[1]))]
     return setting(project, "pair", names[0], one_of(names), tabs_own=True)
 
 
