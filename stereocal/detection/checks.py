@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from stereocal.detection.edges import LONG_ARM
-from stereocal.detection.fit import MISFIT, Corner
+from stereocal.detection.fit import Corner
 from stereocal.detection.intensity import GreyImage, Intensity
 
 Reason = Literal["too few candidates", "ambiguous", "saturated", "blurred", "cut by the border"]
@@ -122,9 +122,8 @@ def _unlike(corner: Corner) -> str:
     """Which of the factors of its quality is the least."""
     at, shortest = f"The target at {_where(corner)}", float(corner.arms.min())
     sharp = min(1.0, shortest / (LONG_ARM * corner.blur))
-    fit = math.exp(-0.5 * (corner.misfit / MISFIT) ** 2)
     even = math.sqrt(shortest / float(corner.arms.max()))
-    if fit <= min(sharp, even):
+    if corner.fit_quality <= min(sharp, even):
         share = 100.0 * corner.misfit
         return f"{at} has uneven squares, by {share:.0f} % of their contrast: a shadow, or bent?"
     if even <= sharp:

@@ -84,9 +84,12 @@ class Corner:
 
         Most saddle points of leaves, fences and clouds have less than 0.6.
         """
-        return arm_quality(self.arms, self.cut, self.blur) * math.exp(
-            -0.5 * (self.misfit / MISFIT) ** 2
-        )
+        return arm_quality(self.arms, self.cut, self.blur) * self.fit_quality
+
+    @property
+    def fit_quality(self) -> float:
+        """0 to 1; reduced by a misfit."""
+        return math.exp(-0.5 * (self.misfit / MISFIT) ** 2)
 
     @property
     def lengths(self) -> FloatArray:

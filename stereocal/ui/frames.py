@@ -20,7 +20,6 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review
-from stereocal.rig.camera import CAMERAS
 from stereocal.system.latest import Latest
 from stereocal.system.photograph import read_photograph
 from stereocal.ui.fields import Field, one_of, setting
@@ -46,7 +45,7 @@ def show_left_out(project: Project, calibration: Calibration, look: Callable[[in
     if not screening.left_out:
         return
     with st.container(horizontal=True):
-        camera = second_of(project)
+        camera = screening.full_dataset.names[1]
         told = f"In the image of the {camera}. The result is made again at once."
         for frame in screening.exchanged[:MOST_BUTTONS]:
             label, act = f"Exchange A and B in frame {frame}", (_exchange, project, frame, camera)
@@ -72,13 +71,6 @@ def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None
         told = "It becomes an unknown, and the secondary points are shifted by it."
         act = "bring_into_step", _change, project, project.keep_settings, {"time_offset": True}
         button("Calibrate with the time offset", *act, icon="schedule", help=told)
-
-
-def second_of(project: Project) -> str:
-    """The camera in whose images targets are exchanged: of a rig the second of the pair."""
-    if (dataset := project.dataset) is None or project.pair is None:
-        return CAMERAS[1]
-    return dataset.names[1]
 
 
 def _change(project: Project, act: Callable[[T], object], value: T) -> None:
@@ -137,7 +129,7 @@ def _actions(project: Project, screening: Screening, frame: int) -> None:
         change = _change, project, project.leave_out, frame
         button("Leave it out", "frame_leave_out", *change, icon="close", help=again)
     if frame in screening.exchanged:
-        camera = second_of(project)
+        camera = screening.full_dataset.names[1]
         act, told = (_exchange, project, frame, camera), f"In the image of the {camera}. {again}"
         button("Exchange A and B", "frame_exchange", *act, icon="swap_horiz", help=told)
     if photographed(project):

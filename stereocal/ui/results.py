@@ -111,10 +111,10 @@ def show_recommendation(answer: PairAnswer) -> None:
 
 def _show_rest(found: Calibration, answer: PairAnswer | None) -> None:
     """Further warnings, and what the recommendation says beyond its box and the tiles."""
-    said = answer.recommendation if answer else None
-    words = [as_held(s, found.dataset) for s in (said.sentences if said else ())]
-    brief = [as_held(s, found.dataset) for s in (said.brief if said else ())]
-    others = [sentence for sentence in words if sentence not in brief]
+    others = list[str]()
+    if answer is not None:
+        said = answer.recommendation
+        others = [as_held(s, found.dataset) for s in said.sentences if s not in said.brief]
     more = count(len(found.warnings[1:]), "more note") if found.warnings[1:] else ""
     if others or more:
         with st.expander(f"In words{more and ', and '}{more}"):
