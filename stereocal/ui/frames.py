@@ -20,6 +20,7 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review
+from stereocal.rig.rig import camera_in_words
 from stereocal.system.latest import Latest
 from stereocal.system.photograph import read_photograph
 from stereocal.ui.fields import Field, one_of, setting
@@ -46,7 +47,7 @@ def show_left_out(project: Project, calibration: Calibration, look: Callable[[in
         return
     with st.container(horizontal=True):
         camera = screening.full_dataset.names[1]
-        told = f"In the image of the {camera}. The result is made again at once."
+        told = f"In the image of {camera_in_words(camera)}. The result is made again at once."
         for frame in screening.exchanged[:MOST_BUTTONS]:
             label, act = f"Exchange A and B in frame {frame}", (_exchange, project, frame, camera)
             button(label, f"exchange_{frame}", *act, icon="swap_horiz", help=told)
@@ -58,7 +59,9 @@ def show_exchanged(project: Project) -> None:
     """The frames whose targets the user has exchanged, with buttons to undo that."""
     with st.container(horizontal=True):
         for camera, frames in project.inputs.exchanged.items():
-            told = f"A and B of this frame were exchanged in the image of the {camera}."
+            told = (
+                f"A and B of this frame were exchanged in the image of {camera_in_words(camera)}."
+            )
             for frame in frames[:MOST_BUTTONS]:
                 label = f"Frame {frame}: take the exchange back"
                 act = _exchange, project, frame, camera
@@ -130,7 +133,10 @@ def _actions(project: Project, screening: Screening, frame: int) -> None:
         button("Leave it out", "frame_leave_out", *change, icon="close", help=again)
     if frame in screening.exchanged:
         camera = screening.full_dataset.names[1]
-        act, told = (_exchange, project, frame, camera), f"In the image of the {camera}. {again}"
+        act, told = (
+            (_exchange, project, frame, camera),
+            f"In the image of {camera_in_words(camera)}. {again}",
+        )
         button("Exchange A and B", "frame_exchange", *act, icon="swap_horiz", help=told)
     if photographed(project):
         told, store = "Its photographs on the Data page.", ProjectPhotographs(project)
