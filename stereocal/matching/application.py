@@ -33,12 +33,15 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import PlacedCamera, PlacedCameras, Rig, SeveralCameras
 from stereocal.system.csv_text import unquoted, without_apostrophes
+from stereocal.system.made_from import changed
 from stereocal.system.numbers import count, rounded
 from stereocal.system.tasks import Progress
 from stereocal.verdict.in_words import listed
 
 POINTS = "points.csv"
 STAGES = ("frames matched", "pairs measured")
+IN_ALL = "points, parameters or what is stated"
+"""Of results of version 1.0, which do not say more."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ class Application:
 
     @property
     def made_from(self) -> dict[str, list[Any]]:
-        """Digests of the input and what is stated, as JSON; what differs is what has changed."""
+        """Digests of the input, and what is stated."""
         stated, world = self.stated, self.world and name_of_world(self.world)
         cameras = [*self.points]
         return {
@@ -161,10 +164,9 @@ class Outcome:
     def changed_since(self, work: Application) -> str:
         """What of an input is another than it was for this result, as a list in words; empty if the
         result is current."""
-        if self.digest == work.digest:
-            return ""
-        now = work.made_from
-        return ", ".join(name for name in now if self.made_from.get(name) != now[name])
+        if self.made_from:
+            return changed(self.made_from, work.made_from)
+        return changed({IN_ALL: [self.digest]}, {IN_ALL: [work.digest]})
 
     @property
     def rig(self) -> PlacedCameras:

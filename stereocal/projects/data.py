@@ -30,6 +30,7 @@ from stereocal.rig.correspondences import Correspondences, refuse_points_outside
 from stereocal.rig.measured_lengths import check_length
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
+from stereocal.system.made_from import Parts
 from stereocal.system.names import label_of
 from stereocal.workflow.pair_of_rig import data_of_pair, settings_of_pair
 
@@ -271,16 +272,17 @@ class ProjectData:
         described = {name: each.read_bytes() for name, each in files if name.endswith(DESCRIPTION)}
         return len(find_description(described, SOURCE).entries["cameras"]) if described else 2
 
-    def keep_rig(self, rig: str, pairs: bytes, made_from: str = "") -> None:
+    def keep_rig(self, rig: str, pairs: bytes, made_from: Parts) -> None:
         """Store `rig.json` and the zip of its pairs' files; what its pairs had before goes.
 
         Args:
-            made_from: the digest of the run.
+            made_from: as of the run.
         """
         files = {RIG: rig.encode(), PAIRS: pairs}
         kept = {
             name: dataclasses.replace(
-                self.database.keep_file(content, name), about={"label": name, MADE_FROM: made_from}
+                self.database.keep_file(content, name),
+                about={"label": name, MADE_FROM: {**made_from}},
             )
             for name, content in files.items()
         }
@@ -301,10 +303,11 @@ class ProjectData:
         return self.database.file(RIG_FILES, RIG)
 
     @property
-    def rig_made_from(self) -> str:
-        """The digest of the run that made the rig; empty of one that an earlier version stored."""
-        about = None if (found := self.rig_file) is None else found.about
-        return str(about.get(MADE_FROM, "")) if isinstance(about, dict) else ""
+    def rig_made_from(self) -> Parts:
+        """What the rig was made from; empty of one that an earlier version stored."""
+        about = None if (file := self.rig_file) is None else file.about
+        parts = about.get(MADE_FROM) if isinstance(about, dict) else None
+        return parts if isinstance(parts, dict) else {}
 
     @property
     def pair_files(self) -> bytes | None:

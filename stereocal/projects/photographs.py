@@ -31,6 +31,7 @@ from stereocal.projects.project import ProjectPart
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.system.latest import Latest
+from stereocal.system.made_from import Parts
 from stereocal.system.records import of_plain, plain
 from stereocal.system.taken import Taken
 
@@ -38,6 +39,8 @@ TABLE_LABEL = "targets found in the photographs"
 BOARDS_LABEL = "corners found in the photographs"
 FOUND_LABELS = TABLE_LABEL, BOARDS_LABEL
 DAMAGED_PAIRS = "The table of pairs is damaged: remove all photographs, and give them again."
+FOUND_IN = "found_by"
+"""What the last search was made from; of version 1.0 a digest."""
 _PROPOSED: Latest[Proposal] = Latest(16)
 
 
@@ -173,7 +176,7 @@ class ProjectPhotographs(ProjectPart):
         """Delete all photographs but `stored`, and the targets found in them."""
         with self.database.freeing() as db:
             self.database.replace_files(BAR, dated(stored))
-            self.database.keep_values(BAR, {"pairs": None, "pairing": [], "found_by": ""})
+            self.database.keep_values(BAR, {"pairs": None, "pairing": [], FOUND_IN: {}})
             self.database.keep_result("frames", None)
             if not self.database.scope:  # others have no edits
                 db.execute("DELETE FROM edit")
@@ -224,15 +227,23 @@ class ProjectPhotographs(ProjectPart):
         return None if content is None else unpack_frames(content) or None
 
     @property
-    def found_by(self) -> str:
-        """The `search` of the last `keep_boards`; empty if none."""
-        return str(self._value("found_by"))
+    def found_in(self) -> Parts:
+        """What the last search was made from; empty before it, and after one of version 1.0."""
+        parts = self._value(FOUND_IN)
+        return parts if isinstance(parts, dict) else {}
 
-    def keep_found(self, frames: Sequence[Frame], searched: Mapping[str, StoredFile]) -> None:
+    def keep_found_in(self, made_from: Parts) -> None:
+        """Store what a search was made from."""
+        self.database.keep_values(BAR, {FOUND_IN: {**made_from}})
+
+    def keep_found(
+        self, frames: Sequence[Frame], searched: Mapping[str, StoredFile], made_from: Parts
+    ) -> None:
         """Store the result of a search; decisions of the user made meanwhile stay.
 
         Args:
             searched: the photographs when the search began.
+            made_from: what else it was made from.
 
         Raises:
             StereocalError: photographs of these frames have changed meanwhile, and nothing is
@@ -248,6 +259,7 @@ class ProjectPhotographs(ProjectPart):
                 )
             with suppress(StereocalError):  # damaged frames are replaced
                 frames = keep_corrections(frames, self.frames or ())
+            self.keep_found_in(made_from)
             refused = self._keep_frames(frames)
         # Frames without a target to use are shown as such.
         if refused is not None and any(frame.use and frame.targets_in_both for frame in frames):
@@ -284,7 +296,7 @@ class ProjectPhotographs(ProjectPart):
         sentence: str,
         doubtful: Mapping[int, str],
         lenses: str | None,
-        search: str = "",
+        made_from: Parts,
     ) -> None:
         """Store the corners of a board as the table of points.
 
@@ -295,7 +307,7 @@ class ProjectPhotographs(ProjectPart):
             doubtful: reasons by frame.
             lenses: the label of the data set's lenses, which replace those of the project; None
                 to keep those.
-            search: a digest of the search.
+            made_from: what the search was made from.
         """
         labels: dict[Slot, str] = {"correspondences": BOARDS_LABEL}
         if lenses is not None:
@@ -304,12 +316,13 @@ class ProjectPhotographs(ProjectPart):
         files = {slot: (label, packed[slot]) for slot, label in labels.items()}
         values: dict[str, Any] = {"target_distance_m": dataset.target_distance_m}
         why = {str(frame): why for frame, why in doubtful.items()}
-        about = {"boards_found": sentence, "boards_doubtful": why, "found_by": search}
+        about = {"boards_found": sentence, "boards_doubtful": why}
         with self.database.transaction():
             if self.project.inputs.baseline_m is None:
                 values["baseline_free"] = True
             self.project.give(files, **values)
             self.database.keep_values(BAR, about)
+            self.keep_found_in(made_from)
             self.database.keep_result("frames", None)
 
     def _keep_frames(self, frames: Sequence[Frame]) -> StereocalError | None:

@@ -132,6 +132,18 @@ class Recording(TableAnswer):
                 content[name] = column[order].tolist()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
+    @cached_property
+    def points_digest(self) -> str:
+        """Digest of the points and of how their frames belong together; of `sha256` and its time a
+        tenth, for pages that tell what has changed."""
+        content = hashlib.sha256(repr((self.start_frames, self.own_frames)).encode())
+        columns = self.frame, self.camera, self.target, self.recorded_points, self.sigma_px
+        known = [column for name in OF_TABLES[:3] if (column := getattr(self, name)) is not None]
+        order = np.lexsort([self.target, self.camera, self.frame])
+        for column in (*columns, *known):
+            content.update(column[order].tobytes())
+        return content.hexdigest()
+
     def to_dataframe(self) -> pd.DataFrame:
         """The table as in `points.csv`."""
         named = np.array([*self.cameras])[self.camera]

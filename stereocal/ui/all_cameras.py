@@ -27,6 +27,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.lengths_in_words import METRES_PER
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import Latest
+from stereocal.system.made_from import Parts, changed
 from stereocal.system.numbers import count
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, Number, choose_from_menu, one_of, setting
@@ -42,7 +43,7 @@ from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.ui.videos import show_frames_taken
 from stereocal.ui.wizard import Questions
 
-FOUND_BY, UNUSED, TOLD = "several_found_by", "several_unused", "several_told"
+UNUSED, TOLD = "several_unused", "several_told"
 GATHERED: Latest[Gathered] = Latest(8)
 
 
@@ -260,16 +261,15 @@ def _photographs_of_all(project: Project, cameras: Mapping[str, Camera]) -> bool
 def _search(store: ProjectPhotographs, cameras: Mapping[str, Camera], pairing: Pairing) -> None:
     """What is held, the press, and what was not found."""
     project = store.project
-    found_by = project.settings.get(FOUND_BY)
-    held, ready = ask_held(store, pairing, found_by is not None)
+    is_searched = bool(store.found_in)
+    held, ready = ask_held(store, pairing, is_searched)
     work = search_work(store, pairing, cameras, held, partial(_keep, store))
-    press_search(work, "targets", "find_in_all_cameras", found_by is not None, ready)
-    if found_by is None:
+    press_search(work, "targets", "find_in_all_cameras", is_searched, ready)
+    if not is_searched:
         if pairing.sentence:
             st.caption(pairing.sentence)
         return
-    if found_by != work.digest:
-        show_stale("photographs, cameras or what is held")
+    show_stale(changed(store.found_in, work.made_from))
     unused = project.settings.get(UNUSED) or []
     told = project.settings.get(TOLD) or f"{count(len(pairing.moments), 'frame')}."
     st.caption(f"{escape_markdown(str(told))} Photographs not used: {len(unused):,}.")
@@ -278,7 +278,7 @@ def _search(store: ProjectPhotographs, cameras: Mapping[str, Camera], pairing: P
             st.markdown("\n".join(f"- {escape_markdown(line)}" for line in unused))
 
 
-def _keep(store: ProjectPhotographs, found: Found, digest: str) -> None:
+def _keep(store: ProjectPhotographs, found: Found, made_from: Parts) -> None:
     """Store the table of the targets that were found, of boards the whole recording."""
     project = store.project
     if found.recording.object.board is not None:
@@ -287,5 +287,6 @@ def _keep(store: ProjectPhotographs, found: Found, digest: str) -> None:
         jobs.drop_pairs(project)
     else:
         ProjectGiven(project).add_parts({POINTS: write_points(found.recording)})
-    project.keep_settings({FOUND_BY: digest, UNUSED: [*found.unused], TOLD: found.pairing.sentence})
+    store.keep_found_in(made_from)
+    project.keep_settings({UNUSED: [*found.unused], TOLD: found.pairing.sentence})
     settle(project)

@@ -1,7 +1,5 @@
-"""The settings of the search and of the refined method: their forms, and what has changed since a
-result was made, for the menu and for `messages.show_stale`."""
+"""The settings of the search and of the refined method, and their forms."""
 
-from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import cycle
 from typing import Any
@@ -12,7 +10,6 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.fit.least_squares.unknowns import RefineSettings
-from stereocal.fit.results import Calibration
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.pair import Pair
@@ -29,13 +26,6 @@ ASKED["acceptance"] = replace(ASKED["acceptance"], low=RATIOS[0], high=RATIOS[1]
 ABOUT = descriptions(EvaluationSettings)
 DELTAS = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1)
 """Positions of the slider of the first step, rad."""
-_LENGTHS = {
-    "baseline_m": "baseline",
-    "target_distance_m": "distance between the targets",
-    "baseline_sigma_m": "uncertainty of the baseline",
-    "target_distance_sigma_m": "uncertainty of the distance between the targets",
-}
-"""What is asked on the Data page and changes a result."""
 OF_PAIR = {"all_frames": True, "frames_put_back": [], "time_offset": False, "time_drift": False}
 """Of a pair of a rig: the rig has left out what contradicts it, and brought its cameras into
 step."""
@@ -164,67 +154,6 @@ def _refined_fields(project: Project) -> tuple[Field, Field]:
         return [name for name in CAMERAS if name in value]
 
     return noise, setting(project, "free_distortion", [], in_order)
-
-
-def since_calibration(project: Project, result: Calibration, dataset: Pair) -> str:
-    """What data and form say now that they did not when a result was made; empty if nothing."""
-    found = [*_of_data(result.dataset, dataset)]
-    found += changed_settings(result.settings.to_json(), form_values(project, dataset))
-    if result.refined is not None:
-        made_with, now = result.refined.settings, refine_settings(project, dataset)
-        if made_with.sigma_px != now.sigma_px:
-            found.append("noise of an image point")
-        if made_with.free_distortion != now.free_distortion:
-            found.append("cameras whose distortion is estimated")
-    return ", ".join(found)
-
-
-def _of_data(then: Pair, now: Pair) -> Iterator[str]:
-    for name, title in _LENGTHS.items():
-        was, value = getattr(then, name), getattr(now, name)
-        if was != value:
-            yield f"{title} ({_metres(was)}, now {_metres(value)})"
-    if then.sha256 == now.sha256:
-        return
-    for which in CAMERAS:
-        if _lens(then, which) != _lens(now, which):
-            yield f"lens of the {which} camera"
-    stated = then.changed(
-        primary=now.primary,
-        secondary=now.secondary,
-        baseline_m=now.baseline_m,
-        target_distance_m=now.target_distance_m,
-    )
-    if stated.sha256 != now.sha256:
-        yield "points"
-
-
-def _metres(value: float | None) -> str:
-    return "not stated" if value is None else f"{value:g} m"
-
-
-def _lens(dataset: Pair, which: str) -> Any:
-    camera = getattr(dataset, which)
-    return camera.to_json(), camera.uncertainty and camera.uncertainty.to_json()
-
-
-def changed_settings(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """The settings of `now` that were others, with both values where these are short."""
-    return [
-        f"{ABOUT[key].name} ({_in_words(then[key])}, now {_in_words(value)})"
-        if value is None or isinstance(value, (int, float, str))
-        else ABOUT[key].name
-        for key, value in now.items()
-        if then[key] != value
-    ]
-
-
-def _in_words(value: Any) -> str:
-    if isinstance(value, bool):
-        return "on" if value else "off"
-    if value is None:
-        return "all"
-    return f"{value:g}" if isinstance(value, float) else f"{value}"
 
 
 def describe_settings(settings: CalibrationSettings) -> str:

@@ -158,7 +158,6 @@ KINDS = {"bar2x2": "Bar, 2x2", "balls": "Two balls", "board": "Board", "tags": "
 BOARD = "board"
 SQUARE_MM = 30.0
 """Until the user enters the side of a square."""
-FOUND = "held_found"
 USUAL_TAGS, TAGS_TITLE = "4X4_50:0,1", "Dictionary, and the numbers of A and B"
 _SIGHTINGS: Latest[Sighting] = Latest(8)
 _HELD: Latest[HeldObject | None] = Latest(8)
@@ -240,7 +239,7 @@ def ask_what_is_held(
         The target; None until it is stated, and for a board.
     """
     project = store.project
-    if FOUND not in project.settings:
+    if not store.found_in:
         _show_proposal(store, pairs)
     kind = _kind(project).buttons("What do you hold?", format_func=KINDS.__getitem__)
     if kind == BOARD:

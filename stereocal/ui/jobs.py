@@ -5,13 +5,11 @@ says why). Projects store which jobs run (`projects.jobs`). If the server ends b
 its page says so, and its button begins it again.
 """
 
-import hashlib
-import json
 import logging
 import os
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -27,6 +25,7 @@ from stereocal.projects.jobs import FoundBefore
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings
 from stereocal.system.executors import engine, in_background, scheduler_of
+from stereocal.system.made_from import Parts, digest_of
 from stereocal.system.tasks import POLL_S, EndingError, StoppedError, Task, run_tasks
 from stereocal.ui.messages import button, clear_refusal
 from stereocal.ui.texts import escape_markdown
@@ -67,19 +66,18 @@ class PageWork:
     run: Callable[["Job"], bool | None]
     """Does the work, calls `Job.progress`, which ends it if it was cancelled, and stores the result
     in the project. False if there is none."""
-    digest: str = ""
-    """`job_digest` what the result depends on, for pages that compare it."""
+    made_from: Parts = field(default_factory=dict)
+    """What the result depends on, for pages that compare it."""
     so_far: Any = None
     """What it has found, for its page: `run` adds to it."""
     follows: bool = False
     """Whether its page starts it unasked, at each change of its settings: it takes the place of one
-    of another digest at once, one that failed is not begun again, and no project stores it."""
+    of other settings at once, one that failed is not begun again, and no project stores it."""
 
-
-def job_digest(about: Mapping[str, Any]) -> str:
-    """Of what a result depends on, as JSON, and of the software."""
-    content = f"{json.dumps(about, sort_keys=True)} {stored_jobs.SOFTWARE}"
-    return hashlib.sha256(content.encode()).hexdigest()[:32]
+    @property
+    def digest(self) -> str:
+        """Of what it is made from."""
+        return digest_of({**self.made_from})
 
 
 @dataclass
@@ -161,7 +159,7 @@ def is_running(project: Project, kind: Kind) -> bool:
 
 def start(work: PageWork, anew: bool = False) -> Job:
     """The job of this work, begun unless one of its kind is running (or, for work that `follows`,
-    one of its digest is running or has failed).
+    one made from the same is running or has failed).
 
     Args:
         anew: begun in any case, in the place of one that is running.
@@ -170,7 +168,7 @@ def start(work: PageWork, anew: bool = False) -> Job:
     with _STARTING:
         if (last := JOBS.get(key)) is not None:
             kept = ("running", "failed") if work.follows else ("running",)
-            same = last.work.digest == work.digest or not work.follows
+            same = last.work.made_from == work.made_from or not work.follows
             if last.state in kept and same and not anew:
                 return last
             last.cancelled = True

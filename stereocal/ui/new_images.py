@@ -19,6 +19,7 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.made_from import Parts, changed
 from stereocal.system.numbers import count
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
@@ -46,8 +47,8 @@ MISSING_OF_PAIR = (
 )
 MISSING_OF_RIG = "Still missing: new bars that two cameras or more see (five are a good start)."
 MATCHED, FILE = "The pairs of Apply", "A file"
-CHOSEN, FOUND_BY = "check_images", "check_found_by"
-"""Settings: which of the two is checked, and the search that found the targets."""
+CHOSEN = "check_images"
+"""Setting: which of the two is checked."""
 OF_HELD = ("held", "board_")
 """What the names of settings begin with that say what is held."""
 
@@ -160,13 +161,12 @@ class NewImagesForm:
                 length_m = length.number_input(label, format="%.10g") or None
                 ready = ready and length_m is not None
             keep = partial(self._keep, length_m)
-            work = search_work(store, pairing, cameras, held, keep, length_m=length_m)
-            found = project.settings.get(FOUND_BY)
-            if found is not None and found != work.digest:
-                show_stale("photographs or what is held")
-            press_search(work, "targets", "find_new", found is not None, ready)
+            more = {"distance between the targets": length_m}
+            work = search_work(store, pairing, cameras, held, keep, **more)
+            show_stale(changed(store.found_in, work.made_from))
+            press_search(work, "targets", "find_new", bool(store.found_in), ready)
 
-    def _keep(self, length_m: float | None, found: Found, digest: str) -> None:
+    def _keep(self, length_m: float | None, found: Found, made_from: Parts) -> None:
         """Use the targets that were found as the new images."""
         recording, photographs = found.recording, len(self._photographs.photographs)
         frames = len({*recording.frame.tolist()})
@@ -174,4 +174,4 @@ class NewImagesForm:
         own = recording.object if length_m is None else RigidObject.bar(length_m)
         whole = replace(recording, object=own, name=label)
         self._use(label, pack_zip(pack_recording(whole)))
-        self._photographs.project.keep_settings({FOUND_BY: digest})
+        self._photographs.keep_found_in(made_from)

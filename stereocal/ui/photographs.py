@@ -17,6 +17,7 @@ from stereocal.projects.review import board_corners, thumbnail
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
+from stereocal.system.made_from import Parts, changed
 from stereocal.ui import holding, jobs
 from stereocal.ui.holding import ask_if_bar, first_pairs
 from stereocal.ui.messages import ErrorsShown, button, readable, show_stale
@@ -84,29 +85,23 @@ def _targets(
             f"Give the camera file of the {' and the '.join(lacking)} camera too: lenses are needed"
             " to tell A from B."
         )
-    keep = partial(_keep_frames, store, store.photographs, holding.held_text(project))
+    keep = partial(_keep_frames, store, store.photographs)
     work = search_work(store, pairing, cameras, target, keep)
     running = jobs.is_running(project, work.kind)
     press_search(work, "targets", "find_targets", frames is not None, ready and not lacking)
     if frames is None:
         return
-    if {(f.frame, f.files) for f in frames} != {
-        (pair.frame, (pair.primary, pair.secondary)) for pair in pairing.pairs
-    }:
-        show_stale("pairs or photographs")
-    elif project.settings.get(holding.FOUND, "bar2x2") != holding.held_text(project):
-        show_stale("what you hold")
+    show_stale(changed(store.found_in, work.made_from))
     show_frames(store, frames, running)
 
 
 def _keep_frames(
-    store: ProjectPhotographs, searched: Mapping[str, StoredFile], held: str, found: Found, _: str
+    store: ProjectPhotographs, searched: Mapping[str, StoredFile], found: Found, made_from: Parts
 ) -> None:
     """Store the targets that were found, to be reviewed."""
-    store.project.keep_settings({holding.FOUND: held})
     holding.settle(store.project)
     store.settle(found.pairing)
-    store.keep_found(found.frames, searched)
+    store.keep_found(found.frames, searched, made_from)
 
 
 OF_BOARDS = "lens from the boards"
@@ -134,17 +129,18 @@ def _boards(
         ask_if_bar(project)
     if not found:
         return
-    if store.found_by != work.digest:
-        show_stale("form, photographs or camera files")
+    show_stale(changed(store.found_in, work.made_from))
     st.success(escape_markdown(found))
     _show_found(store, pairs)
 
 
-def _keep_boards(store: ProjectPhotographs, lenses: str | None, found: Found, digest: str) -> None:
+def _keep_boards(
+    store: ProjectPhotographs, lenses: str | None, found: Found, made_from: Parts
+) -> None:
     """Store the boards that were found, and their lenses."""
     data, sentence = found.recording.pair(*CAMERAS), f"{found.sentence} {found.beyond}".rstrip()
     store.settle(found.pairing)
-    store.keep_boards(data, sentence, found.doubtful, lenses, digest)
+    store.keep_boards(data, sentence, found.doubtful, lenses, made_from)
     holding.settle(store.project)
 
 

@@ -16,16 +16,18 @@ from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
 from stereocal.rig.pair import Pair
 from stereocal.system.latest import is_made
+from stereocal.system.made_from import changed
 from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
-from stereocal.ui.forms import form_values, since_calibration
+from stereocal.ui.forms import form_values, refine_settings
 from stereocal.ui.messages import ErrorsShown, button, clear_refusal, end_here, readable, show_stale
-from stereocal.ui.rig import ask_time_offsets, rig_is_current, rig_work, show_rig
+from stereocal.ui.rig import ask_time_offsets, rig_parts, rig_work, show_rig
 from stereocal.ui.screening import is_long
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.validation import kept_protocol
 from stereocal.workflow.answer import PairAnswer
+from stereocal.workflow.made_from import calibration_parts, parts_of_calibration
 from stereocal.workflow.pair_run import STEPS, PairRun
 
 PAPER_SET_FOR: Mapping[Use, Method] = {"matching": "2d", "measuring": "3d"}
@@ -142,15 +144,15 @@ def show_press(project: Project, only_if_stale: bool = False) -> None:
     if jobs.is_running(project, kind):
         return
     is_there = readable(lambda: project.rig if all_cameras else project.calibration, told=False)
-    changed = changed_since(project) if is_there else ""
-    if (only_if_stale or project.pair) and is_there and not changed:
+    stale = changed_since(project) if is_there else ""
+    if (only_if_stale or project.pair) and is_there and not stale:
         return
-    show_stale(changed)
+    show_stale(stale)
     if not is_there:
         st.info("No result yet. The settings are good as they are: press Calibrate.")
     label = f"Calibrate{' this pair' if project.pair else ''}{' again' if is_there else ''}"
     key = "run_pair" if project.pair else "run"
-    button(label, key, press, project, first=bool(changed) or not is_there)
+    button(label, key, press, project, first=bool(stale) or not is_there)
 
 
 def result_state(project: Project) -> ResultState:
@@ -162,11 +164,13 @@ def result_state(project: Project) -> ResultState:
 def changed_since(project: Project) -> str:
     """What was given, stated or set since the result; empty if nothing was, or there is none."""
     if project.is_rig and not project.pair:
-        return "" if rig_is_current(project) else "data, lengths, frames left out or settings"
+        return changed(*rig_parts(project))
     dataset, result = project.dataset, project.calibration
     if result is None or dataset is None:
         return ""
-    return since_calibration(project, result, dataset)
+    settings = CalibrationSettings.from_json(form_values(project, dataset))
+    now = calibration_parts(dataset, settings, refine_settings(project, dataset))
+    return changed(parts_of_calibration(result), now)
 
 
 def calibrate_all(project: Project) -> None:

@@ -12,6 +12,7 @@ from stereocal.fit.rig_file import RIG, RigFile
 from stereocal.fit.start.pairs import pair_name
 from stereocal.projects.data import PAIRS
 from stereocal.projects.project import Project
+from stereocal.system.made_from import Parts
 from stereocal.system.numbers import count
 from stereocal.system.tasks import Progress, StoppedError
 from stereocal.system.zip_files import pack_zip
@@ -22,6 +23,7 @@ from stereocal.ui.figure import clicked_in, is_narrow, show_figure
 from stereocal.ui.messages import callback
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, in_percent
+from stereocal.workflow.made_from import DATA
 from stereocal.workflow.run import Run
 
 GRAPH = "rig_graph"
@@ -46,14 +48,15 @@ def run_of(
     return Run(recording, late=late, begin=begin, progress=progress)
 
 
-def rig_is_current(project: Project) -> bool:
-    """Whether the rig is of what the project says now."""
-    rig, run, made_from = project.rig, run_of(project), project.rig_made_from
+def rig_parts(project: Project) -> tuple[Parts, Parts]:
+    """What the rig was made from, and would be made from now."""
+    rig, run, then = project.rig, run_of(project), project.rig_made_from
     if rig is None or run is None:
-        return False
-    if not made_from:  # an earlier version forgot a rig with everything that changed it
-        return rig.about.inputs.get("sha256") == run.recording.sha256
-    return made_from == run.digest
+        return {}, {}
+    if then:
+        return then, run.made_from
+    # An earlier version forgot a rig with everything that changed it.
+    return {DATA: [rig.about.inputs.get("sha256")]}, {DATA: [run.recording.sha256]}
 
 
 def rig_work(project: Project) -> jobs.PageWork:
@@ -68,7 +71,7 @@ def rig_work(project: Project) -> jobs.PageWork:
         if now is None or [*now.cameras] != [*found.recording.cameras]:
             raise StoppedError  # another recording has been given
         project.keep_settings({NOTES: found.notes_on_pairs})
-        project.keep_rig(rig, files, found.digest)
+        project.keep_rig(rig, files, found.made_from)
         jobs.drop_pairs(project)
 
     return jobs.PageWork(project, "rig", ("steps", "pairs"), work)

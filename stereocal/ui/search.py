@@ -11,6 +11,7 @@ from stereocal.intrinsics.photograph_search import PhotographSearch
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.made_from import Parts, as_digests
 from stereocal.system.records import plain
 from stereocal.ui import jobs
 from stereocal.ui.holding import ask_what_is_held, board_form, holds_board
@@ -44,37 +45,37 @@ def search_work(
     pairing: Pairing,
     cameras: Mapping[str, Camera | None],
     held: HeldTarget | None,
-    keep: Callable[[Found, str], None],
+    keep: Callable[[Found, Parts], None],
     **more: float | None,
 ) -> jobs.PageWork:
     """The search, for a button.
 
     Args:
         cameras: as of `PhotographSearch`.
-        keep: stores what was found, and the digest of the search.
-        more: what else it is a result of.
+        keep: stores what was found, and what from.
+        more: what else it is a result of, by its name in words.
     """
     search = PhotographSearch(pairing, store.photographs, cameras, held or BAR)
     files = {name: file.name for name, file in search.photographs.items()}
     by_hand, moments = pairing.by_hand, [*pairing.moments.items()]
     if by_hand is not None:  # the search finds the moments
         moments = [(k, {c: name}) for c, own in by_hand.counts.items() for name, k in own.items()]
-    about = {
-        "photographs": [
+    parts = {
+        "photographs or their frames": [
             {"frame": k, **{camera: files.get(name) for camera, name in own.items()}}
             for k, own in moments
         ],
-        "cameras": {name: camera and camera.to_json() for name, camera in cameras.items()},
-        "target": None if held is None else [type(held).__name__, plain(held)],
+        "lenses": {name: camera and camera.to_json() for name, camera in cameras.items()},
+        "what you hold": None if held is None else [type(held).__name__, plain(held)],
         **more,
     }
-    digest = jobs.job_digest(about)
+    made_from = as_digests(parts)
 
     def run(job: jobs.Job) -> None:
         found = search.run(job.executor, job.begin, job.progress, job.found_before)
-        keep(found, digest)
+        keep(found, made_from)
 
-    return jobs.PageWork(store.project, "photographs", search.stages, run, digest)
+    return jobs.PageWork(store.project, "photographs", search.stages, run, made_from)
 
 
 def press_search(work: jobs.PageWork, what: str, key: str, found: bool, ready: bool) -> None:

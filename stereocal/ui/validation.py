@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache, partial
 
 import streamlit as st
@@ -14,22 +15,16 @@ from stereocal.formats.dataset_files import read_dataset
 from stereocal.formats.evaluation_files import Evaluation, unique_names
 from stereocal.projects.project import Project
 from stereocal.rig.pair import Pair
+from stereocal.system.made_from import changed
 from stereocal.system.resources import ROOT
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, Number, choose, one_of, setting
-from stereocal.ui.forms import (
-    ABOUT,
-    ask,
-    changed_settings,
-    field_of,
-    refine_settings,
-    search_form,
-    search_values,
-)
+from stereocal.ui.forms import ABOUT, ask, field_of, refine_settings, search_form, search_values
 from stereocal.ui.intake import take_one
 from stereocal.ui.messages import button, readable, show_refusal
 from stereocal.ui.screening import is_long, screenings_of
 from stereocal.ui.texts import escape_markdown
+from stereocal.workflow.made_from import evaluation_parts, parts_of_evaluation
 from stereocal.workflow.pair_run import usual_frames
 
 NINETEEN = ROOT / "sample_data" / "nineteen"
@@ -157,11 +152,13 @@ def current_validation(project: Project, datasets: Sequence[Pair]) -> Evaluation
     """
     search = CalibrationSettings.from_json(search_values(project))
     for read in (lambda: project.calibration_evaluation, lambda: project.evaluation):
-        found = readable(read, told=False)
-        if found is None or not found.is_of(datasets) or found.settings.calibration != search:
+        evaluation = readable(read, told=False)
+        if evaluation is None:
+            continue
+        if changed_since(evaluation, datasets, replace(evaluation.settings, calibration=search)):
             continue  # nothing is screened to know how many frames the form asks for
-        if found.settings == kept_protocol(project, datasets):
-            return found
+        if not changed_since(evaluation, datasets, kept_protocol(project, datasets)):
+            return evaluation
     return None
 
 
@@ -178,9 +175,8 @@ def follow_validation(
     """
     growing = GrowingRuns(len(datasets), settings)
     run = partial(_validate, project, datasets, settings, growing)
-    about = {"settings": settings.to_json(), "data": [each.sha256 for each in datasets]}
-    digest = jobs.job_digest(about)
-    work = jobs.PageWork(project, "evaluation", STAGES, run, digest, growing, follows=True)
+    parts = evaluation_parts([each.sha256 for each in datasets], settings)
+    work = jobs.PageWork(project, "evaluation", STAGES, run, parts, growing, follows=True)
     job, begun = jobs.start(work), time.monotonic()
     while job.state == "running" and (waited := time.monotonic() - begun) < LONGEST_WAIT_S:
         all_in_time = job.done * LONGEST_WAIT_S >= waited * job.total
@@ -211,10 +207,8 @@ def changed_since(
     evaluation: Evaluation, datasets: Sequence[Pair], settings: EvaluationSettings
 ) -> str:
     """What has changed since a validation."""
-    found = changed_settings(evaluation.settings.to_json(), settings.to_json())
-    if not evaluation.is_of(datasets):
-        found.insert(0, "data")
-    return ", ".join(found)
+    now = evaluation_parts([each.sha256 for each in datasets], settings)
+    return changed(parts_of_evaluation(evaluation), now)
 
 
 def _validate(

@@ -1,8 +1,6 @@
 """What is computed of all cameras of a recording together: `Run`, whose steps are made when asked
 for."""
 
-import hashlib
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -20,8 +18,10 @@ from stereocal.fit.rig_file import RigFile, rig_file
 from stereocal.rig.parameters import RigParameters, Timing
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.latest import step
+from stereocal.system.made_from import Parts
 from stereocal.system.tasks import Progress
 from stereocal.workflow.answer import PairAnswer
+from stereocal.workflow.made_from import parts_of
 from stereocal.workflow.pair_of_rig import data_of_pair, settings_of_pair
 from stereocal.workflow.pair_run import PairRun
 
@@ -51,12 +51,10 @@ class Run:
     """Called with what is done of it, and what there is in all."""
 
     @property
-    def digest(self) -> str:
-        """Identifies what the rig is computed from, but for the name of the recording."""
-        own = self.recording
-        known = own.object.sigma_m, own.baseline_sigma_m, own.start_frames, own.own_frames
-        about = own.sha256, known, self.settings.to_json(), self.late
-        return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
+    def made_from(self) -> Parts:
+        """What the rig is computed from, but for the name of the recording."""
+        settings = {"settings": [self.settings.to_json()], "time offsets": [self.late]}
+        return {**parts_of(self.recording), **settings}
 
     @step
     def bare_rig(self) -> RigFile:

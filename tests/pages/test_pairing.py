@@ -97,7 +97,7 @@ def test_without_times_a_slip_is_seen_by_the_targets(home: Path) -> None:
     assert "lies along the epipolar lines" not in messages(app) + told(app, "caption")
     app.button(key="pair_mend_found").click().run()
     assert twos(store) == without(16, 5)
-    assert "Changed since this result: pairs or photographs" in messages(app)
+    assert "Changed since this result: photographs or their frames" in messages(app)
     assert "IMG_1006 has no partner" not in messages(app)
 
 

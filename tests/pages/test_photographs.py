@@ -229,9 +229,9 @@ def test_from_photographs_to_a_data_set(app: AppTest, home: Path) -> None:
     assert not [item for item in app.number_input if item.key == "target_distance_m_value"]
     assert "Complete" in messages(app)
     assert any("a board of" in item.value for item in app.markdown)
-    assert "have changed" not in messages(app)
+    assert "Changed since" not in messages(app)
     app.number_input(key="board_square_mm").set_value(60.0).run()
-    assert "Changed since this result: form, photographs or camera files." in messages(app)
+    assert "Changed since this result: what you hold." in messages(app)
     # Once more, with lenses that are made again: all lengths are twice as large.
     run_job(app, "find_boards", project, "photographs")
     again = project.dataset

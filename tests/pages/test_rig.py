@@ -70,7 +70,7 @@ def project(home: Path) -> Project:
     found.give_recording(fitted, pack_recording(fitted))
     run = run_of(found)
     assert run is not None
-    found.keep_rig(rig_text(), b"zip", run.digest)
+    found.keep_rig(rig_text(), b"zip", run.made_from)
     found.keep_settings(FEW)
     return found
 

@@ -20,6 +20,7 @@ from stereocal.projects.contents import RECORDING
 from stereocal.projects.data import LENGTHS_OF_ALL, OF_TABLE
 from stereocal.projects.home import card_of, duplicate, find_projects
 from stereocal.projects.project import Project
+from stereocal.system.made_from import digest_of
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states
 from stereocal.ui.rig import run_of
@@ -51,11 +52,12 @@ def test_the_recording_is_kept(project: Project, tmp_path: Path) -> None:
     assert page_states(project)["calibrate"].mark == "missing"
     assert card_of(project).data == "3 cameras"
     found = RigFile.loads(rig_text())
-    project.keep_rig(found.dumps(), b"zip", "made from something else")
-    assert page_states(project)["calibrate"].mark == "stale"
     run = run_of(project)
     assert run is not None
-    project.keep_rig(found.dumps(), b"zip", run.digest)
+    project.keep_rig(found.dumps(), b"zip", {**run.made_from, "baseline 1-2": "7 m"})
+    assert page_states(project)["calibrate"].mark == "stale"
+    assert "7 m" in page_states(project)["calibrate"].words
+    project.keep_rig(found.dumps(), b"zip", run.made_from)
     assert page_states(project)["calibrate"].mark == "done"
     assert project.pair_files == b"zip"
     assert "One rig: 0." in (said := card_of(project).result) and "worst pair" in said
@@ -91,7 +93,7 @@ def test_what_is_stated_is_in_the_recording_and_makes_a_rig_stale(project: Proje
             project.give({}, **own | values)
         run = run_of(project)
         assert run is not None
-        digests.add(run.digest)
+        digests.add(digest_of(run.made_from))
     assert len(digests) == 1 + len(STATED)
 
 
@@ -151,14 +153,14 @@ def test_the_files_of_fisheyes_state_that_they_are(tmp_path: Path) -> None:
 def test_a_foreign_project_with_a_damaged_rig_is_rejected(project: Project, tmp_path: Path) -> None:
     found = json.loads(rig_text())
     del found["figures"]["frames"]
-    project.keep_rig(json.dumps(found), b"zip")
+    project.keep_rig(json.dumps(found), b"zip", {})
     pack_project(project, tmp_path / "project.zip")
     with pytest.raises(StereocalError, match="damaged"):
         unpack_project(tmp_path / "project.zip", "zip", tmp_path / "there")
 
 
 def test_a_pair_is_a_view_with_results_of_its_own(project: Project, tmp_path: Path) -> None:
-    project.keep_rig(rig_text(), b"zip")
+    project.keep_rig(rig_text(), b"zip", {})
     pair, rig = project.of_pair("1-2"), project.rig
     dataset = pair.dataset
     assert dataset is not None and rig is not None and pair.of_rig is not None
@@ -184,7 +186,7 @@ def test_a_pair_is_a_view_with_results_of_its_own(project: Project, tmp_path: Pa
     new.rename("new")
     about = json.loads(rig_text())
     about["cameras"]["1"]["K"][0][0] += 1.0
-    project.keep_rig(json.dumps(about), b"zip")
+    project.keep_rig(json.dumps(about), b"zip", {})
     again = pair.dataset
     assert again is not None and again.primary.K[0, 0] == pytest.approx(dataset.primary.K[0, 0] + 1)
     assert pair.recommended is None and new.inputs.name == "new"

@@ -47,7 +47,7 @@ def whole_project(home: Path) -> Project:
     project.give_recording(parse_recording(given(), "rig"), given())
     for kind, content in of_two.items():
         project.database.keep_result(kind, content)
-    project.keep_rig(rig_text(), b"zip", "digest")
+    project.keep_rig(rig_text(), b"zip", {"points": ["digest"]})
     project.of_pair("1-2").keep_recommended("2d", "3d")
     for content in (b"first", b"second"):
         ProjectGiven(project).add_parts({"camera.yaml": content})
@@ -55,8 +55,10 @@ def whole_project(home: Path) -> Project:
     photographs = ProjectPhotographs(project)
     frames = photographs.frames
     assert frames is not None
-    photographs.keep_boards(calibration.dataset, "7 boards", {3: "far off"}, None, "search")
-    photographs.keep_found(frames, photographs.photographs)
+    photographs.keep_boards(
+        calibration.dataset, "7 boards", {3: "far off"}, None, {"what": "boards"}
+    )
+    photographs.keep_found(frames, photographs.photographs, {"what": "bars"})
     change_review(photographs, lambda now: use_frame(now, frames[0].frame, not frames[0].use))
     pairs = [row.pair for row in photographs.rows]
     photographs.choose(Choice("order", without=(pairs[0].primary,), exchanged=True))

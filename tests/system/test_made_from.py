@@ -1,0 +1,37 @@
+"""What has changed since a result."""
+
+from typing import Any
+
+import pytest
+
+from stereocal.system.made_from import as_digests, changed
+
+THEN = {"baseline": "1 m", "Δ": 0.001, "drift": False, "frames": None, "points": [3, (4, 5)]}
+
+
+def test_equal_parts_are_current_as_they_are_read_again() -> None:
+    assert changed({**THEN, "points": [3, [4, 5]]}, THEN) == ""
+    assert changed(THEN, {**THEN, "Δ": 0.001, "runs": 10}) == ""  # an earlier version had no runs
+
+
+@pytest.mark.parametrize(
+    ("now", "words"),
+    [
+        ({"baseline": "1.5 m"}, "baseline (1 m, now 1.5 m)"),
+        ({"Δ": 0.002}, "Δ (0.001, now 0.002)"),
+        ({"drift": True}, "drift (off, now on)"),
+        ({"frames": 20}, "frames (all, now 20)"),
+        ({"points": [3, [4, 6]]}, "points"),
+        ({"Δ": 0.002, "points": []}, "Δ (0.001, now 0.002), points"),
+    ],
+)
+def test_what_changed_is_named_with_short_values(now: dict[str, Any], words: str) -> None:
+    assert changed(THEN, THEN | now) == words
+
+
+def test_a_change_in_the_last_digits_is_seen() -> None:
+    assert changed({"length": 0.1}, {"length": 0.1 + 1e-16 * 2}) != ""
+
+
+def test_digests_tell_what_changed_without_its_values() -> None:
+    assert changed(as_digests(THEN), as_digests(THEN | {"Δ": 0.002})) == "Δ"
