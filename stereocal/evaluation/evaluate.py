@@ -37,7 +37,7 @@ from stereocal.rig.camera import pixel_scales
 from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, triangulate_rays
 from stereocal.rig.pair import Pair
 from stereocal.system.array_types import BoolArray, CountArray, FloatArray, IntArray
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 from stereocal.system.numbers import count
 from stereocal.system.settings import Settings, described, joined
 from stereocal.system.tasks import Progress, Task, run_tasks
@@ -158,9 +158,6 @@ class WholeFit:
         return None
 
 
-_CLUSTERS: Latest[IntArray | None] = Latest(100)
-
-
 def clusters_to_split(dataset: Pair) -> IntArray | None:
     """(f,): the cluster of each frame; None for frames taken one by one.
 
@@ -168,7 +165,7 @@ def clusters_to_split(dataset: Pair) -> IntArray | None:
     """
     sigmas = dataset.baseline_sigma_m, dataset.target_distance_sigma_m
     key = f"{dataset.sha256} {sigmas} {dataset.time_offset}"
-    return _CLUSTERS.once(key, lambda: _clusters_of_fit(dataset))
+    return once("clusters", key, lambda: _clusters_of_fit(dataset))
 
 
 def _clusters_of_fit(dataset: Pair) -> IntArray | None:

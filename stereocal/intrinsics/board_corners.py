@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 from stereocal.system.photograph import GreyImage
 
 LARGE_PX = 1400
@@ -56,9 +56,6 @@ class Chessboard:
     do not. When asked for one row too many, the finder returns points on the board's edge."""
 
 
-_FOUND: Latest[Chessboard | None] = Latest(1000)
-
-
 def halved(grey: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     """The photograph at half the size."""
     half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
@@ -84,7 +81,7 @@ def find_chessboard(
     """
     content = hashlib.sha256(grey.tobytes()).hexdigest()
     key = f"{content} {grey.shape} {columns}x{rows} {thorough}"
-    return _FOUND.once(key, lambda: _find_chessboard(grey, columns, rows, thorough))
+    return once("board", key, lambda: _find_chessboard(grey, columns, rows, thorough))
 
 
 def _find_chessboard(

@@ -27,8 +27,9 @@ from stereocal.projects.files import StoredFile, loaded
 from stereocal.projects.project import Project, ProjectPart
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
+from stereocal.system import latest
 from stereocal.system.csv_text import csv_text
-from stereocal.system.latest import Latest, once_or_refused
+from stereocal.system.latest import once_or_refused
 from stereocal.system.names import can_be_shown, label_of
 from stereocal.system.records import of_plain, pack, plain
 from stereocal.system.zip_files import pack_zip, unzip
@@ -46,8 +47,6 @@ CLICKED_IN = "points clicked in the"
 """How the labels of points begin that were clicked on the page."""
 EARLIER = "image_sizes"
 """Of the results of earlier versions, which had no cameras."""
-_TO_CHECK: Latest[ToCheck | StereocalError] = Latest(16)
-"""By parameters and new images."""
 
 
 def slot_of(camera: str) -> Asked:
@@ -320,12 +319,12 @@ class ProjectCheck(ProjectPart):
         read = None if rig is None else to_check(content, label, rig)
         file = self.database.give(CHECK, IMAGES, label, content)
         if rig is not None and read is not None:
-            _TO_CHECK.keep(_named(rig, file), read)
+            latest.keep("images to check", _named(rig, file), read)
 
     def to_check(self, rig: Parameters, new: StoredFile) -> ToCheck:
         """Parameters with new images, which are read once."""
         return once_or_refused(
-            _TO_CHECK, _named(rig, new), lambda: to_check(new.read_bytes(), new.label, rig)
+            "images to check", _named(rig, new), lambda: to_check(new.read_bytes(), new.label, rig)
         )
 
     def file(self, name: str) -> StoredFile | None:

@@ -17,19 +17,20 @@ from stereocal.fit.rig_file import RIG, RigFile
 from stereocal.fit.start.pairs import pair_name
 from stereocal.fit.timing.to_calibrate import in_step
 from stereocal.formats.camera_file import read_camera
-from stereocal.formats.correspondences_csv import Table, read_table
+from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.dataset_description import DESCRIPTION, find_description
 from stereocal.formats.dataset_files import parse_recording
 from stereocal.projects.contents import BAR, INPUT, RECORDING, RIG_FILES, VALIDATION, VALUES
 from stereocal.projects.database import DamagedError
 from stereocal.projects.files import Store, StoredFile
 from stereocal.projects.inputs import LENGTHS, Inputs, Slot, inputs_of
-from stereocal.projects.kept import KEPT, once
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.correspondences import Correspondences, refuse_points_outside
 from stereocal.rig.measured_lengths import check_length
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
+from stereocal.system import latest
+from stereocal.system.latest import once
 from stereocal.system.made_from import Parts
 from stereocal.system.names import label_of
 from stereocal.workflow.pair_of_rig import data_of_pair, settings_of_pair
@@ -84,9 +85,9 @@ class ProjectData:
         for slot, (label, content) in files.items():  # before the transaction: others wait for it
             digest = hashlib.sha256(content).hexdigest()
             if slot == "correspondences":
-                once(Table, digest, partial(read_table, content, label))
+                once("table", digest, partial(read_table, content, label))
             else:
-                once(Camera, digest, partial(read_camera, content, label, "brown"))
+                once("camera", digest, partial(read_camera, content, label, "brown"))
             stored[slot] = self.database.keep_file(content, label)
         with self.database.transaction():
             before = self.inputs
@@ -134,7 +135,7 @@ class ProjectData:
             self.database.replace_files(RECORDING, kept)
             self._forget_results()
             self.database.keep_values(INPUT, {**given, "name": recording.name})
-        KEPT[Recording].keep(self._given_digest, recording)
+        latest.keep("recording", self._given_digest, recording)
 
     def forget_recording(self) -> None:
         """Delete the data of three cameras and more, for those of two."""
@@ -211,7 +212,7 @@ class ProjectData:
         if self.is_rig:
             return self._of_pair(inputs)
         key = json.dumps(dataclasses.asdict(inputs), sort_keys=True)
-        return None if inputs.missing else once(Pair, key, made)
+        return None if inputs.missing else once("data set", key, made)
 
     @property
     def given_digest(self) -> str:
@@ -232,7 +233,7 @@ class ProjectData:
         if (given := self.recording_as_given) is None:
             dataset = self.dataset_of(inputs)
             return None if dataset is None else dataset.recording
-        return once(Recording, self._key_of(inputs), lambda: inputs.of_rig(given))
+        return once("recording", self._key_of(inputs), lambda: inputs.of_rig(given))
 
     @property
     def recording_in_use(self) -> Recording | None:
@@ -241,7 +242,7 @@ class ProjectData:
         if (recording := self.recording_of(inputs)) is None or not inputs.left_out:
             return recording
         whole, key = recording, f"without {inputs.left_out} {self._key_of(inputs)}"
-        return once(Recording, key, lambda: whole.where(~np.isin(whole.frame, inputs.left_out)))
+        return once("recording", key, lambda: whole.where(~np.isin(whole.frame, inputs.left_out)))
 
     @property
     def recording_as_given(self) -> Recording | None:
@@ -255,7 +256,7 @@ class ProjectData:
             with naming(SOURCE):
                 return in_step(recording)
 
-        return once(Recording, self._given_digest, parsed) if self.is_rig else None
+        return once("recording", self._given_digest, parsed) if self.is_rig else None
 
     @property
     def _given_digest(self) -> str:
@@ -295,7 +296,7 @@ class ProjectData:
         """All cameras, calibrated together; None before that."""
         if (found := self.rig_file) is None:
             return None
-        return once(RigFile, found.sha256, lambda: RigFile.loads(found.read_bytes().decode()))
+        return once("rig", found.sha256, lambda: RigFile.loads(found.read_bytes().decode()))
 
     @property
     def rig_file(self) -> StoredFile | None:
@@ -330,7 +331,7 @@ class ProjectData:
             return None
         pair = recording.pair_named(self.pair)
         key = f"{self.pair} {file and file.sha256} {self._key_of(inputs)}"
-        return once(Pair, key, lambda: data_of_pair(recording, pair, self.rig))
+        return once("data set", key, lambda: data_of_pair(recording, pair, self.rig))
 
     @property
     def of_rig(self) -> RefineSettings | None:
@@ -363,7 +364,7 @@ class ProjectData:
         if file is None:
             return None
         return once(
-            Camera, file.sha256, lambda: read_camera(file.read_bytes(), file.label, "brown")
+            "camera", file.sha256, lambda: read_camera(file.read_bytes(), file.label, "brown")
         )
 
 
@@ -375,5 +376,5 @@ def _unstated(*names: str) -> dict[str, Any]:
 
 def _rows(file: StoredFile) -> Correspondences:
     """The rows of a table, all of which must be valid."""
-    table = once(Table, file.sha256, lambda: read_table(file.read_bytes(), file.label))
+    table = once("table", file.sha256, lambda: read_table(file.read_bytes(), file.label))
     return table.strict(file.label)

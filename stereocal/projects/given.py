@@ -30,10 +30,8 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project, ProjectPart
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
-from stereocal.system.latest import Latest, read_once
+from stereocal.system.latest import once, read_once
 from stereocal.system.numbers import plural
-
-_SIDES: Latest[WhichCamera] = Latest(8)
 
 
 class ProjectGiven(ProjectPart):
@@ -119,7 +117,9 @@ class ProjectGiven(ProjectPart):
         """The cameras of the photographs, of two."""
         files = self.photographs.photographs
         about = repr([(name, file.about) for name, file in files.items()])
-        return _SIDES.once(about, lambda: which_camera(files, taken=self.photographs.taken))
+        return once(
+            "whose photographs", about, lambda: which_camera(files, taken=self.photographs.taken)
+        )
 
     @property
     def numbered_cameras(self) -> tuple[str, ...]:

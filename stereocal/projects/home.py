@@ -12,7 +12,6 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
-from functools import lru_cache
 from pathlib import Path
 
 from stereocal.calibration.methods import METHOD_NAMES, PAPER_SETS
@@ -38,6 +37,7 @@ from stereocal.projects.photographs import (
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import check_quota
 from stereocal.system.atomic_files import flush_folder
+from stereocal.system.latest import once
 from stereocal.system.numbers import count, rounded
 from stereocal.verdict.file_figures import bar_known, figures_of
 from stereocal.verdict.in_words import percent
@@ -201,14 +201,16 @@ def _stores(home: Path) -> list[Store]:
         return []
 
 
-@lru_cache(maxsize=4096)
 def _title(path: Path, changed: float) -> str:
     """The title of a project as it was at that change; empty if it cannot be read."""
-    assert changed >= 0
-    try:
-        return title_of(Project(Store(path)))
-    except StereocalError:
-        return ""
+
+    def read() -> str:
+        try:
+            return title_of(Project(Store(path)))
+        except StereocalError:
+            return ""
+
+    return once("title", f"{path} {changed}", read)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from stereocal.projects.contents import BAR
 from stereocal.projects.database import DamagedError, DiskFullError
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
-from stereocal.projects.kept import packed_files, packed_table
+from stereocal.projects.packed import packed_files, packed_table
 from stereocal.projects.pair_rows import (
     Decided,
     PairRow,
@@ -30,7 +30,7 @@ from stereocal.projects.pair_rows import (
 from stereocal.projects.project import ProjectPart
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 from stereocal.system.made_from import Parts
 from stereocal.system.records import of_plain, plain
 from stereocal.system.taken import Taken
@@ -41,7 +41,6 @@ FOUND_LABELS = TABLE_LABEL, BOARDS_LABEL
 DAMAGED_PAIRS = "The table of pairs is damaged: remove all photographs, and give them again."
 FOUND_IN = "found_by"
 """What the last search was made from; of version 1.0 a digest."""
-_PROPOSED: Latest[Proposal] = Latest(16)
 
 
 class ProjectPhotographs(ProjectPart):
@@ -64,7 +63,7 @@ class ProjectPhotographs(ProjectPart):
         """The ways to pair the photographs, and the one taken."""
         choice = self.choice
         about = [(name, file.about) for name, file in self.photographs.items()]
-        return _PROPOSED.once(repr((about, choice)), lambda: propose(self.taken, choice))
+        return once("pairs proposed", repr((about, choice)), lambda: propose(self.taken, choice))
 
     @property
     def choice(self) -> Choice:

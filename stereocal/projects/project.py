@@ -22,8 +22,9 @@ from stereocal.projects.data import ProjectData
 from stereocal.projects.database import NOT_THERE
 from stereocal.projects.files import Store, StoredFile, new_database, store_of
 from stereocal.projects.inputs import Inputs, inputs_of
-from stereocal.projects.kept import KEPT, once
 from stereocal.rig.pair import Pair
+from stereocal.system import latest
+from stereocal.system.latest import once
 from stereocal.system.records import unpack
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.given import pair_in_zip
@@ -91,7 +92,7 @@ class Project(ProjectData):
             self.results.replace_files(CALIBRATED, files)
             digest = self.results.keep_result("calibration", content)
             self.results.keep_result("recommended", None)
-        KEPT[PairRun].keep(digest, PairRun.of(calibration))
+        latest.keep("run", digest, PairRun.of(calibration))
 
     @property
     def answer(self) -> PairAnswer | None:
@@ -105,7 +106,7 @@ class Project(ProjectData):
                 evaluation = self.calibration_evaluation
             known = self.results.result_digest(VALIDATION) if evaluation else None
             key = f"{self.calibration_digest} {known}"
-            return once(PairAnswer, key, lambda: PairAnswer(run, evaluation))
+            return once("answer", key, lambda: PairAnswer(run, evaluation))
 
     @property
     def run(self) -> PairRun | None:
@@ -120,7 +121,7 @@ class Project(ProjectData):
         def unpacked(content: bytes) -> PairRun:
             return PairRun.of(unpack_calibration(content, made_from))
 
-        return self._result(PairRun, "calibration", unpacked)
+        return self._result("run", "calibration", unpacked)
 
     @property
     def calibration(self) -> Calibration | None:
@@ -128,17 +129,17 @@ class Project(ProjectData):
         run = self.run
         return None if run is None else run.calibration
 
-    def _result(self, kind: type[T], name: str, unpacked: Callable[[bytes], T]) -> T | None:
+    def _result(self, step: str, name: str, unpacked: Callable[[bytes], T]) -> T | None:
         with self.results.reading():
             digest = self.results.result_digest(name)
             if digest is None:
                 return None
-            return once(kind, digest, lambda: unpacked(self.results.result(name) or b""))
+            return once(step, digest, lambda: unpacked(self.results.result(name) or b""))
 
     @property
     def calibration_digest(self) -> str | None:
         """SHA-256 of the last result as stored; None before the first. It tells whether a result is
-        current; the object does not, which is another one once `KEPT` has dropped it."""
+        current; the object does not, which is another one once it is read again."""
         return self.results.result_digest("calibration")
 
     def keep_recommended(self, match_with: Method, measure_with: Method) -> None:
@@ -165,16 +166,16 @@ class Project(ProjectData):
             digest = self.results.keep_result("evaluation", content)
             if of_calibration:
                 self.results.keep_result(VALIDATION, content)
-        KEPT[Evaluation].keep(digest, evaluation)
+        latest.keep("validation", digest, evaluation)
 
     @property
     def evaluation(self) -> Evaluation | None:
-        return self._result(Evaluation, "evaluation", unpack_evaluation)
+        return self._result("validation", "evaluation", unpack_evaluation)
 
     @property
     def calibration_evaluation(self) -> Evaluation | None:
         """The evaluation made with the last result; None if it has none yet."""
-        found = self._result(Evaluation, VALIDATION, unpack_evaluation)
+        found = self._result("validation", VALIDATION, unpack_evaluation)
         calibration = self.calibration
         if found is None or calibration is None:
             return None
@@ -190,7 +191,7 @@ class Project(ProjectData):
         with self.database.transaction():
             at = len(self.database.files(FURTHER))
             file = self.database.give(FURTHER, f"{at:06d}", label, content)
-        KEPT[Pair].keep(_key(file), dataset)
+        latest.keep("data set", _key(file), dataset)
 
     def drop_datasets(self) -> None:
         self.database.forget_files(FURTHER)
@@ -198,7 +199,7 @@ class Project(ProjectData):
     @property
     def more_datasets(self) -> list[Pair]:
         files = self.database.files(FURTHER).values()
-        return [once(Pair, _key(file), partial(_parse_stored, file)) for file in files]
+        return [once("data set", _key(file), partial(_parse_stored, file)) for file in files]
 
 
 class ProjectPart:

@@ -5,7 +5,6 @@ import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
-from functools import lru_cache
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
+from stereocal.system.latest import once
 from stereocal.system.photograph import GreyImage, read_photograph
 
 
@@ -77,31 +77,30 @@ def thumbnail(
             or markers, on the whole photograph.
     """
     photographs = store.photographs
-    files = tuple(photographs.get(name) if name else None for name in names)
-    hashable = tuple(
-        own.astype(np.float64).tobytes() if isinstance(own, np.ndarray) else own for own in marks
-    )
-    return _drawn(files, hashable)
+    files = [photographs.get(name) if name else None for name in names]
+
+    def make() -> bytes:
+        first, second = (
+            board_tile(_image(file), own)
+            if isinstance(own, np.ndarray)
+            else tile(_image(file), own)
+            for file, own in zip(files, marks, strict=True)
+        )
+        return side_by_side(first, second)
+
+    shown = [own.tolist() if isinstance(own, np.ndarray) else own for own in marks]
+    return once("thumbnail", repr(([file and file.name for file in files], shown)), make)
 
 
-@lru_cache(maxsize=200)
 def board_corners(file: StoredFile, pattern: BoardPattern) -> FloatArray:
     """(n, 2): the corners of the board in a photograph; none if it shows none."""
-    image = _image(file)
-    found = None if image is None else find_board(image, pattern, "")
-    return found.corners if isinstance(found, BoardView) else np.empty((0, 2))
 
+    def find() -> FloatArray:
+        image = _image(file)
+        board = None if image is None else find_board(image, pattern, "")
+        return board.corners if isinstance(board, BoardView) else np.empty((0, 2))
 
-@lru_cache(maxsize=4000)
-def _drawn(files: tuple[StoredFile | None, ...], marks: Sequence[CentrePair | bytes]) -> bytes:
-    """Both tiles, with their targets or the bytes of the corners of their board."""
-    first, second = (
-        board_tile(_image(file), np.frombuffer(own).reshape(-1, 2))
-        if isinstance(own, bytes)
-        else tile(_image(file), own)
-        for file, own in zip(files, marks, strict=True)
-    )
-    return side_by_side(first, second)
+    return once("board in a photograph", repr((file.name, pattern)), find)
 
 
 def _image(file: StoredFile | None) -> GreyImage | None:

@@ -16,7 +16,7 @@ from stereocal.rig.fisheye import LARGEST_ANGLE, fill_distorted, fill_undistorte
 from stereocal.rig.geometry import homogeneous
 from stereocal.system.answers import Answer
 from stereocal.system.array_types import BoolArray, FloatArray
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 from stereocal.system.records import of_plain, plain
 
 LensModel = Literal["brown", "fisheye"]
@@ -30,7 +30,6 @@ FISHEYE_UNKNOWNS = (*LENS_UNKNOWNS[:4], "k1", "k2", "k3", "k4")
 LENS_MODELS: tuple[LensModel, ...] = ("brown", "fisheye")
 POINTS_KEPT = 2000
 """Of a result of `undistort` that is kept: other readings of a data set share most of them."""
-_UNDISTORTED: Latest[FloatArray] = Latest(256)
 LARGEST_SIDE = 1_000_000
 MAXIMUM_K = 1e9
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
@@ -337,7 +336,7 @@ class Camera(Answer):
             return self._undistorted(pixels)
         values = b"".join(each.tobytes() for each in (self.K, self.distortion, pixels))
         key = f"{self.model} {len(self.distortion)} {values.decode('latin-1')}"
-        return _UNDISTORTED.once(key, partial(self._undistorted, pixels)).copy()
+        return once("rays", key, partial(self._undistorted, pixels)).copy()
 
     def _undistorted(self, pixels: FloatArray) -> FloatArray:
         """As `undistort`."""

@@ -98,7 +98,55 @@ class Latest(Generic[Value]):
                 self._values.popitem(last=False)
 
 
-_READ: Latest[Any] = Latest(32)
+MOST = {
+    **{"data set": 32, "recording": 8, "table": 8, "camera": 64, "run": 64, "answer": 64},
+    **{"file": 32, "validation": 8, "screening": 64, "validation shown": 64, "points": 24},
+    **{"photograph": 8, "thumbnail": 4000, "board in a photograph": 200, "board": 1000},
+    **{"patterns": 64, "plan": 24, "card": 500, "title": 4096, "clusters": 100, "rays": 256},
+}
+"""How many values of a step are kept; of another one `USUAL`."""
+USUAL = 16
+_KEPT: dict[str, Latest[Any]] = {}
+
+
+def _of(step: str) -> Latest[Any]:
+    return _KEPT.setdefault(step, Latest(MOST.get(step, USUAL)))
+
+
+def once(step: str, key: str, make: Callable[[], Value]) -> Value:
+    """A value from the one store of what is read or computed, for all sessions; made, and kept, if
+    it is not kept yet.
+
+    Args:
+        step: what makes it, in words.
+        key: all that it is made from, so that no value is ever out of date.
+    """
+    return cast(Value, _of(step).once(key, make))
+
+
+def keep(step: str, key: str, value: object) -> None:
+    """Keep a value that is there already."""
+    _of(step).keep(key, value)
+
+
+def get(step: str, key: str) -> Any:
+    """A value, if it is kept, else None."""
+    return _of(step).get(key)
+
+
+def once_or_refused(step: str, key: str, make: Callable[[], Value]) -> Value:
+    """As `once`; a refusal is kept as well, and raised each time."""
+
+    def answer() -> Value | StereocalError:
+        try:
+            return make()
+        except StereocalError as error:
+            return error
+
+    value = once(step, key, answer)
+    if isinstance(value, StereocalError):
+        raise value.with_traceback(None)
+    return value
 
 
 def read_once(
@@ -117,21 +165,10 @@ def read_once(
     """
     about = (read.__module__, read.__qualname__, arguments, sorted(named.items()))
     key = f"{hashlib.sha256(content).hexdigest()} {about!r}"
-    return cast(Value, once_or_refused(_READ, key, lambda: read(content, *arguments, **named)))
+    return once_or_refused("file", key, lambda: read(content, *arguments, **named))
 
 
-def once_or_refused(
-    kept: Latest[Value | StereocalError], key: str, make: Callable[[], Value]
-) -> Value:
-    """As `Latest.once`; a refusal is kept as well, and raised each time."""
-
-    def answer() -> Value | StereocalError:
-        try:
-            return make()
-        except StereocalError as error:
-            return error
-
-    found = kept.once(key, answer)
-    if isinstance(found, StereocalError):
-        raise found.with_traceback(None)
-    return found
+def forget() -> None:
+    """Keep nothing, as after a restart."""
+    for values in _KEPT.values():
+        values.clear()

@@ -26,7 +26,7 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import Camera
 from stereocal.rig.lengths_in_words import METRES_PER
 from stereocal.rig.recording import Recording
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 from stereocal.system.made_from import Parts, changed
 from stereocal.system.numbers import count
 from stereocal.ui import jobs
@@ -44,7 +44,6 @@ from stereocal.ui.videos import show_frames_taken
 from stereocal.ui.wizard import Questions
 
 UNUSED, TOLD = "several_unused", "several_told"
-GATHERED: Latest[Gathered] = Latest(8)
 
 
 def show_all_cameras(project: Project) -> None:
@@ -192,7 +191,8 @@ def _read(project: Project, parts: dict[str, StoredFile], options: ExchangeOptio
         if is_table(table, part.read_bytes()):
             lengths |= _lengths(project, targets_in(part.read_bytes(), table))
     about = [(each, file.sha256) for each, file in parts.items()]
-    return GATHERED.once(
+    return once(
+        "files of all cameras",
         repr((about, options, lengths, name)),
         lambda: gather_all(_contents(parts), options, name, lengths),
     )

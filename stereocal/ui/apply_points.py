@@ -1,11 +1,11 @@
 """The points of the Apply page: the project's own, or a file of each camera; their noise, the
 threshold, and depths."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import cycle
-from typing import Any, TypeVar, cast
+from typing import TypeVar
 
 import pandas as pd
 import streamlit as st
@@ -29,7 +29,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import camera_in_words
-from stereocal.system.latest import Latest, once_or_refused
+from stereocal.system.latest import once_or_refused
 from stereocal.system.numbers import count, rounded
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
@@ -159,7 +159,6 @@ class PointsForm:
         return {camera: points for camera, points in found.items() if points is not None}
 
 
-_KEPT: Latest[Any] = Latest(24)
 """A page of two cameras uses eight at a time."""
 Depths = tuple[float, float]
 THRESHOLD = (
@@ -271,7 +270,9 @@ def _chosen(form: ThresholdForm, stated: Stated) -> tuple[ThresholdChoice | None
         return jobs.compute(names_and_threshold, *given)[-1]
 
     try:
-        return once(f"{form.key} threshold {form.rig.digest} {stated}", choice), ""
+        return once_or_refused(
+            "points", f"{form.key} threshold {form.rig.digest} {stated}", choice
+        ), ""
     except StereocalError as error:
         return None, str(error)
 
@@ -282,7 +283,7 @@ def _sampled(form: ThresholdForm) -> Sample:
     def sample() -> Sample:
         return sample_frames(*points_in_step(form.rig, _tables(form))[0].values())
 
-    return once(f"{form.key} sample {form.rig.digest}", sample)
+    return once_or_refused("points", f"{form.key} sample {form.rig.digest}", sample)
 
 
 def _tables(form: ThresholdForm) -> dict[str, pd.DataFrame]:
@@ -312,16 +313,7 @@ def whole_table(name: str, label: str, store: ProjectApplication) -> pd.DataFram
         with st.spinner("Reading the points."):
             return store.whole_table(name, label)
 
-    return once(f"{name} table {label}", read)
-
-
-def once(key: str, make: Callable[[], T]) -> T:
-    """What was read of points or results, or found in them: made, or refused, once for a key.
-
-    Args:
-        key: names what is made, and has the digests of all that it is made of.
-    """
-    return cast(T, once_or_refused(_KEPT, key, make))
+    return once_or_refused("points", f"{name} table {label}", read)
 
 
 def chosen_depths(project: Project) -> Depths:

@@ -37,9 +37,10 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.rig.rig import camera_in_words
+from stereocal.system.latest import once_or_refused
 from stereocal.system.numbers import count
 from stereocal.ui.apply import ApplyInputs
-from stereocal.ui.apply_points import OPTIONAL, once, whole_table
+from stereocal.ui.apply_points import OPTIONAL, whole_table
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
@@ -118,7 +119,9 @@ def _show_result(
     tables = None
     with ErrorsShown():
         matched, points = files[outcome.matched], files[POINTS]
-        tables = once(f"{matched.name} {points.name}", partial(_read, matched, points))
+        tables = once_or_refused(
+            "points", f"{matched.name} {points.name}", partial(_read, matched, points)
+        )
     if tables is None:
         button("Begin again", "forget_result", store.forget_result)
         return None
@@ -267,7 +270,7 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
         st.rerun()  # the whole page: the timer is set where the fragment is called
     tables = [whole_table(name, name, store) for name in outcome.tables]
     numbers = partial(np.unique, np.concatenate([table["frame"] for table in tables]))
-    frames = once(f"{' '.join(outcome.tables)} frames", numbers).tolist()
+    frames = once_or_refused("points", f"{' '.join(outcome.tables)} frames", numbers).tolist()
     first = min(result.pairs["frame"].tolist(), default=frames[0])
     frame = _choose_frame(store, outcome, frames, first)
     of_frame = result.pairs[result.pairs["frame"] == frame]
@@ -367,7 +370,7 @@ def _show_space(project: Project, outcome: Outcome, result: Tables, frame: int |
             column = choose(project, "apply_tracks", title, ways, same, as_menu=True)
     find = partial(trajectories.tracks_by, points, column)
     key = f"{outcome.digest} tracks {column}"
-    tracks = [] if column == NOTHING else once(key, find)
+    tracks = [] if column == NOTHING else once_or_refused("points", key, find)
     figure = measured.plot_points(points, colour, outcome.rig, view, tracks, frame, outcome.world)
     words = measured.describe_points(points, tracks, outcome.world)
     show_figure(figure, words, "points", caption=True)

@@ -6,7 +6,6 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import METHOD_NAMES, Method
-from stereocal.errors import StereocalError
 from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.repair import REPAIRED
 from stereocal.field.checking.to_check import CheckAnswer
@@ -18,7 +17,7 @@ from stereocal.projects.application import PARAMETERS, USES, ProjectApplication,
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
 from stereocal.rig.parameters import RigParameters
-from stereocal.system.latest import Latest, once_or_refused
+from stereocal.system.latest import once_or_refused
 from stereocal.ui import jobs
 from stereocal.ui.apply_points import ask_noise, noise_field
 from stereocal.ui.downloads import offer
@@ -32,7 +31,6 @@ from stereocal.ui.rig import tell_not_calibrated
 from stereocal.ui.texts import escape_markdown
 
 VERDICTS = {"moved": st.warning, "same": st.success, "cannot tell": st.info}
-_ANSWERS: Latest[CheckAnswer | StereocalError] = Latest(16)
 
 
 def show_page(project: Project) -> None:
@@ -70,7 +68,7 @@ def show_page(project: Project) -> None:
     sha256 = None if given is None else given.sha256
     with st.spinner("Checking."):
         answer = once_or_refused(
-            _ANSWERS,
+            "check",
             f"{rig.digest} {used} {sha256} {new.sha256} {new.label} {stated} {smallest}",
             lambda: jobs.compute(asked.stating(stated).check, smallest, used, sha256),
         )

@@ -3,7 +3,6 @@ step."""
 
 from functools import partial
 
-import plotly.graph_objects as go
 import streamlit as st
 
 from stereocal.calibration.essential import MINIMUM_PAIRS
@@ -12,7 +11,7 @@ from stereocal.figures.started_by_hand import describe_offsets, plot_offsets
 from stereocal.figures.tables import contents_table
 from stereocal.fit.timing.started_by_hand import bring_into_step
 from stereocal.projects.project import Project
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 from stereocal.system.numbers import count
 from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.lengths import show_rig
@@ -24,8 +23,6 @@ from stereocal.ui.texts import escape_markdown
 
 FEW_FRAMES = 20
 RECOMMENDED = f"{FEW_FRAMES} frames of the bar or more are recommended"
-_DRAWN: Latest[go.Figure] = Latest(8)
-"""The figures of the data shown last, by their digest: every act on the page draws it again."""
 
 
 def show_what_was_read(project: Project | None) -> None:
@@ -46,7 +43,9 @@ def show_what_was_read(project: Project | None) -> None:
     _say_how_many(len(dataset.correspondences), len(dataset.correspondences.frames))
     show_rig(project, dataset)
     narrow, clicked = is_narrow(), partial(open_clicked_frame, project)
-    figure = _DRAWN.once(f"{dataset.sha256} {narrow}", lambda: plot_coverage(dataset, narrow))
+    figure = once(
+        "coverage figure", f"{dataset.sha256} {narrow}", lambda: plot_coverage(dataset, narrow)
+    )
     words = describe_coverage(dataset)
     show_figure(figure, words, COVERAGE, on_select=clicked, selection_mode="points")
     st.caption("A click on a point opens its frame.")

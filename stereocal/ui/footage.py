@@ -23,7 +23,7 @@ from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.rig import camera_in_words
-from stereocal.system.latest import Latest
+from stereocal.system.latest import Latest, once
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
 from stereocal.ui.fields import Number, setting
 from stereocal.ui.intake import drop_zone
@@ -79,7 +79,7 @@ class _Videos:
 
 
 _VIDEOS: Latest[_Videos] = Latest(8)
-_OWN: Latest[Footage] = Latest(4)
+"""By project: what was given, and so no result that is made again."""
 
 
 class Pictures:
@@ -141,7 +141,11 @@ class Pictures:
                 seen = [c for c in self.cameras if any(c in own for own in found.values())]
                 labels = {camera: f"{camera} photographs{of}" for camera in seen}
                 key = repr([(k, [(c, f.name) for c, f in own.items()]) for k, own in found.items()])
-                return _OWN.once(self._key + key, partial(of_photographs, found, labels))
+                return once(
+                    "footage of photographs",
+                    self._key + key,
+                    partial(of_photographs, found, labels),
+                )
         return None
 
     def _take(self, dropped: Dropped[StoredFile]) -> None:

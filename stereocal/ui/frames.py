@@ -21,7 +21,7 @@ from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review
 from stereocal.rig.rig import camera_in_words
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 from stereocal.system.photograph import read_photograph
 from stereocal.ui.fields import Field, one_of, setting
 from stereocal.ui.messages import button, readable
@@ -29,7 +29,6 @@ from stereocal.ui.press import press
 from stereocal.ui.review import look_closely
 
 T = TypeVar("T")
-_DECODED: Latest[Photograph | None] = Latest(8)
 NAME = "frame"
 """Of the setting of the chosen frame; the review of photographs has the same."""
 MOST_BUTTONS = 6
@@ -179,7 +178,7 @@ def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Pho
     found = frames_photographed(project).get(frame)
     files = ProjectPhotographs(project).photographs if found else {}
     first, second = (
-        _DECODED.once(files[name].name, partial(_decoded, files[name], name))
+        once("photograph", files[name].name, partial(_decoded, files[name], name))
         if name in files
         else None
         for name in (found.files if found else ("", ""))

@@ -13,16 +13,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.detection.ball_colours import colour_at
 from stereocal.detection.balls import find_balls
-from stereocal.detection.target import (
-    BAR,
-    BRIGHT,
-    Balls,
-    Bar2x2,
-    Sighting,
-    Tags,
-    Target,
-    parse_target,
-)
+from stereocal.detection.target import BAR, BRIGHT, Balls, Bar2x2, Tags, Target, parse_target
 from stereocal.errors import StereocalError
 from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.frames.frame import Centre, CentrePair
@@ -35,7 +26,7 @@ from stereocal.projects.project import Project
 from stereocal.projects.review import thumbnail
 from stereocal.rig.rigid_object import DICTIONARIES, BoardPattern
 from stereocal.system.array_types import FloatArray
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 from stereocal.system.photograph import read_colours
 from stereocal.ui.fields import Field, Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.messages import button, callback, readable
@@ -94,10 +85,10 @@ def _look(store: ProjectPhotographs, pairs: Sequence[PhotographPair]) -> None:
     cameras = [{name: files[name] for name in own if name in files} for own in names]
 
     def looked(name: str, make: Callable[[], Patterns]) -> Patterns:
-        return _PATTERNS.once(files[name].name, make)
+        return once("patterns", files[name].name, make)
 
     with st.spinner("Looking at the first photographs ..."):
-        held = _HELD.once(f"{names} {of}", lambda: held_object(cameras, looked))
+        held = once("what is held", f"{names} {of}", lambda: held_object(cameras, looked))
     settings: dict[str, Any] = {PROPOSAL: {"of": of}}
     if held is not None:
         settings = {PROPOSAL: {"of": of, **_told(held, first)}, **_values(held)}
@@ -159,11 +150,6 @@ BOARD = "board"
 SQUARE_MM = 30.0
 """Until the user enters the side of a square."""
 USUAL_TAGS, TAGS_TITLE = "4X4_50:0,1", "Dictionary, and the numbers of A and B"
-_SIGHTINGS: Latest[Sighting] = Latest(8)
-_HELD: Latest[HeldObject | None] = Latest(8)
-"""By the photographs that were looked at, which may be given again, or to another project."""
-_PATTERNS: Latest[Patterns] = Latest(64)
-"""By the content of a photograph, which is looked at again when further ones are given."""
 CALLED: dict[type, str] = {Bar2x2: "fitted corner", Balls: "ball", Tags: "tag"}
 """What a click moves a centre to."""
 
@@ -279,7 +265,7 @@ def _ask_colours(store: ProjectPhotographs, pair: PhotographPair | None, fold: b
         folded = fold and not unfinished
         with st.expander("Pick the colours again") if folded else st.container():
             marks = [] if unfinished else _found(store, file, pair.primary)
-            image = readable(lambda: shown_image(file.name, True, file, pair.primary))
+            image = readable(lambda: shown_image(True, file, pair.primary))
             if image is not None:
                 image = replace(image, id=f"colours-{image.id}")  # a view of its own
                 pick(image, marks, label, "pick_colour", False, partial(_take, project, file))
@@ -311,7 +297,7 @@ def _found(store: ProjectPhotographs, file: StoredFile, name: str) -> list[Mark]
         return []
     key = repr((file.name, target, camera and camera.to_json()))
     seen = readable(
-        lambda: _SIGHTINGS.once(key, lambda: find_balls(read_colours(file, name), target, camera))
+        lambda: once("balls", key, lambda: find_balls(read_colours(file, name), target, camera))
     )
     if seen is None:
         return []

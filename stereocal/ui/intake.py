@@ -23,7 +23,7 @@ from stereocal.formats.exchange.options import ImageSize
 from stereocal.formats.recognition import CAMERA_SUFFIXES
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot, stated_in
-from stereocal.projects.kept import NAMES, as_read, packed_files
+from stereocal.projects.packed import NAMES, as_read, packed_files
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera, LensModel

@@ -24,6 +24,7 @@ from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.rigid_object import BoardPattern
+from stereocal.system.latest import once
 from stereocal.system.numbers import count
 from stereocal.system.settings import asked
 from stereocal.ui import intake, jobs
@@ -240,11 +241,6 @@ def _clear(store: ProjectLens) -> None:
     st.session_state[_ROUND] += 1
 
 
-@st.cache_data(show_spinner=False, max_entries=8)
-def _note_on_model(digest: str, _lens: LensCalibration) -> str:  # noqa: ARG001 - the key
-    return quality.note_on_model(_lens.search, _lens.settings)
-
-
 def _show_lens(store: ProjectLens) -> None:
     """The last finished lens of a camera."""
     # Reported above, where it can be calibrated again.
@@ -260,7 +256,9 @@ def _show_lens(store: ProjectLens) -> None:
     for sentence in quality.advice(lens):
         st.warning(escape_markdown(sentence))
     st.success(escape_markdown(quality.lens_answer(lens)))
-    st.caption(escape_markdown(_note_on_model(digest_of_draws(lens.search, lens.settings), lens)))
+    note = partial(quality.note_on_model, lens.search, lens.settings)
+    digest = digest_of_draws(lens.search, lens.settings)
+    st.caption(escape_markdown(once("note on a lens", digest, note)))
     if text := quality.hint(lens):
         st.caption(text)
     _use_and_downloads(store, lens)

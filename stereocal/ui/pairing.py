@@ -17,7 +17,7 @@ from stereocal.projects.pair_rows import PairRow
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import thumbnail
 from stereocal.rig.camera import CAMERAS
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 from stereocal.system.numbers import count
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
@@ -34,7 +34,6 @@ TITLES: dict[Way, str] = {
 }
 FEW, ALL, NONE = "few", "all", "none"
 MOST_SLIPS = 3
-_SLIPS: Latest[Alone | None] = Latest(16)
 
 
 def show_pairing(store: ProjectPhotographs) -> None:
@@ -133,7 +132,7 @@ def _show_found_slip(store: ProjectPhotographs) -> None:
     if any(f.files != (p.primary, p.secondary) for f, p in zip(frames, pairs, strict=True)):
         return  # paired again since
     key = repr((frames, first.to_json(), second.to_json()))
-    slip = _SLIPS.once(key, lambda: find_slip(frames, (first, second)))
+    slip = once("slip of photographs", key, lambda: find_slip(frames, (first, second)))
     if slip is None:
         return
     choice = store.choice

@@ -15,6 +15,7 @@ import streamlit as st
 from stereocal.detection.intensity import eight_bits
 from stereocal.projects.files import StoredFile
 from stereocal.system.array_types import FloatArray
+from stereocal.system.latest import once
 from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 
 NAME = "stereocal_picker"
@@ -75,10 +76,13 @@ class Pick:
     """The shift key was held."""
 
 
-@st.cache_data(show_spinner=False, max_entries=16)
-def shown_image(digest: str, coloured: bool, _file: StoredFile, _name: str) -> Shown:
-    """A photograph for `pick`, grey or in colours; `digest` is that of the file."""
-    return shown(digest, eight_bits(read_image(coloured, _file, _name)))
+def shown_image(coloured: bool, file: StoredFile, name: str) -> Shown:
+    """A photograph for `pick`, grey or in colours."""
+    return once(
+        "picture to click in",
+        f"{file.name} {coloured}",
+        lambda: shown(file.name, eight_bits(read_image(coloured, file, name))),
+    )
 
 
 def shown(image_id: str, image: GreyImage, jpeg: bytes | None = None) -> Shown:

@@ -19,7 +19,7 @@ from stereocal.projects.inputs import LENGTHS, Slot
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS, Camera
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 from stereocal.system.names import LONGEST
 from stereocal.system.numbers import distance, rounded
 from stereocal.ui.downloads import offer
@@ -41,8 +41,6 @@ INSTANT_FRAMES = 60
 """Up to this number, the forecast takes about a second and shows no progress."""
 QUANTITIES = {"Length error": "distance", "Position error": "point"}
 PLAN, FORECAST = "plan", "plan_forecast"
-_FORECASTS: Latest[PlanForecast] = Latest(24)
-"""By their plan, as its file."""
 
 
 def _forecast_of(plan: Plan) -> PlanForecast:
@@ -57,7 +55,7 @@ def _forecast_of(plan: Plan) -> PlanForecast:
         show(0, 1)
         return forecast(plan, pool(), progress=show)
 
-    found = _FORECASTS.once(write_plan(plan).decode(), make)
+    found = once("plan", write_plan(plan).decode(), make)
     place.empty()
     return found
 

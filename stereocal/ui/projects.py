@@ -18,7 +18,7 @@ from stereocal.projects.database import journal_of
 from stereocal.projects.home import Card, card_of, title_of
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import ServerSettings, default_home
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 from stereocal.system.limits import MB
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
@@ -31,7 +31,6 @@ from stereocal.ui.texts import escape_markdown
 
 ON_A_PAGE = 9
 T = TypeVar("T")
-_CARDS: Latest[Card] = Latest(500)
 _OPENED, _REMOVED = "opened_project", "removed_project"
 """The project whose card was pressed, which the next run opens; and the one removed last."""
 _UNPACKED = "unpacked_projects"
@@ -118,8 +117,8 @@ def _show_cards(projects: Sequence[home.Listed]) -> None:
 
 def _show(one: home.Listed) -> None:
     try:
-        card = _CARDS.once(
-            f"{one.id} {one.changed}", lambda: card_of(Project.open(default_home(), one.id))
+        card = once(
+            "card", f"{one.id} {one.changed}", lambda: card_of(Project.open(default_home(), one.id))
         )
     except StereocalError as error:
         card = Card("cannot be read", str(error))

@@ -170,7 +170,7 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
     try:
         file = _file_of(store, frame, camera)
         coloured = is_coloured(held_target(store.project))
-        image = shown_image(file.name, coloured, file, frame.files[camera])
+        image = shown_image(coloured, file, frame.files[camera])
     except StereocalError as error:
         st.warning(escape_markdown(str(error)))
         return

@@ -9,11 +9,9 @@ from stereocal.calibration.methods import CalibrationSettings
 from stereocal.fit.results import Calibration
 from stereocal.fit.screening.screen import Screening, screened
 from stereocal.rig.pair import Pair
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 from stereocal.ui import jobs
 
-SCREENINGS: Latest[Screening] = Latest(64)
-"""The last ones, by all that they depend on."""
 MOST_AT_ONCE = 1500
 """Frames that calibrate in about a second, and so while a page is drawn."""
 
@@ -42,7 +40,7 @@ def screenings_of(
             found.append(calibration.screening)
         else:
             make = partial(jobs.compute, screened, dataset, own)
-            found.append(SCREENINGS.once(_key(dataset, own), make))
+            found.append(once("screening", _key(dataset, own), make))
     return found
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Literal
 
@@ -47,7 +47,7 @@ def has_sample_photographs() -> bool:
     return PHOTOGRAPHS.is_dir()
 
 
-@st.cache_resource(show_spinner=False)
+@cache
 def _story() -> tuple[int, dict[str, tuple[go.Figure, str]]]:
     """How many bars the story is about; its figures, and the same in words, by key."""
     story = figures.read_story(ROOT / "assets" / "story.json")

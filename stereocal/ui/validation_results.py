@@ -20,7 +20,8 @@ from stereocal.formats.evaluation_files import Evaluation, summary_json
 from stereocal.projects.project import Project
 from stereocal.rig.lengths_in_words import as_held
 from stereocal.rig.pair import Pair
-from stereocal.system.latest import Latest
+from stereocal.system import latest
+from stereocal.system.latest import once
 from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, setting, yes_or_no
@@ -55,8 +56,6 @@ FCP = (
 EVERY_S = 0.5
 """Between two looks at a job."""
 Summaries = dict[Method, MethodSummary]
-_KEPT: Latest[Any] = Latest(64)
-"""What was made of the last validations, by their digests."""
 
 
 def with_refined(project: Project) -> Field:
@@ -146,7 +145,7 @@ def _so_far(job: jobs.Job, datasets: Sequence[Pair], refined: bool) -> Shown | N
     As shown before until there are half as many more: the figure takes as long as some runs.
     """
     kept = f"{job.work.digest} {refined} shown"
-    before: Shown | None = _KEPT.get(kept)
+    before: Shown | None = latest.get("validation shown", kept)
     found = validation_so_far(job, datasets, refined)
     if found is None:
         return before
@@ -157,7 +156,7 @@ def _so_far(job: jobs.Job, datasets: Sequence[Pair], refined: bool) -> Shown | N
     all_runs = f"{total} runs{', not yet all refined' * refined}"
     words = f"{count} of {total} runs" if count < total else all_runs
     shown = Shown(evaluation, f"{job.work.digest} {refined} {count}", words)
-    _KEPT.keep(kept, shown)
+    latest.keep("validation shown", kept, shown)
     return shown
 
 
@@ -176,18 +175,18 @@ def _summaries(
     def chosen(of: Summaries) -> Summaries:
         return {method: own for method, own in of.items() if refined or method != "refined"}
 
-    pooled, by_dataset = _KEPT.once(f"{shown.key} {bin_width}", make)
+    pooled, by_dataset = once("validation shown", f"{shown.key} {bin_width}", make)
     return chosen(pooled), {name: chosen(own) for name, own in by_dataset.items()}
 
 
 def _note(evaluation: Evaluation, screening: Screening) -> str:
     """Whether single frames and whole runs left out give different figures."""
     key = f"{evaluation.digest} note"
-    if (found := _KEPT.get(key)) is None:
+    if (found := latest.get("validation shown", key)) is None:
         about = screening.dataset, evaluation.settings, evaluation.summaries
         with st.spinner("Leaving out the other way."):
             found = jobs.compute(note_on_splits, *about)
-        _KEPT.keep(key, found)
+        latest.keep("validation shown", key, found)
     return str(found)
 
 
@@ -219,7 +218,7 @@ def _show_evaluation(
         charts = {f"validation_{column}": [column] for column in columns}
     for name, parts in charts.items():
         key = f"{shown.key} {bins} {refined.value()} {parts}"
-        figure = _KEPT.once(key, partial(plot_validation, pooled, parts))
+        figure = once("validation shown", key, partial(plot_validation, pooled, parts))
         words, config = describe_validation(pooled, parts), _saved_as(picture, name)
         show_figure(figure, words, name, config=config)
     of_files = readable(lambda: project.calibration_evaluation)

@@ -9,7 +9,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.field.world import frame
 from stereocal.field.world.find import find_world
-from stereocal.field.world.frame import Axes, Observed, Survey, Throw, WorldFrame, WorldSettings
+from stereocal.field.world.frame import Axes, Observed, Survey, Throw, WorldSettings
 from stereocal.fit.rig_file import Parameters
 from stereocal.formats.world_file import (
     FRAME,
@@ -27,7 +27,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair
 from stereocal.rig.rig import camera_in_words
-from stereocal.system.latest import Latest, once_or_refused
+from stereocal.system.latest import once_or_refused
 from stereocal.ui import jobs
 from stereocal.ui.apply_points import ask_noise, noise_field
 from stereocal.ui.downloads import offer
@@ -44,8 +44,6 @@ HELP = (
     "world.json, or a 4x4 matrix."
 )
 OF_RIG = "The pixels are those of two cameras of the rig, as the columns u_{0},v_{0},u_{1},v_{1}."
-
-_FRAMES: Latest[WorldFrame | StereocalError] = Latest(16)
 
 
 def choose_world(project: Project, store: ProjectApplication, rig: Parameters) -> Pose | None:
@@ -97,7 +95,7 @@ def _found(project: Project, file: StoredFile, rate: float | None, rig: Paramete
     settings = _settings(project, observed, cameras)
     with st.spinner("Finding the world frame."):
         found = once_or_refused(
-            _FRAMES,
+            "world frame",
             f"{file.sha256} {rate} {rig.digest} {cameras} {settings}",
             lambda: jobs.compute(find_world, rig, observed, settings, cameras),
         )

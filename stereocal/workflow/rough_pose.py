@@ -5,11 +5,10 @@ import numpy as np
 from stereocal.fit.start.first_poses import robust_start
 from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair
-from stereocal.system.latest import Latest
+from stereocal.system.latest import once
 
 PAIRS = 500
 """Pairs of points from which it is estimated."""
-_POSES: Latest[Pose | None] = Latest(16)
 
 
 def rough_pose(dataset: Pair) -> Pose | None:
@@ -17,4 +16,6 @@ def rough_pose(dataset: Pair) -> Pose | None:
     for a data set, by its digest. None with fewer than 6 pairs, or without a solution."""
     step = len(dataset.correspondences) // PAIRS + 1
     rays = dataset.rays[:, ::step]
-    return _POSES.once(dataset.sha256, lambda: robust_start(dataset, np.ascontiguousarray(rays)))
+    return once(
+        "rough pose", dataset.sha256, lambda: robust_start(dataset, np.ascontiguousarray(rays))
+    )

@@ -14,16 +14,14 @@ from stereocal.evaluation.evaluate import evaluate
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.library.calibrations import calibrate
 from stereocal.projects.archive import pack_project
-from stereocal.projects.kept import KEPT
 from stereocal.projects.project import Project
-from stereocal.system.latest import Latest
+from stereocal.system.latest import forget
 from stereocal.system.zip_files import unzip
 from stereocal.ui import jobs
 from stereocal.ui.results import TILES
 from stereocal.verdict import recommendation
 from stereocal.verdict.in_words import digits
 from stereocal.workflow import pair_run
-from stereocal.workflow.answer import PairAnswer
 from tests.pages.stored_projects import (
     FEW,
     SLOW,
@@ -249,7 +247,7 @@ def test_a_forecast_that_held_out_frames_contradict_is_yellow(
     """The box, the tile of the figure, and the words; without it the same box is green."""
     said = "Held-out frames contradict the forecast: seen in a test."
     for told_of, colour in ((said, "warning"), ("", "success")):
-        monkeypatch.setitem(KEPT, PairAnswer, Latest(8))
+        forget()
         monkeypatch.setattr(recommendation, "_contradiction", lambda *_, own=told_of: own)
         app = again(pressed, "calibrate")
         first = next(box.value for box in getattr(app, colour) if "A length of" in str(box.value))

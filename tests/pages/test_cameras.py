@@ -1,13 +1,10 @@
 """The Lenses page, without a browser."""
 
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
 
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereocal.intrinsics import quality
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS, CameraName
@@ -89,13 +86,6 @@ def test_a_fisheye_has_no_coefficients_to_hold(app: AppTest, boards: dict[str, b
     assert not any(app.toggle(key=key).disabled for key in held)
     app.segmented_control(key="lens_model").set_value("fisheye").run()
     assert all(app.toggle(key=key).disabled for key in held)
-
-
-def test_the_note_on_the_model_is_of_each_lens(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(quality, "note_on_model", lambda search, _settings: str(search))
-    lenses = [cast(Any, SimpleNamespace(search=n, settings=n)) for n in (1, 2)]
-    notes = {lens._note_on_model(f"lens {each.search}", each) for each in lenses}
-    assert notes == {"1", "2"}
 
 
 def test_loaded_lenses_are_not_called_missing(pressed: AppTest) -> None:

@@ -17,8 +17,8 @@ from stereocal.projects import project as project_module
 from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.home import recent_projects
-from stereocal.projects.kept import KEPT
 from stereocal.projects.project import Project
+from stereocal.system.latest import forget
 from tests.pages.stored_projects import FULL, ROOT, dashboard, go, page_of, placed, told
 
 SECRET = "/srv/secret/place"
@@ -155,7 +155,7 @@ def test_a_validation_that_could_not_be_read_once_is_there_again(
     validation = project.evaluation
     assert validation is not None
     project.keep_evaluation(validation, of_calibration=True)
-    KEPT[Evaluation].clear()
+    forget()
 
     def unread(_content: bytes) -> Evaluation:
         raise StereocalError("not now")

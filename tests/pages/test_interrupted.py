@@ -11,14 +11,12 @@ from streamlit.testing.v1 import AppTest
 from stereocal.evaluation.evaluate import RunCounts, evaluate_runs
 from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.home import bring_back, remove
-from stereocal.projects.kept import KEPT
 from stereocal.projects.project import Project
+from stereocal.system import latest
 from stereocal.system.tasks import StoppedError
 from stereocal.ui import jobs, results, screening
 from stereocal.ui.warm_up import WARM_UP
 from stereocal.workflow import answer, pair_run
-from stereocal.workflow.answer import PairAnswer
-from stereocal.workflow.pair_run import PairRun
 from tests.pages.stored_projects import FEW, SLOW, ended, go, messages, project_of, told, wait_until
 from tests.pages.test_pages import open_sample
 from tests.projects.test_found_before import bits
@@ -191,9 +189,7 @@ def long(app: AppTest, monkeypatch: pytest.MonkeyPatch) -> AppTest:
 
 def forget() -> None:
     """What a server that starts has not in memory."""
-    screening.SCREENINGS.clear()
-    KEPT[PairRun].clear()
-    KEPT[PairAnswer].clear()
+    latest.forget()
     jobs.JOBS.clear()
 
 

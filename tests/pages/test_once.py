@@ -13,11 +13,11 @@ from stereocal.fit.refine import refine
 from stereocal.formats import correspondences_csv
 from stereocal.formats.dataset_files import pack_dataset, read_dataset
 from stereocal.frames.frame import correspondences_of
-from stereocal.projects import kept
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.archive import pack_project
 from stereocal.projects.home import recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.system.latest import forget
 from stereocal.ui import jobs
 from stereocal.ui.start import RIG
 from tests.files import zipped
@@ -45,13 +45,6 @@ def counted(patch: pytest.MonkeyPatch, function: str) -> list[tuple[Any, ...]]:
 
     patch.setattr(function, count)
     return calls
-
-
-def forget() -> None:
-    """As after a restart of the server."""
-    for latest in kept.KEPT.values():
-        latest.clear()
-    st.cache_resource.clear()
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.fit.least_squares.unknowns import DEFAULT_FOCAL, baseline_sigma_m, lenses_of
-from stereocal.projects.kept import packed_table
+from stereocal.projects.packed import packed_table
 from stereocal.projects.project import Project
 from stereocal.rig.pair import Pair
 from stereocal.ui.forms import refine_settings

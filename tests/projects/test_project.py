@@ -13,10 +13,10 @@ from stereocal.formats.point_answers import first_answers, layout_of
 from stereocal.library.calibrations import calibrate
 from stereocal.projects import application
 from stereocal.projects.application import ProjectApplication
-from stereocal.projects.kept import KEPT, NAMES
+from stereocal.projects.packed import NAMES
 from stereocal.projects.project import Project
 from stereocal.projects.server_settings import default_home
-from stereocal.workflow.pair_run import PairRun
+from stereocal.system.latest import forget
 
 XYPTS = b"pt1_cam1_X,pt1_cam1_Y,pt1_cam2_X,pt1_cam2_Y\n1.5,2,3,4\n5,6,NaN,NaN\n7,8,9,10\n"
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
@@ -121,7 +121,7 @@ def test_a_result_without_a_refined_set_has_none_when_it_is_read_again(tmp_path:
     dataset = project.dataset
     assert dataset is not None
     project.keep_calibration(calibrate(dataset, refined=None), project.inputs)
-    KEPT[PairRun].clear()  # as after a restart
+    forget()  # as after a restart
     back = Project.open(tmp_path, project.id).calibration
     assert back is not None and back.refined is None
 

@@ -28,7 +28,7 @@ from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset, exchanged_ends
 from stereocal.system.array_types import FloatArray, IntArray
-from stereocal.system.latest import Latest, once_or_refused
+from stereocal.system.latest import once_or_refused
 from stereocal.system.numbers import count, rounded
 from stereocal.system.sampling import evenly_spread
 
@@ -63,8 +63,6 @@ LONG, RUNS, RUN = 3000, 40, 10
 which the fit uses."""
 LONGEST = 400_000
 """The largest count of frames, from the first frame seen."""
-
-KEPT: Latest["OffsetOfPair | StereocalError"] = Latest(16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +151,7 @@ def offset_of_pair(
         searches.append(_Search(own, about, number, begin))
         content += map(bytes, (own.frame, own.camera, own.target, own.points))
     found = partial(_offset, searches)
-    return once_or_refused(KEPT, hashlib.sha256(b"".join(content)).hexdigest(), found)
+    return once_or_refused("time offset", hashlib.sha256(b"".join(content)).hexdigest(), found)
 
 
 class _Candidate(NamedTuple):
