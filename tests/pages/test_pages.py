@@ -265,7 +265,7 @@ def test_the_project_is_named_and_renamed(project: Project) -> None:
     name.set_value("Meadow").run()
     assert project.inputs.name == "Meadow"
     assert app.sidebar.caption[0].value.startswith("Saved 20")
-    assert not app.exception and not app.info
+    assert not app.exception and not app.error
     assert go(app, "data").sidebar.text_input(key="project_name").value == "Meadow"
 
 
