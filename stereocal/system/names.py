@@ -5,8 +5,10 @@ cameras, targets, tracks or photographs apart. It stays as it is, or is refused:
 become one.
 """
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from itertools import combinations
+from pathlib import PurePath
 from unicodedata import category
 
 from stereocal.errors import StereocalError
@@ -88,3 +90,26 @@ def check_camera_names(names: Iterable[str]) -> None:
                 f"The files of the cameras {' and '.join(other)} and those of {' and '.join(pair)} "
                 "would have one name: rename a camera."
             )
+
+
+def named_after(files: Sequence[str], cameras: Sequence[str]) -> dict[str, str]:
+    """Whose each of several files is, by the name of a camera in its name, as `points_left.csv`.
+
+    Raises:
+        StereocalError: a file names no camera, or two name the same.
+    """
+    whose: dict[str, str] = {}
+    for file in files:
+        stem = PurePath(file).stem.casefold()
+        apart = r"(?<![^\W_]){}(?![^\W_])"
+        named = [c for c in cameras if re.search(apart.format(re.escape(c.casefold())), stem)]
+        if not named:
+            raise StereocalError(
+                f"{file}: its name does not say which camera it is of. Name the files after the "
+                f"cameras, as points_{cameras[0]}.csv, or give them one by one."
+            )
+        camera = max(named, key=len)
+        if camera in whose.values():
+            raise StereocalError(f"{file}: another file is of {camera} too. Give them one by one.")
+        whose[file] = camera
+    return whose

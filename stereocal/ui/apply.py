@@ -44,6 +44,8 @@ from stereocal.verdict.in_words import listed
 
 INSTANT_S = 2.0
 """Shorter computations run as the controls move."""
+UNASKED_S = 20.0
+"""Shorter ones begin unasked, beside the page: three cameras take as many acts as two."""
 
 
 class ApplyInputs(NamedTuple):
@@ -186,7 +188,7 @@ def _choose_for_rig(project: Project, store: ProjectApplication) -> ApplyInputs 
 def update_application(
     project: Project, store: ProjectApplication, work: Application, is_clicked: bool
 ) -> None:
-    """Compute short work at once; for long work show a button and progress."""
+    """Compute short work at once, longer work in a job, and long work when a button is pressed."""
 
     def run(job: jobs.Job) -> None:
         store.run(work, job.begin, job.progress, job.executor)
@@ -194,15 +196,18 @@ def update_application(
     # If damaged, it is computed again.
     result = readable(lambda: store.result_of(is_clicked), told=False)
     stale = "" if result is None else result[0].changed_since(work)
-    current = result is not None and not stale
-    job = jobs.PageWork(project, "apply", STAGES, run)
-    if not current and work.expected_seconds <= INSTANT_S:
+    current, seconds = result is not None and not stale, work.expected_seconds
+    unasked = INSTANT_S < seconds <= UNASKED_S
+    job = jobs.PageWork(project, "apply", STAGES, run, work.made_from, follows=unasked)
+    if not current and unasked:
+        jobs.start(job)
+    if not current and seconds <= INSTANT_S:
         with ErrorsShown(), st.spinner("Matching and measuring."), suppress(StoppedError):
             WARM_UP.over.wait()
             run(jobs.Job(job, jobs.pool()))
             stale = ""
     show_stale(stale)
-    if not current and work.expected_seconds > INSTANT_S and not jobs.is_running(project, "apply"):
+    if not current and seconds > INSTANT_S and not jobs.is_running(project, "apply"):
         label = f"Match and measure ({listed([f'{rows:,}' for rows in work.rows])} points)"
         jobs.start_button(job, label, "apply_run")
     last = "Cancelled. What is shown is the last finished result."

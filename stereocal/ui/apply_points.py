@@ -30,11 +30,12 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import camera_in_words
 from stereocal.system.latest import once_or_refused
+from stereocal.system.names import named_after
 from stereocal.system.numbers import count, rounded
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, Number, one_of, setting, yes_or_no
 from stereocal.ui.figure import show_figure
-from stereocal.ui.intake import take_one
+from stereocal.ui.intake import take_new
 from stereocal.ui.messages import button
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import ask_about_points
@@ -47,7 +48,8 @@ COLUMNS = 3
 KINDS = ["csv", "txt", "tsv", "parquet", "h5", "hdf5", "mat"]
 HELP = (
     "A table frame,u,v with further columns, or a file of Argus, easyWand, DLTdv, DeepLabCut "
-    "(CSV), SLEAP (CSV or analysis HDF5), Tracktor, TrackMate or another program."
+    "(CSV), SLEAP (CSV or analysis HDF5), Tracktor, TrackMate or another program. Files of several "
+    "cameras can be given here together, each named after its camera."
 )
 
 
@@ -123,11 +125,17 @@ class PointsForm:
             if file.answers is not None:
                 button("Read it differently", f"again_{slot}", self.store.ask_again, slot)
         title, key = f"Points of {escape_markdown(camera)}", f"upload_points_{slot}"
-        upload = st.file_uploader(title, type=KINDS, key=key, help=HELP)
-        take_one(upload, partial(self._offer, slot))
+        uploads = st.file_uploader(title, KINDS, accept_multiple_files=True, key=key, help=HELP)
+        take_new(uploads, partial(self._offer, slot))
 
-    def _offer(self, slot: Asked, label: str, content: bytes) -> None:
-        self.store.offer_points(slot, label, content)
+    def _offer(self, slot: Asked, files: Mapping[str, bytes]) -> None:
+        """Take the file of one camera, or several files that are named after their cameras."""
+        slots = dict.fromkeys(files, slot)
+        if len(files) > 1:
+            cameras = named_after([*files], [*self.slots])
+            slots = {name: self.slots[camera] for name, camera in cameras.items()}
+        for name, own in slots.items():
+            self.store.offer_points(own, name, files[name])
         if len(self.slots) - len(self._missing) >= FEWEST:
             self._kind.set(self._titles[1])
 

@@ -72,7 +72,8 @@ class PageWork:
     """What it has found, for its page: `run` adds to it."""
     follows: bool = False
     """Whether its page starts it unasked, at each change of its settings: it takes the place of one
-    of other settings at once, one that failed is not begun again, and no project stores it."""
+    of other settings at once, one that failed or was cancelled is not begun again, and no project
+    stores it."""
 
     @property
     def digest(self) -> str:
@@ -159,7 +160,7 @@ def is_running(project: Project, kind: Kind) -> bool:
 
 def start(work: PageWork, anew: bool = False) -> Job:
     """The job of this work, begun unless one of its kind is running (or, for work that `follows`,
-    one made from the same is running or has failed).
+    one made from the same is running, has failed or was cancelled).
 
     Args:
         anew: begun in any case, in the place of one that is running.
@@ -167,7 +168,7 @@ def start(work: PageWork, anew: bool = False) -> Job:
     key = work.project.results, work.kind
     with _STARTING:
         if (last := JOBS.get(key)) is not None:
-            kept = ("running", "failed") if work.follows else ("running",)
+            kept = ("running", "failed", "cancelled") if work.follows else ("running",)
             same = last.work.made_from == work.made_from or not work.follows
             if last.state in kept and same and not anew:
                 return last
@@ -189,7 +190,7 @@ def start_button(
 
     def press() -> None:
         clear_refusal()
-        start(work)
+        start(work, anew=work.follows)
 
     disabled = disabled or is_running(work.project, work.kind)
     button(label, key, press, first=primary, disabled=disabled)

@@ -106,7 +106,7 @@ def show_rig(project: Project, rig: RigFile) -> None:
             st.metric(title, value)
             st.caption(told)
     with st.container(horizontal=True):
-        offer("rig.json", rig.dumps(), RIG, "rig_json", primary=True)
+        offer("rig.json", rig.dumps(), RIG, "download_rig_json", primary=True)
         if project.pair_files is not None:
             offer("All pairs (zip)", project.pair_files, PAIRS, "rig_zip")
     st.subheader("The cameras in 3D")

@@ -47,7 +47,7 @@ class User:
     def give(self, files: Sequence[Path], to: str = "data_") -> None:
         """Choose files in the one place for files, or another."""
         self._wait()
-        uploader = self.page.locator(f"[class*=st-key-upload_{to}] input[type=file]")
+        uploader = self.page.locator(f"[class*=st-key-upload_{to}] input[type=file]").first
         uploader.set_input_files(list(files))
 
     def enter(self, key: str, value: float | str) -> None:
@@ -60,12 +60,16 @@ class User:
     def download_both(self) -> None:
         """Save the files of the paper's two sets."""
         for method in ("2d", "3d"):
-            self._wait()
-            button = self.page.locator(f".st-key-download_{method} button")
-            expect(button).to_be_visible(timeout=LONGEST_MS)
-            with self.page.expect_download() as saved:
-                button.click()
-            assert saved.value.suggested_filename == f"parameters_{method}.json"
+            self.download(f"download_{method}", f"parameters_{method}.json")
+
+    def download(self, key: str, name: str) -> None:
+        """Save a file."""
+        self._wait()
+        button = self.page.locator(f".st-key-{key} button")
+        expect(button).to_be_visible(timeout=LONGEST_MS)
+        with self.page.expect_download() as saved:
+            button.click()
+        assert saved.value.suggested_filename == name
 
     def sees(self, text: str) -> None:
         """The page shows a text, perhaps twice while it is drawn anew."""
@@ -181,3 +185,35 @@ def test_a_folder_is_given_whole(page: Page, app_url: str) -> None:
     upload = page.locator("[class*=st-key-upload_data_folder_] input[type=file]")
     upload.set_input_files(ROOT / "sample_data" / "field")
     expect(page.get_by_text("50 pairs of points in 25 frames").first).to_be_visible()
+
+
+@pytest.mark.parametrize(
+    ("sample", "parameters", "matched"),
+    [
+        ("recording", ("download_refined", "parameters_refined.json"), "pairs.csv"),
+        ("rig", ("download_rig_json", "rig.json"), "tracks.csv"),
+    ],
+)
+def test_three_cameras_take_the_acts_of_two(
+    page: Page, app_url: str, sample: str, parameters: tuple[str, str], matched: str
+) -> None:
+    """From Start to parameters, 3D points and a check, of real recordings of wands."""
+    files = [*(ROOT / "sample_data" / sample).glob("*.*")]
+    points = [path for path in files if path.name.startswith("points_")]
+    data = [path for path in files if path.suffix != ".md" and path not in points]
+    page.goto(app_url)
+    user = User(page)
+    user.press("Start with my own data")
+    user.give(data)
+    user.press("Next: Calibrate")
+    user.press("Calibrate")
+    user.download(*parameters)
+    user.press("Next: Validate")
+    user.press("Next: Apply")
+    user.give(points, "points_")
+    for name in (matched, "points.csv"):
+        user.download(f"download_{name}".replace(".", "-"), name)
+    user.press("Next: Check")
+    user.give(data, "check_images_")
+    user.sees("No movement")
+    assert user.acts == 12

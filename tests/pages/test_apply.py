@@ -27,7 +27,16 @@ from stereocal.ui.apply_points import CLICKED
 from tests.field.world_tables import lines_csv, survey_csv
 from tests.known_rig import PRIMARY, RIG, SECONDARY
 from tests.matching.test_point_noise import seen
-from tests.pages.stored_projects import go, messages, page_of, pictured, project_of, run_job, told
+from tests.pages.stored_projects import (
+    ended,
+    go,
+    messages,
+    page_of,
+    pictured,
+    project_of,
+    run_job,
+    told,
+)
 from tests.rigs.worlds import Place, plumb_lines, surveyed, world_of_cameras
 
 SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
@@ -156,11 +165,30 @@ def test_a_long_work_runs_as_a_job(
     app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(apply_page, "INSTANT_S", 0.0)
+    monkeypatch.setattr(apply_page, "UNASKED_S", 0.0)
     with_files(app)
     assert "No result yet" in told(app)
     job = run_job(app, "apply_run", store_of(app, home).project, "apply")
     assert job.state == "done"
     assert "90 pairs in 6 frames" in told(app, "success")
+
+
+def test_work_of_seconds_begins_unasked_once(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(apply_page, "INSTANT_S", 0.0)
+    with_files(app)
+    project = store_of(app, home).project
+    job = ended(project, "apply")
+    app.run()
+    assert "90 pairs in 6 frames" in told(app, "success") and ended(project, "apply") is job
+    job.state, job.cancelled = "cancelled", True
+    store_of(app, home).forget_result()
+    app.run()
+    assert ended(project, "apply") is job  # a person has cancelled it
+    assert run_job(app, "apply_run", project, "apply").state == "done"
+    app.number_input(key="apply_threshold").set_value(40.0).run()
+    assert ended(project, "apply").work.made_from != job.work.made_from
 
 
 def test_refined_set_serves_both(pressed: AppTest) -> None:
@@ -355,6 +383,7 @@ def test_what_has_changed_since_a_result_is_said(
 ) -> None:
     with_files(app)
     monkeypatch.setattr(apply_page, "INSTANT_S", 0.0)
+    monkeypatch.setattr(apply_page, "UNASKED_S", 0.0)
     app.number_input(key="apply_threshold").set_value(40.0).run()
     words = "Changed since this result: threshold, depths, noise, names or world frame."
     assert words in told(app, "warning")

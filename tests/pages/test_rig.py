@@ -238,10 +238,11 @@ def test_a_rig_file_alone_is_applied(app: AppTest, home: Path) -> None:
     go(app, "apply").button(key="apply_begin").click().run()
     app.file_uploader(key="upload_set_matching").upload("rig.json", rig_text().encode()).run()
     assert "a rig of 3 cameras" in told(app, "caption") and not app.exception
-    for camera in "12":
-        table = (RIG / f"points_{camera}.csv").read_bytes()
-        few = b"".join(table.splitlines(keepends=True)[:40])
-        app.file_uploader(key=f"upload_points_camera {camera}").upload("p.csv", few).run()
+    tables = {
+        path.name: b"".join(path.read_bytes().splitlines(keepends=True)[:40])
+        for path in (RIG / f"points_{camera}.csv" for camera in "12")
+    }
+    drop(app, tables, "upload_points_camera 2")  # each goes to the camera in its name
     result = ProjectApplication(Project.open(home, find_projects(home)[0])).result
     assert result is not None and result[0].cameras == ["1", "2"]
     app.button(key="forget_rig").click().run()

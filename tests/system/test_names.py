@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
 from stereocal.system.csv_text import as_names, csv_text, quoted, unquoted
-from stereocal.system.names import LONGEST, check_name, check_path, label_of
+from stereocal.system.names import LONGEST, check_name, check_path, label_of, named_after
 from stereocal.system.zip_files import open_zip, pack_zip
 
 
@@ -65,3 +65,15 @@ def test_numbers_and_lone_signs_are_no_formulas() -> None:
         assert quoted(text) == text
     for text in ("=1", "-a", "+x", "@x", "-1+cmd|x", "'=x", "\uff1dx"):
         assert quoted(text) == f"'{text}"
+
+
+def test_files_are_of_the_cameras_in_their_names() -> None:
+    files = ["points_1.csv", "Cam-1.csv", "3 Cam-12.csv"]
+    cameras = ["1", "cam-1", "cam-12"]
+    assert named_after(files, cameras) == dict(zip(files, cameras, strict=True))
+
+
+@pytest.mark.parametrize("files", [["points_11.csv", "2.csv"], ["a1.csv"], ["1.csv", "p_1.csv"]])
+def test_a_file_whose_camera_is_not_told_is_named(files: list[str]) -> None:
+    with pytest.raises(StereocalError, match=files[len(files) - 1 if "p_" in files[-1] else 0]):
+        named_after(files, ["1", "2"])
