@@ -15,7 +15,7 @@ COMMANDS = {
     "evaluate": ("evaluate", "FCP and 3D error over random splits"),
     "import": ("import_archive", "a data set from the files of other programs"),
     "detect": ("detect", "the targets in photographs, as a table of points"),
-    "intrinsics": ("intrinsics", "the lens, from photographs of a board"),
+    "intrinsics": ("intrinsics", "the lens, from photographs or a video of a board"),
     "match": ("match", "which points of the two cameras belong together"),
     "reconstruct": ("reconstruct", "3D points of matched pairs"),
     "convert": ("convert", "parameters to and from the formats of other programs"),

@@ -23,6 +23,7 @@ from tools.photographs.rendering import (
     photograph,
     turned,
 )
+from tools.photographs.videos import write_video
 
 SMALL = Camera(
     K=np.array([[905.0, 0.0, 326.0], [0.0, 898.0, 233.0], [0.0, 0.0, 1.0]]),
@@ -104,3 +105,11 @@ def write_boards(folder: Path, count: int, seed: int = 1) -> list[Pose]:
     for at, pose in enumerate(poses):
         (folder / f"{at:02}.png").write_bytes(encoded(photographed(pose)))
     return poses
+
+
+def film_boards(path: Path, count: int, seed: int = 1) -> Path:
+    """A video of the board, a frame in each pose."""
+    poses = draw_board_poses(SMALL, np.random.default_rng(seed), count, SQUARES, PATTERN.square_m)
+    frames = [np.asarray(photographed(pose), np.uint8) for pose in poses]
+    seconds = [0.2 * k for k in range(count)]
+    return write_video(path, seconds, draw=frames.__getitem__, preset="ultrafast")

@@ -1,4 +1,4 @@
-"""`stereocal intrinsics`: lenses from photographs of a board."""
+"""`stereocal intrinsics`: lenses from photographs, or a video, of a board."""
 
 import argparse
 import tempfile
@@ -12,6 +12,7 @@ from stereocal.commands.photographs import write_recording
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.frames.proposal import propose
+from stereocal.frames.video.extract import with_frames
 from stereocal.intrinsics.boards import find_boards
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.files import about
@@ -33,7 +34,8 @@ from stereocal.system.taken import when_taken
 from stereocal.verdict.in_words import listed
 
 OPTIONS: Options = {
-    "images IMAGES...": "photographs, folders, zips",
+    "images IMAGES...": "photographs, folders, zips; or a video, whose sharpest still frames are "
+    "taken",
     **BOARD,
     "--out FILE": "camera.json, or .yml for OpenCV; a folder for a data set, from photographs of "
     "two cameras",
@@ -49,7 +51,8 @@ def run(parsed: argparse.Namespace) -> None:
     pattern, out = pattern_of(parsed), parsed.out
     settings = LensSettings(**{name: getattr(parsed, name) for name in asked(LensSettings)})
     with tempfile.TemporaryDirectory() as store, workers_from(parsed) as executor:
-        every = photographs_of(parsed.images, Path(store))
+        take = partial(with_frames, parsed.images, Path(store))
+        every = photographs_of(in_stages(take), Path(store))
         if missing := [name for name in parsed.leave_out if name not in every]:
             raise StereocalError(
                 f"--leave-out: there is no photograph {listed(missing)}; there are "

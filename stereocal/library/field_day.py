@@ -19,6 +19,7 @@ from stereocal.fit.rig_file import RigFile
 from stereocal.fit.timing.started_by_hand import BroughtIntoStep, bring_into_step
 from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.plan_file import read_plan
+from stereocal.frames.video.extract import with_frames
 from stereocal.intrinsics.boards import find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings
@@ -144,10 +145,11 @@ def intrinsics(
     square_m: float | None = None,
     settings: LensSettings | None = None,
 ) -> Lens:
-    """Calibrate a lens from photographs of a chessboard or ChArUco board.
+    """Calibrate a lens from photographs of a chessboard or ChArUco board, or from a video of it.
 
     Args:
-        photographs: a folder, a zip, or files.
+        photographs: a folder, a zip, or files; one of them may be a video, whose sharpest still
+            frames are taken.
         board: its inner corners, such as "18x12", with `square_m`; or a pattern.
 
     Raises:
@@ -157,7 +159,8 @@ def intrinsics(
         board = BoardPattern.parse(board, square_m or 0.0)
     several = [photographs] if isinstance(photographs, str | Path) else list(photographs)
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store, engine() as workers:
-        files = photographs_of(map(Path, several), Path(store))
+        sources = with_frames(map(Path, several), Path(store))
+        files = photographs_of(sources, Path(store))
         found = calibrate_lens(
             find_boards(files, board, workers), settings or LensSettings(), workers
         )

@@ -21,6 +21,7 @@ from stereocal.formats.dataset_files import parse_recording
 from stereocal.formats.dropped import Dropped, sort_files
 from stereocal.formats.exchange.options import ImageSize
 from stereocal.formats.recognition import CAMERA_SUFFIXES
+from stereocal.frames.video.decoding import SUFFIXES as VIDEO_SUFFIXES
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot, stated_in
 from stereocal.projects.packed import NAMES, as_read, packed_files
@@ -38,6 +39,7 @@ from stereocal.ui.project import project_to_write
 from stereocal.ui.texts import escape_markdown
 
 PHOTOGRAPH_KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
+VIDEO_KINDS = [suffix.removeprefix(".") for suffix in VIDEO_SUFFIXES]
 CAMERA_KINDS = [suffix.removeprefix(".") for suffix in CAMERA_SUFFIXES]
 _SEEN = "uploads_seen"
 Keep = Callable[[str, bytes], StoredFile]

@@ -1,7 +1,8 @@
-"""The Lenses page: board photographs or a camera file, the lens calibration, and its results."""
+"""The Lenses page: board photographs, a video or a camera file, the calibration, its results."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import pandas as pd
@@ -13,12 +14,14 @@ from stereocal.figures import lens as figures
 from stereocal.figures.rig_report import lens_table
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.formats.dropped import sort_files
+from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.intrinsics import files, quality
 from stereocal.intrinsics.boards import FoundBoard, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens, digest_of_draws
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.intrinsics.proposed_board import proposed_board
 from stereocal.projects.database import DamagedError
+from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.project import Project
@@ -47,6 +50,7 @@ from stereocal.ui.print_downloads import board_to_print
 from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.start import has_sample_photographs, load_sample_boards
 from stereocal.ui.texts import BOARDS, escape_markdown, escaped_table
+from stereocal.ui.videos import start_taking
 
 BOARD, FILE = "Photographs of a board", "A camera file"
 STAGES = ("photographs searched", "draws calibrated")
@@ -99,6 +103,8 @@ def _show_table(lenses: pd.DataFrame) -> None:
 
 def _tell_what_is_loaded(project: Project | None, which: CameraName) -> None:
     """What there is to do while there are no photographs of the board."""
+    if project is not None and jobs.is_running(project, JOB_KINDS[which]):
+        return
     cameras = project.cameras if project else (None, None)
     if all(cameras):
         said = "Both lenses are loaded. To calibrate one again, upload photographs of the board."
@@ -144,42 +150,71 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
         with st.spinner("Storing the photographs."):
             given = sort_files(((each.name, each.getvalue()) for each in uploads), own.keep)
         own.add(given.photographs)
-        if given.problems or not given.photographs:
-            none = "There is no photograph among these files."
+        if given.photographs:
+            with st.spinner("Looking at the first photographs ..."):
+                _propose_board(own)
+        if videos := given.of("video"):
+            given.use(partial(_take_video, own, videos))
+        if given.problems or not (given.photographs or videos):
+            none = "There is neither a photograph nor a video among these files."
             raise StereocalError(" ".join(given.problems) or none)
-        if "board_columns" not in own.project.settings:
-            _propose_board(own)
 
-    title = f"Photographs of the board by the {which} camera, or a zip of them"
-    kinds, key = intake.PHOTOGRAPH_KINDS, f"upload_boards_{which}"
+    title = f"Photographs of the board by the {which} camera, a zip of them, or a video"
+    kinds, key = [*intake.PHOTOGRAPH_KINDS, *intake.VIDEO_KINDS], f"upload_boards_{which}"
     intake.emptied_uploader(title, kinds, key, take, counter=_ROUND)
     project = current_project()
     if project is None:
         return None
     store, key = ProjectLens(project, which), f"no_boards_{which}"
+    last = "Cancelled. What is shown is the last finished lens."
     try:
         photographs = store.photographs
-        if not photographs:
-            return None
-        words = f"Of the {which} camera: {count(len(photographs), 'photograph')}."
-        show_with_button("markdown", words, "Remove them", key, _clear, store)
-        with ErrorsShown():
-            _act(store, board_form(project), _lens_form(project))
+        if photographs:
+            words = f"Of the {which} camera: {count(len(photographs), 'photograph')}."
+            show_with_button("markdown", words, "Remove them", key, _clear, store)
+            with ErrorsShown():
+                _act(store, board_form(project), _lens_form(project))
+        else:
+            last = "Cancelled. No frame was taken."
     except DamagedError as error:
         st.error(escape_markdown(str(error)))
         button("Remove them", key, _clear, store)
         return None
-    last = "Cancelled. What is shown is the last finished lens."
     jobs.show_job(project, JOB_KINDS[which], last)
-    return store
+    return store if photographs else None
+
+
+def _take_video(store: ProjectLens, videos: Mapping[str, bytes]) -> None:
+    """Begin to take photographs out of a video."""
+    (name, content), *others = videos.items()
+    if others:
+        raise StereocalError(f"These are {len(videos)} videos: give one at a time.")
+    take = partial(_take_frames, store, PurePosixPath(name).stem)
+    start_taking(store.project, JOB_KINDS[store.which], {store.which: (name, content)}, take)
+
+
+def _take_frames(
+    store: ProjectLens, folder: str, videos: Mapping[str, Path], job: jobs.Job
+) -> None:
+    """The sharpest still frames of a video, which become photographs in a folder of its name."""
+    found: dict[str, StoredFile] = {}
+
+    def keep(frame: str, content: bytes) -> None:
+        name = f"{folder}/{PurePosixPath(frame).name}"
+        found[name] = store.keep(name, content)
+
+    report = extract(videos, VideoSettings(), keep, job.begin, job.progress)
+    store.add(found)
+    _propose_board(store)
+    job.note = " ".join(report.sentences)
 
 
 def _propose_board(store: ProjectLens) -> None:
     """Fill in what is printed on the board, where the first photographs show it."""
-    with st.spinner("Looking at the first photographs ..."):
+    if "board_columns" not in store.project.settings:
         board = proposed_board(store.photographs)
-    if board is not None:
-        store.project.keep_settings(fields_of_board(board))
+        if board is not None:
+            store.project.keep_settings(fields_of_board(board))
 
 
 def _lens_form(project: Project) -> LensSettings:

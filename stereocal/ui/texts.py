@@ -39,6 +39,8 @@ BOARDS = """
 - Cover the **whole image**, edges and corners too, and tilt the board by 20 to 50 degrees in
   different directions.
 - Zoom and focus must not change between these photographs and your recordings.
+- A **video** serves as well: hold the board still for a second in each of these positions. The
+  sharpest still frame of each second is taken; a video shorter than 30 s gives 30 frames.
 """
 
 REFINED_SET = """

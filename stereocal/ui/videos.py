@@ -1,19 +1,19 @@
-"""Videos on the Data page: their frames become photographs of the project."""
+"""Videos on the pages: their frames become photographs of the project."""
 
 import re
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, disk_errors
 from stereocal.frames.proposal import Choice
-from stereocal.frames.video.decoding import SUFFIXES
 from stereocal.frames.video.extract import STAGES, FrameChoice, VideoSettings, extract
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
@@ -27,6 +27,10 @@ CHOICES: dict[FrameChoice, str] = {
     "still": "The sharpest still frame of each second; of short videos 30",
     "every": "Every n-th frame",
 }
+TakeFrames = Callable[[Mapping[str, Path], jobs.Job], None]
+"""Takes frames of the videos of each camera, as a job."""
+UNSAFE = re.compile(r"[^\w .-]")
+"""In the name of a file."""
 FRAME = re.compile(r"[^/]+/\d{6}\.(?:png|jpg)")
 REPORT = "video_report"
 FRAMES_MISSING = "video_frames_missing"
@@ -86,37 +90,50 @@ def take_videos(
     Raises:
         StereocalError: they cannot be read on this server, or not be stored.
     """
+    project = project or project_to_write()
+    project.keep_settings({REPORT: None})
+    start_taking(project, "video", videos, partial(_take, project, settings))
+
+
+def start_taking(
+    project: Project, kind: jobs.Kind, videos: Mapping[str, tuple[str, bytes]], take: TakeFrames
+) -> None:
+    """Begin a job with videos, which are temporary files while it runs.
+
+    Args:
+        kind: of the job; no other one of its kind may run.
+        videos: as of `take_videos`.
+
+    Raises:
+        StereocalError: as of `take_videos`.
+    """
     if find_spec("av") is None:
         raise StereocalError(MISSING)
-    project = project or project_to_write()
-    if jobs.is_running(project, "video"):
+    if jobs.is_running(project, kind):
         raise StereocalError("The frames of other videos are being taken: wait, or cancel.")
-    with ExitStack() as undo:
-        try:
-            folder = Path(tempfile.mkdtemp(prefix="stereocal-video-"))
-            undo.callback(shutil.rmtree, folder, ignore_errors=True)
-            paths = {}
-            for which, (name, content) in videos.items():
-                suffix = PurePosixPath(name).suffix.lower()
-                paths[which] = folder / f"{which}{suffix if suffix in SUFFIXES else '.mp4'}"
-                paths[which].write_bytes(content)
-        except OSError as error:
-            raise StereocalError(f"{error.strerror or error}.") from error
-        project.keep_settings({REPORT: None})
+    with ExitStack() as undo, disk_errors("The videos cannot be stored"):
+        folder = Path(tempfile.mkdtemp(prefix="stereocal-video-"))
+        undo.callback(shutil.rmtree, folder, ignore_errors=True)
+        paths = {}
+        for which, (name, content) in videos.items():
+            # Messages name the file, and its name is not trusted.
+            paths[which] = folder / which / UNSAFE.sub("_", PurePosixPath(name).name)
+            paths[which].parent.mkdir()
+            paths[which].write_bytes(content)
 
         def run(job: jobs.Job) -> None:
             try:
-                _take(project, paths, settings, job)
+                take(paths, job)
             finally:
                 shutil.rmtree(folder, ignore_errors=True)
 
-        job = jobs.start(jobs.PageWork(project, "video", STAGES, run))
+        job = jobs.start(jobs.PageWork(project, kind, STAGES, run))
         if job.state != "failed":  # else it may not have been started
             undo.pop_all()
 
 
 def _take(
-    project: Project, videos: Mapping[str, Path], settings: VideoSettings, job: jobs.Job
+    project: Project, settings: VideoSettings, videos: Mapping[str, Path], job: jobs.Job
 ) -> None:
     store = ProjectPhotographs(project)
     found: dict[str, StoredFile] = {}
@@ -125,8 +142,6 @@ def _take(
         found[name] = store.keep(name, content)
 
     report = extract(videos, settings, keep, job.begin, job.progress)
-    if not found:
-        raise StereocalError("No frame of the videos could be decoded.")
     if settings.by_hand != (store.choice.way == "motion"):
         # The numbers of frames that were taken before are of other moments.
         others = {n: f for n, f in store.photographs.items() if not FRAME.fullmatch(n)}

@@ -54,6 +54,29 @@ def test_every_nth_frame_of_a_constant_rate(tmp_path: Path, suffix: str) -> None
     assert not report.frames_missing
 
 
+def test_of_one_video_the_sharpest_still_frame_of_each_second(tmp_path: Path) -> None:
+    """Each picture is held for three fifths of its second, and blurred by motion in the others."""
+
+    def draw(k: int) -> GreyImage:
+        second, moment = divmod(k, 5)
+        held = picture(second)
+        return (
+            held if moment in (1, 2, 3) else np.asarray(cv2.blur(held, (9 + moment, 1)), np.uint8)
+        )
+
+    path = write_video(tmp_path / "a.mp4", [k / 5 for k in range(5 * 32)], draw=draw)
+    found: dict[str, GreyImage] = {}
+
+    def keep(name: str, content: bytes) -> None:
+        found[name] = read_photograph(content, name)
+
+    report = extract({"board": path}, VideoSettings(), keep)
+    assert report.taken == 32
+    numbers = [int(name.removeprefix("board/").split(".")[0]) for name in found]
+    assert all((number - 1) % 5 in (1, 2, 3) for number in numbers)
+    assert [number_in(image) for image in found.values()] == [*range(32)]
+
+
 def test_frames_keep_their_colours_when_asked(tmp_path: Path) -> None:
     def red(number: int) -> GreyImage:
         grey = picture(number)

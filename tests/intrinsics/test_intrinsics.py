@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 
 from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
+from stereocal.frames.video.extract import STAGES, with_frames
 from stereocal.intrinsics.board_corners import are_crossings, find_chessboard
 from stereocal.intrinsics.boards import BoardSearch, BoardView, Refused, find_board, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
@@ -28,6 +29,7 @@ from stereocal.intrinsics.lens_fit import (
     solve_lens,
 )
 from stereocal.intrinsics.quality import advice, coverage, lens_answer, lens_rows, note_on_model
+from stereocal.library.field_day import intrinsics
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
@@ -42,6 +44,7 @@ from tests.lens import (
     AtOnce,
     corners_of,
     facing,
+    film_boards,
     photographed,
     search,
     views,
@@ -401,3 +404,17 @@ class TestFisheye:
         assert (px["fisheye"] < 0.8 * px["brown"]).all()
         assert "Use the lens model fisheye." in note_on_model(self.boards, LensSettings())
         assert "as good as the other" in note_on_model(search(24, 1), LensSettings())
+
+
+def test_a_video_in_the_place_of_photographs(tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    video, other = film_boards(tmp_path / "board.mp4", 9, seed=5), tmp_path / "photographs"
+    found = intrinsics(video, PATTERN, settings=LensSettings(subset=6, repeats=4))
+    # Nine small frames, compressed. Measured: 0.2 px.
+    assert abs(found.camera.K[0, 0] - SMALL.K[0, 0]) < 3
+    stages: list[str] = []
+    sources = with_frames([other, video], tmp_path / "store", stages.append)
+    assert sources == [other, tmp_path / "store" / "board"] and stages == [*STAGES]
+    assert len([*sources[1].iterdir()]) == 9
+    with pytest.raises(StereocalError, match="one video"):
+        with_frames([video, tmp_path / "b.mov"], tmp_path)

@@ -9,11 +9,12 @@ from stereocal.projects.lens import ProjectLens
 from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui import lens
-from tests.lens import SMALL, write_boards
+from tests.lens import SMALL, film_boards, write_boards
 from tests.pages.stored_projects import (
     again,
     dashboard,
     drop,
+    ended,
     go,
     messages,
     project_of,
@@ -78,6 +79,35 @@ def test_photographs_to_the_projects_camera(
     tab = again(app, "cameras")
     assert "6 draws of 5 out of 7 photographs" in messages(tab)
     assert tab.number_input(key="board_columns").value == 8
+
+
+def test_a_video_to_a_lens(app: AppTest, home: Path, tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    video = film_boards(tmp_path / "board.mp4", 8, seed=5).read_bytes()
+    kind, place = lens.JOB_KINDS["primary"], "upload_boards_primary"
+
+    damaged = {"board.mp4": video[: len(video) // 2]}
+    drop(app, damaged, place)
+    ended(project_of(app, home), kind)
+    (error,) = app.run().error
+    assert error.value.startswith("board.mp4") and "damaged" in error.value
+    assert not store_of(app, home).photographs
+
+    drop(app, {"a.mp4": video, "b.mp4": video}, place)
+    assert "one at a time" in told(app) and not store_of(app, home).photographs
+
+    drop(app, {"board.mp4": video}, place)
+    ended(project_of(app, home), kind)
+    app.run()
+    assert not app.error
+    assert {name.partition("/")[0] for name in store_of(app, home).photographs} == {"board"}
+    assert "Of the primary camera: 8 photographs" in told(app)
+    assert [app.number_input(key=f"board_{name}").value for name in ("columns", "rows")] == [8, 6]
+    calibrate(small_board(app))
+    assert not app.error
+    found = store_of(app, home).calibration
+    # Eight small frames, compressed. Measured: 0.2 px.
+    assert found is not None and abs(found.camera.K[0, 0] - SMALL.K[0, 0]) < 3
 
 
 def test_a_fisheye_has_no_coefficients_to_hold(app: AppTest, boards: dict[str, bytes]) -> None:

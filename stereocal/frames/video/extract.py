@@ -1,7 +1,7 @@
 """Take frames out of videos: of two those that belong together by their time stamps, as photographs
-that pair by their names; of cameras started by hand each by itself."""
+that pair by their names; of one, or of cameras started by hand, each by itself."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -13,9 +13,16 @@ import numpy.typing as npt
 from scipy.ndimage import median_filter
 
 from stereocal.errors import StereocalError
-from stereocal.frames.video.decoding import VideoTimes, encoded_frames, read_times, score_frames
+from stereocal.frames.video.decoding import (
+    SUFFIXES,
+    VideoTimes,
+    encoded_frames,
+    read_times,
+    score_frames,
+)
 from stereocal.frames.video.sound import heard_later, read_rises
 from stereocal.system.array_types import FloatArray, IntArray
+from stereocal.system.atomic_files import write_atomically
 from stereocal.system.guarded import Guard
 from stereocal.system.limits import Limits
 from stereocal.system.numbers import rounded
@@ -84,7 +91,7 @@ def extract(
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> VideoReport:
     """Take frames out of the videos of all cameras, of more than two only if they were started by
-    hand.
+    hand; or of one.
 
     Args:
         videos: by camera.
@@ -92,6 +99,9 @@ def extract(
             `secondary/000031.png` for recorded frame 31 of the primary.
         begin, progress: called with each stage of `STAGES`, and how much of it is done; what they
             raise ends the work.
+
+    Raises:
+        StereocalError: also if no frame can be decoded.
     """
     names, paths = [*videos], [*videos.values()]
     if len(names) > 2 and not settings.by_hand:
@@ -100,16 +110,18 @@ def extract(
             "started by hand only, whose motion tells which belong together: say so."
         )
     guard = Guard((read_times, score_frames, encoded_frames, read_rises), CHILDREN, LEAST_SECONDS)
-    step_s, rises, heard = None, list[FloatArray](), dict[str, float]()
+    step_s, rises = None, list[FloatArray]()
     try:
         files, look = [(each, each.name) for each in paths], partial(progress, 0, 1)
         times: list[VideoTimes] = guard.read_all(read_times, files, look)
         seconds = [each.seconds for each in times]
         n = settings.n if settings.choice == "every" else None
         with suppress(StereocalError):  # no sound that can be read
-            rises = guard.read_all(read_rises, files, look)
+            rises = guard.read_all(read_rises, files, look) if len(files) > 1 else []
         if settings.by_hand:
             pairs, step_s = by_themselves(seconds, n)
+        elif len(seconds) == 1:
+            pairs = of_one(*seconds)
         else:
             pairs = pair_times(seconds[0], seconds[1], settings.later_s)
         work = _Work(guard, names, paths, times, pairs, settings.coloured, begin, progress)
@@ -121,30 +133,82 @@ def extract(
         lost = work.take(chosen, keep)
     finally:
         guard.close()
-    sentences = describe_times(dict(zip(names, seconds, strict=True)), pairs)
-    taken = f"{len(chosen) - lost:,} pairs of frames were taken."
+    if lost == len(chosen):
+        raise StereocalError("No frame of the videos could be decoded.")
+    sentences = describe_times(by_name := dict(zip(names, seconds, strict=True)), pairs)
+    pairs_of = "pairs of " * (len(names) > 1)
+    taken = f"{len(chosen) - lost:,} {pairs_of}frames were taken."
     if step_s is not None:
         each = " and ".join(f"{count:,}" for count in (pairs.frames >= 0).sum(axis=0))
         taken = f"Of each by itself, a frame every {rounded(step_s)} s was taken: {each}."
     sentences.append(taken)
-    for name, own, rise in zip(names[1:], seconds[1:], rises[1:], strict=False):
+    heard, by_sound = _heard(by_name, rises, settings, step_s)
+    sentences += by_sound
+    if lost:
+        sentences.append(f"{lost} could not be decoded.")
+    missing = any(gaps_of(each.seconds) for each in times)
+    return VideoReport(tuple(sentences), len(chosen) - lost, missing, heard)
+
+
+def with_frames(
+    sources: Iterable[Path],
+    store: Path,
+    begin: Callable[[str], None] = lambda _stage: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> list[Path]:
+    """The sources of one camera's photographs, with a folder of frames in the place of a video.
+
+    Args:
+        sources: photographs, folders, zips, and one video at most.
+        store: where the folder is made.
+        begin, progress: as of `extract`.
+    """
+    sources = list(sources)
+    videos = [each for each in sources if each.suffix.lower() in SUFFIXES]
+    if len(videos) > 1:
+        raise StereocalError(
+            f"{videos[0]} and {videos[1]}: photographs of one camera come from one video. A board "
+            "in the videos of two cameras is found by `detect --videos`."
+        )
+
+    def write(name: str, content: bytes) -> None:
+        write_atomically(store / name, content)
+
+    for video in videos:
+        extract({video.stem: video}, VideoSettings(), write, begin, progress)
+    return [store / each.stem if each in videos else each for each in sources]
+
+
+def _heard(
+    times: Mapping[str, FloatArray],
+    rises: Sequence[FloatArray],
+    settings: VideoSettings,
+    step_s: float | None,
+) -> tuple[dict[str, float], list[str]]:
+    """By how many steps each video was started later by its sound, and what the sound says.
+
+    Args:
+        times: time stamps of each video, in seconds.
+        rises: of the sound of each; empty if it cannot be read.
+        step_s: of frames that are taken of each by itself.
+    """
+    (first, began), *others = times.items()
+    heard, sentences = dict[str, float](), list[str]()
+    for (name, own), rise in zip(others, rises[1:], strict=False):
         if (heard_s := heard_later(rises[0], rise)) is None:
             continue
         together = settings.by_hand or settings.later_s is None
-        heard_s += own[0] - seconds[0][0] if together else settings.later_s or 0.0
+        heard_s += own[0] - began[0] if together else settings.later_s or 0.0
         if step_s is not None:
             heard[name] = heard_s / step_s
-            both = f"{names[0]} and {name}" if len(names) > 2 else "they"
+            both = f"{first} and {name}" if len(times) > 2 else "they"
             sentences.append(f"By their sound, {both} began {abs(heard_s):.2f} s apart.")
         elif abs(heard_s) > HEARD_APART_S:
             sentences.append(
                 f"By their sound, these frames are {abs(heard_s):.2f} s apart: if the cameras were "
                 "started by hand, say so, and the motion tells which belong together."
             )
-    if lost:
-        sentences.append(f"{lost} could not be decoded.")
-    missing = any(gaps_of(each.seconds) for each in times)
-    return VideoReport(tuple(sentences), len(chosen) - lost, missing, heard)
+    return heard, sentences
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,10 +361,23 @@ def pair_times(
             "The two videos have no frames of the same moment: check that they are of the same "
             "recording, and by how much the secondary's clock is ahead."
         )
-    numbers = 1 + np.round((primary[ours] - primary[0]) / _period(primary)).astype(np.int64)
+    frames = np.column_stack([ours, nearest[ours]])
+    return VideoPairs(frames, apart[ours], _numbered(primary, ours))
+
+
+def of_one(seconds: FloatArray) -> VideoPairs:
+    """All frames of one video, by their time stamps."""
+    every = np.arange(len(seconds))
+    return VideoPairs(every[:, None], np.empty(0), _numbered(seconds, every))
+
+
+def _numbered(seconds: FloatArray, chosen: IntArray) -> IntArray:
+    """Numbers of the chosen frames from 1, ascending, which count missing frames too."""
+    times = seconds[chosen] - seconds[0]
+    numbers: IntArray = 1 + np.round(times / _period(seconds)).astype(np.int64)
     for k in range(1, len(numbers)):  # a variable rate
         numbers[k] = max(numbers[k], numbers[k - 1] + 1)
-    return VideoPairs(np.column_stack([ours, nearest[ours]]), apart[ours], numbers)
+    return numbers
 
 
 def _nearest(seconds: FloatArray, wanted: FloatArray) -> IntArray:
@@ -344,7 +421,7 @@ def stillest(
 
     Args:
         seconds: time stamps of the primary.
-        sharpness, motion: (n, 2), of each pair in both cameras.
+        sharpness, motion: (n, c), of each pair in all cameras.
     """
 
     def relative(values: FloatArray) -> FloatArray:
