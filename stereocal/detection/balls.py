@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from stereocal.detection.ball_colours import LEAST_CHROMA, Colours, colours_in_eight_bits, masks
 from stereocal.detection.outline import fit_outline
-from stereocal.detection.target import BRIGHT, Balls, Sighting, Spot, in_reading_order
+from stereocal.detection.target import BRIGHT, Balls, Sighting, Spot, in_reading_order, worst
 from stereocal.rig.camera import Camera
 
 SHORTEST_OUTLINE, LEAST_ROUND, MOST_CANDIDATES = 4, 0.2, 10
@@ -27,8 +27,6 @@ RIM_RADIUS = 8.0
 LAMP_SIGMA_PX = 0.05
 SIDE_LIGHT = 0.25
 """Standard error of the centroid of a small ball in its radii, with light from any side."""
-HIDDEN = 0.45
-"""Least part of the outline that must be seen."""
 CERTAIN, RUNNER_UP = 0.5, 0.5
 SIZE_SPREAD = 0.35
 """Spread of the logarithm of the ratio of the two radii: one ball may be 1.5 times as far as the
@@ -98,12 +96,10 @@ def _with_doubts(pairs: list[tuple[Spot, Spot]], which: int) -> Spot:
     spot = pairs[0][which]
     doubts = list(spot.doubts)
     at = f"The ball at ({spot.u:.0f}, {spot.v:.0f})"
-    if spot.score < CERTAIN:
-        doubts.append(f"{at} does not look quite like a ball.")
     for pair in pairs[1:]:
         if spot not in pair and _likeness(pair) > RUNNER_UP * _likeness(pairs[0]):
             u, v = pair[which].u, pair[which].v
-            doubts.append(f"{at} may be another one, at ({u:.0f}, {v:.0f}).")
+            doubts.append(f"{at} is not the only one like it: another is at ({u:.0f}, {v:.0f}).")
             break
     return replace(spot, doubts=tuple(doubts))
 
@@ -159,13 +155,39 @@ def _ball(colours: Colours, region: _Region, camera: Camera | None, lamp: bool) 
     if fitted is None or fitted.radius < RIM_RADIUS:
         u, v = region.centroid
         sigma = LAMP_SIGMA_PX if lamp else SIDE_LIGHT * region.radius
-        score = region.roundness * min(1.0, region.radius / RIM_RADIUS)
-        return Spot(u, v, sigma, region.radius, score=score)
+        return _spot(
+            Spot(u, v, sigma, region.radius),
+            (
+                min(1.0, region.radius / RIM_RADIUS),
+                f"is small, blurred or dark: its colour is {2 * region.radius:.0f} px across, "
+                f"{2 * RIM_RADIUS:.0f} px are the least.",
+            ),
+            (
+                region.roundness,
+                f"is not round: its colour fills {100 * region.roundness:.0f} % of a circle.",
+            ),
+        )
     u, v = fitted.centre.tolist()
-    part = f"The ball at ({u:.0f}, {v:.0f}) shows only {100 * fitted.seen:.0f} % of its outline."
-    score = fitted.seen * math.exp(-0.5 * (fitted.scatter / (0.06 * fitted.radius)) ** 2)
-    score *= min(1.0, region.area / (0.3 * math.pi * fitted.radius**2))
-    return Spot(u, v, fitted.sigma, fitted.radius, (part,) * (fitted.seen < HIDDEN), score)
+    covered = region.area / (math.pi * fitted.radius**2)
+    return _spot(
+        Spot(u, v, fitted.sigma, fitted.radius),
+        (fitted.seen, f"is partly hidden: {100 * fitted.seen:.0f} % of its outline are seen."),
+        (
+            math.exp(-0.5 * (fitted.scatter / (0.06 * fitted.radius)) ** 2),
+            f"has an uneven outline: {fitted.scatter:.1f} px from a circle.",
+        ),
+        (
+            min(1.0, covered / 0.3),
+            f"is dark or of another colour: {100 * covered:.0f} % of it have the colour.",
+        ),
+    )
+
+
+def _spot(spot: Spot, *factors: tuple[float, str]) -> Spot:
+    """The spot with its score, the product of the factors, and the worst of them if it is low."""
+    score = math.prod(factor for factor, _ in factors)
+    doubt = f"The ball at ({spot.u:.0f}, {spot.v:.0f}) {worst(*factors)}"
+    return replace(spot, score=score, doubts=(doubt,) * (score < CERTAIN))
 
 
 def proposed_colours(cameras: Sequence[Sequence[npt.NDArray[Any]]]) -> Balls | None:

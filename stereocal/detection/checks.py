@@ -9,6 +9,7 @@ import numpy as np
 from stereocal.detection.edges import LONG_ARM
 from stereocal.detection.fit import Corner
 from stereocal.detection.intensity import GreyImage, Intensity
+from stereocal.detection.target import worst
 
 Reason = Literal["too few candidates", "ambiguous", "saturated", "blurred", "cut by the border"]
 
@@ -48,11 +49,12 @@ def explain_missing(intensity: Intensity, corners: list[Corner], chess: int) -> 
         return ("saturated" if intensity.saturated else "too few candidates"), f"It is all {what}."
     if intensity.saturated > SATURATED_SHARE:
         share = 100 * intensity.saturated
-        return "saturated", f"{share:.0f} % of the pixels are saturated; reduce the exposure."
+        saturated = f"{share:.0f} % of the pixels are saturated; reduce the exposure."
+        return "saturated", f"The photograph is overexposed: {saturated}"
     for found in corners[:1]:
         if found.blur > BLUR_DOUBTFUL * found.board_px:
             return "blurred", _blurred(found)
-        one = f"Only one target was found, at {_where(found)}; the other is hidden, out of view or"
+        one = f"Only one target was found: at {_where(found)}; the other is hidden, out of view or"
         return "too few candidates", f"{one} too different."
     if chess:
         only = "There is a chessboard, but no separate board of 2x2 squares."
@@ -113,7 +115,8 @@ def _doubt_of(corner: Corner, intensity: Intensity) -> str:
         why = f"it is located to {corner.sigma_px:.2f} px only"
         if corner.contrast < FAINT * intensity.full:
             share = 100.0 * corner.contrast / intensity.full
-            return f"{at} is faint, white and black differ by {share:.0f} % of full scale: {why}."
+            faint = f"{at} is faint: white and black differ by {share:.0f} % of full scale"
+            return f"{faint}, and {why}."
         return f"{at} is uneven or noisy: {why}."
     return ""
 
@@ -123,17 +126,20 @@ def _unlike(corner: Corner) -> str:
     at, shortest = f"The target at {_where(corner)}", float(corner.arms.min())
     sharp = min(1.0, shortest / (LONG_ARM * corner.blur))
     even = math.sqrt(shortest / float(corner.arms.max()))
-    if corner.fit_quality <= min(sharp, even):
-        share = 100.0 * corner.misfit
-        return f"{at} has uneven squares, by {share:.0f} % of their contrast: a shadow, or bent?"
-    if even <= sharp:
-        return (
-            f"{at} has edges that end after {shortest:.0f} and {corner.arms.max():.0f} px: is it "
-            "partly hidden, or does something behind it go on?"
-        )
-    if corner.board_px < SMALL_PX:
-        return f"{at} is small: {corner.board_px:.0f} px across, 20 px are the least."
-    return _blurred(corner)
+    small = f"{at} is small: {corner.board_px:.0f} px across, 20 px are the least."
+    return worst(
+        (
+            corner.fit_quality,
+            f"{at} seems to be bent, or partly in a shadow: its squares are uneven by "
+            f"{100.0 * corner.misfit:.0f} % of their contrast.",
+        ),
+        (
+            even,
+            f"{at} seems to be partly hidden, or something behind it goes on: its edges are "
+            f"{shortest:.0f} and {corner.arms.max():.0f} px long.",
+        ),
+        (sharp, small if corner.board_px < SMALL_PX else _blurred(corner)),
+    )
 
 
 def doubts_of(

@@ -94,7 +94,7 @@ def _fitted(image: GreyImage, corners: FloatArray, camera: Camera | None) -> Spo
     if scatter > STRAIGHT_PX:
         doubts.append(f"{at} has sides that are not straight: is it bent or partly hidden?")
     if side < SMALL_SIDE:
-        doubts.append(f"{at} is only {side:.0f} px wide.")
+        doubts.append(f"{at} is small: {side:.0f} px wide.")
     return Spot(float(raw[0]), float(raw[1]), float(np.sqrt(variance)), 0.5 * side, tuple(doubts))
 
 

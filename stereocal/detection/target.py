@@ -117,6 +117,12 @@ Target = Bar2x2 | Balls | Tags
 BAR = Bar2x2()
 
 
+def worst(*factors: tuple[float, str]) -> str:
+    """The message of the least of the factors, 0 to 1, of how much something looks like a
+    target."""
+    return min(factors, key=lambda factor: factor[0])[1]
+
+
 def in_reading_order(
     first: Sequence[float] | FloatArray, second: Sequence[float] | FloatArray
 ) -> bool:

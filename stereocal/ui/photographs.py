@@ -9,6 +9,7 @@ from stereocal.errors import StereocalError
 from stereocal.frames.all_cameras import Found
 from stereocal.frames.frame import Frame
 from stereocal.frames.pairing import Pairing, PhotographPair
+from stereocal.frames.reasons import without_names
 from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
@@ -23,7 +24,7 @@ from stereocal.ui.holding import ask_if_bar, first_pairs
 from stereocal.ui.messages import ErrorsShown, button, readable, show_stale
 from stereocal.ui.pairing import ROUND, clear, show_pairing
 from stereocal.ui.print_downloads import print_what_is_held
-from stereocal.ui.review import badge, on_a_sheet, show_frames
+from stereocal.ui.review import badge, on_a_sheet, say_what_is_shared, show_frames
 from stereocal.ui.search import HeldTarget, ask_held, press_search, search_work
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken
@@ -172,13 +173,21 @@ def _show_found(store: ProjectPhotographs, pairs: Sequence[PhotographPair]) -> N
     if dataset is None:
         return
     rows, doubtful = dataset.correspondences, store.doubtful_boards
+    reasons = say_what_is_shared(
+        {
+            pair.frame: without_names(doubtful[pair.frame], (pair.primary, pair.secondary))
+            for pair in pairs
+            if pair.frame in doubtful
+        }
+    )
 
     def show(pair: PhotographPair) -> None:
         own = rows.frame == pair.frame
         _show_pair(store, pair, rows.primary[own], rows.secondary[own])
         state = "found" if pair.frame not in doubtful else "doubtful" if own.any() else "refused"
         st.markdown(f"{badge(state)} **Frame {pair.frame}**")
-        st.caption(escape_markdown(doubtful.get(pair.frame, "")))
+        if reason := reasons.get(pair.frame):
+            st.caption(escape_markdown(reason))
 
     on_a_sheet(store.project, sorted(pairs, key=lambda pair: pair.frame not in doubtful), show)
 

@@ -1,6 +1,6 @@
 """Review of the frames: a contact sheet, or one frame to correct."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TypeVar
 
@@ -11,6 +11,7 @@ from stereocal.figures.style import TARGET_COLOURS, TARGET_SYMBOLS
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.frames import review as reviewing
 from stereocal.frames.frame import STATES, Frame, correspondences_of, describe_frames, name_in
+from stereocal.frames.reasons import shared_reasons
 from stereocal.frames.review import Review, is_undecided
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
@@ -300,7 +301,8 @@ def show_contact_sheet(store: ProjectPhotographs, frames: Sequence[Frame], runni
     usual = "To decide" if "To decide" in groups else "All"
     own = "sheet_kind", "Show", groups, usual
     chosen = choose(store.project, *own, format_func=counted.__getitem__)
-    on_a_sheet(store.project, groups[chosen], partial(_show_frame, store, running))
+    reasons = say_what_is_shared({frame.frame: frame.reason for frame in groups[chosen]})
+    on_a_sheet(store.project, groups[chosen], partial(_show_frame, store, running, reasons))
     st.caption(
         "Each picture: the primary camera on the left, the secondary on the right; A green, B "
         "pink. Sigma is the standard error of a centre."
@@ -313,6 +315,14 @@ def _use_agreeing(store: ProjectPhotographs) -> None:
     if first is None or second is None:
         raise StereocalError("Both camera files are needed to compare the frames.")
     edit(store, SHEET, lambda now: reviewing.use_agreeing(now, (first, second)))
+
+
+def say_what_is_shared(reasons: Mapping[int, str]) -> dict[int, str]:
+    """Say once why several frames are doubtful or refused; what is left to say of each."""
+    shared, rest = shared_reasons(reasons)
+    if shared:
+        st.markdown("\n".join(f"- {escape_markdown(sentence)}" for sentence in shared))
+    return rest
 
 
 def on_a_sheet(
@@ -337,7 +347,9 @@ def badge(state: str) -> str:
     return f":{colour}-badge[{icon} {state}]"
 
 
-def _show_frame(store: ProjectPhotographs, running: bool, frame: Frame) -> None:
+def _show_frame(
+    store: ProjectPhotographs, running: bool, reasons: Mapping[int, str], frame: Frame
+) -> None:
     alt = f"Both photographs of frame {frame.frame} about the targets found"
     st.image(thumbnail(store, frame.files, frame.centres), width="stretch", alt=alt)
     sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
@@ -345,8 +357,8 @@ def _show_frame(store: ProjectPhotographs, running: bool, frame: Frame) -> None:
     reviewed = f" · {seen}" if seen else ""
     sigma = f" · sigma ≤ {max(sigmas):.3f} px" if sigmas else ""
     st.markdown(f"{badge(frame.state)} **Frame {frame.frame}**{sigma}{reviewed}")
-    if frame.reason:
-        st.caption(escape_markdown(frame.reason))
+    if reason := reasons.get(frame.frame):
+        st.caption(escape_markdown(reason))
     key = f"use_frame_{frame.frame}"
 
     @refusing()

@@ -118,6 +118,31 @@ def test_a_missing_ball_is_named() -> None:
     assert "No ball B" in found.missing
 
 
+@pytest.mark.parametrize(
+    ("radius_px", "blur_px", "shown", "word"),
+    [
+        (3.0, 0.7, 1.0, "small"),
+        (5.0, 2.0, 1.0, "blurred"),
+        (20.0, 1.0, 0.4, "hidden"),
+        (20.0, 1.0, 1.0, ""),
+    ],
+)
+def test_what_is_wrong_with_a_ball_is_said(
+    radius_px: float, blur_px: float, shown: float, word: str
+) -> None:
+    """Of the larger ones, the upper part is behind something grey."""
+    ends = 800 * 0.03 / radius_px * np.array([[-0.2, -0.1, 1.0], [0.2, 0.1, 1.0]])
+    settings = BallSettings(EVEN, direct=0.0, ambient=0.7, blur_px=blur_px)
+    rng = np.random.default_rng(0)
+    image = photograph_balls(CAMERA, plain(0.2), ends, 0.03, (RED, YELLOW), settings, rng)
+    for u, v in CAMERA.project(ends).round().astype(int).tolist():
+        top = v - int(radius_px) - 3
+        image[top : round(v + radius_px - 2 * shown * radius_px), u - 40 : u + 40] = image[5, 5]
+    doubts = find_balls(image, TARGET, CAMERA).doubts
+    assert len(doubts) == (2 if word else 0)
+    assert all(word in doubt for doubt in doubts)
+
+
 def test_clicks_give_the_colour_and_the_centre() -> None:
     ends = np.array([[0.2, 0.1, 1.2], [-0.2, 0.0, 1.2]])
     settings, rng = BallSettings(EVEN, direct=0.4, ambient=0.4), np.random.default_rng(0)

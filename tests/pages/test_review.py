@@ -181,3 +181,21 @@ class TestClick:
         sentence = self.click(store, 1, 10.25, 20.5, shift)
         assert sentence == "B in the primary photograph is now where you clicked, (10.25, 20.50)."
         assert self.centre(store, 1) == Centre(10.25, 20.5, None, "manual")
+
+
+def test_what_several_frames_share_is_said_once_above_their_pictures(
+    store: ProjectPhotographs, first: ProjectPhotographs
+) -> None:
+    frames = [*found_frames(first)]
+    for k in (1, 5, 6):
+        blurred = f"In the primary: The target at ({k}, 9) is blurred: its edges are {k} px wide."
+        frames[k] = replace(frames[k], state="doubtful", reason=blurred, use=False)
+    store.keep_corrected(frames)
+    app = page_of(store.project, "data")
+    shown = told(app)
+    assert shown.count("blurred") == 1 and "Frames 2, 6, 7" in shown
+    assert "Look at it." in [str(each.value) for each in app.caption]
+    app.segmented_control(key="frames_view").set_value("One frame").run()
+    app.selectbox(key="review_frame").set_value(6).run()
+    assert "its edges are 5 px wide" in told(app)
+    assert not app.exception
