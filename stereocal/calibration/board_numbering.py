@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from stereocal.errors import StereocalError
+from stereocal.rig.camera import camera_in_words
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray, IntArray
@@ -113,7 +114,7 @@ def _median(images: list[BoardImage], columns: int) -> float:
 
 
 def _message(board: BoardPattern, fitting: Mapping[str, int], all_cameras: bool) -> str:
-    cameras = "all cameras" if all_cameras else f"the camera {', '.join(fitting)}"
+    cameras = "all cameras" if all_cameras else camera_in_words(*fitting)
     counts = sorted({*fitting.values()})
     found = " or ".join(map(str, counts))
     exchanged = ""

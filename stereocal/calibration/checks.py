@@ -4,6 +4,7 @@ import numpy as np
 
 from stereocal.calibration.essential import MINIMUM_PAIRS
 from stereocal.errors import StereocalError
+from stereocal.rig.camera import camera_in_words
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.geometry import Pose, triangulate_rays
 from stereocal.rig.pair import Pair
@@ -124,8 +125,9 @@ def refuse_same_points(recording: Recording) -> None:
             both = np.isfinite(one[..., 0]) & np.isfinite(other[..., 0])
             same = both & (one == other).all(axis=2)
             if same.sum() > max(SAME_POINTS * both.sum(), FEW_PAIRS):
+                cameras = camera_in_words(names[a], names[b], begins=True)
                 raise StereocalError(
-                    f"The cameras {names[a]} and {names[b]} have exactly the same points, as in "
-                    f"frame {frames[same.any(axis=1)][0]}: the points of one camera were given for "
-                    "both. Give each camera its own."
+                    f"{cameras} have exactly the same points, as in frame "
+                    f"{frames[same.any(axis=1)][0]}: the points of one camera were given for both. "
+                    "Give each camera its own."
                 )

@@ -22,10 +22,16 @@ from stereocal.calibration.corrections import (
     with_pixels,
     with_targets,
 )
-from stereocal.rig.camera import CAMERAS, SIZE_FACTOR_TOLERANCE, Camera, LensModel, same_lens
+from stereocal.rig.camera import (
+    CAMERAS,
+    SIZE_FACTOR_TOLERANCE,
+    Camera,
+    LensModel,
+    camera_in_words,
+    same_lens,
+)
 from stereocal.rig.correspondences import TARGETS
 from stereocal.rig.recording import CameraPair, Recording
-from stereocal.rig.rig import camera_in_words
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from stereocal.figures import style
 from stereocal.figures.style import Photograph, add_trace, count, thinned
 from stereocal.matching.threshold import ThresholdChoice
-from stereocal.rig.rig import camera_in_words
+from stereocal.rig.camera import camera_in_words
 from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import listed

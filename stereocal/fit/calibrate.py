@@ -26,6 +26,7 @@ from stereocal.fit.screening.wrong_images import rows_of, wrong_images
 from stereocal.fit.start.fuse import Fused, fuse
 from stereocal.fit.start.pairs import FEWEST_BARS, FURTHER_STEPS, Pairs, calibrate_pairs, reached
 from stereocal.fit.timing.time_offset import DRIFTING
+from stereocal.rig.camera import camera_in_words
 from stereocal.rig.lengths_in_words import question_about_units
 from stereocal.rig.recording import Recording
 from stereocal.system.numbers import count
@@ -190,19 +191,20 @@ def _consistent(
 
 def _why_unreached(name: str, pairs: Pairs) -> str:
     """Why a camera is not connected with the others."""
+    camera = camera_in_words(name, begins=True)
     shared = {pair: count for pair, count in pairs.bars.items() if name in pair}
     if not shared:
-        return f"The camera {name} sees no bar that another camera sees too."
+        return f"{camera} sees no bar that another camera sees too."
     most = max(shared.values())
     if most < FEWEST_BARS:
         return (
-            f"The camera {name} shares {count(most, 'bar')} at most with another one, "
+            f"{camera} shares {count(most, 'bar')} at most with another one, "
             f"{FEWEST_BARS} are needed: record more bars that both see."
         )
     why = [f"{'-'.join(pair)}: {text}" for pair, text in pairs.failed.items() if name in pair]
     return (
-        f"The camera {name} agrees with none of the others: are its points of this recording, with "
-        "the same frame numbers, is its camera file its own, and did it stand still? "
+        f"{camera} agrees with none of the others: are its points of this recording, with the same "
+        "frame numbers, is its camera file its own, and did it stand still? "
         f"{' '.join(why)[:400]}"
     )
 

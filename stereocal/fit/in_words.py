@@ -9,6 +9,7 @@ from stereocal.fit.errors.held_out import HeldOutErrors
 from stereocal.fit.errors.length_in_metres import length_in_words
 from stereocal.fit.rig_file import RigFile
 from stereocal.fit.screening.wrong_images import WrongImage
+from stereocal.rig.camera import camera_in_words
 from stereocal.rig.lengths_in_words import are_on_a_line, side_in_words
 from stereocal.system.numbers import count as counted
 from stereocal.system.numbers import rounded
@@ -55,7 +56,7 @@ def _sides(rig: RigFile) -> str:
     first, *others = rig.names
     centres = {name: rig.poses[name].inverse().T for name in others}
     name = max(others, key=lambda other: abs(centres[other][0]))
-    return f" {side_in_words(f'camera {name}', f'camera {first}', centres[name])}"
+    return f" {side_in_words(camera_in_words(name), camera_in_words(first), centres[name])}"
 
 
 def _accuracy(figures: RigFigures) -> str:
@@ -104,27 +105,29 @@ def rig_notes(rig: RigFile) -> list[str]:
         )
     first = rig.names[0]
     for name, offset in rig.time_offsets.items():
+        begins = camera_in_words(name, begins=True)
         if apart := rig.start_frames.get(name, 0) - rig.start_frames.get(first, 0):
             notes.append(
-                f"The camera {name} counts its frames {abs(apart)} apart from {first}: its frame "
+                f"{begins} counts its frames {abs(apart)} apart from {first}: its frame "
                 f"{max(-apart, 0)} is of the same moment as frame {max(apart, 0)} of {first}."
             )
         if round(offset, DIGITS) or name in rig.drifts:
             error = rig.standard_errors[name]["time_offset"]
             drift = rig.drifts[name].drift_in_words if name in rig.drifts else ""
             notes.append(
-                f"The camera {name} takes its frames {offset:+.{DIGITS}f} ± {error:.{DIGITS}f} "
-                f"frame intervals after the camera {first}{drift}."
+                f"{begins} takes its frames {offset:+.{DIGITS}f} ± {error:.{DIGITS}f} "
+                f"frame intervals after {camera_in_words(first)}{drift}."
             )
     return notes
 
 
 def wrong_sentence(image: WrongImage) -> str:
     """What is wrong in an image."""
+    camera = camera_in_words(image.camera)
     if image.exchanged:
-        return f"frame {image.frame}: the two ends look exchanged in camera {image.camera}"
+        return f"frame {image.frame}: the two ends look exchanged in {camera}"
     what = "the object" if image.target is None else f"target {image.target}"
-    return f"frame {image.frame}: {what} in camera {image.camera}"
+    return f"frame {image.frame}: {what} in {camera}"
 
 
 def loops_sentence(rig: RigFile) -> str:
@@ -142,7 +145,7 @@ def loops_sentence(rig: RigFile) -> str:
         most = max(thirds, key=lambda third: third.before)
         text += (
             f" Points of {'-'.join(most.pair)} lie {rounded(most.before)} px off in "
-            f"camera {most.camera} with the pairs, {rounded(most.after)} px with the rig "
+            f"{camera_in_words(most.camera)} with the pairs, {rounded(most.after)} px with the rig "
             "(median)."
         )
     return text

@@ -14,7 +14,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.fit.timing.started_by_hand import bring_into_step
 from stereocal.frames.pairing import ByHand, Motion
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, camera_in_words
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.array_types import FloatArray, IntArray
@@ -45,8 +45,9 @@ def found_by_motion(
     for name, own in followed.items():
         if not own.names:
             raise StereocalError(
-                f"In none of the {len(by_hand.counts[name])} photographs of the camera {name} was "
-                "a target found. Is the kind of target the one that was filmed?"
+                f"In none of the {len(by_hand.counts[name])} photographs of "
+                f"{camera_in_words(name)} was a target found. Is the kind of target the one that "
+                "was filmed?"
             )
     recording, heard, told = _recording(followed, cameras, held), by_hand.heard, list[str]()
     try:

@@ -40,6 +40,16 @@ SIZE_FACTOR_TOLERANCE = 1.3
 that of another image size."""
 
 
+def camera_in_words(*names: str, begins: bool = False) -> str:
+    """Such as `the primary camera`, or of a rig `camera 1` or `cameras 1 and 2`; with a capital if
+    it begins a sentence."""
+    of_two = not {*CAMERAS}.isdisjoint(names)
+    each = [f"the {name}" for name in names] if of_two else names
+    listed = " and ".join([", ".join(each[:-1]), each[-1]] if each[1:] else each)
+    words = f"{listed} camera" if of_two else f"camera{'s' * (len(names) > 1)} {listed}"
+    return words[:1].upper() + words[1:] if begins else words
+
+
 @dataclass(frozen=True, eq=False)
 class LensUncertainty:
     """Standard errors of the lens parameters; 0 for a parameter that was held fixed.

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import CAMERAS, Camera, one_file_in_words
+from stereocal.rig.camera import CAMERAS, Camera, camera_in_words, one_file_in_words
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.numbers import count
@@ -32,9 +32,9 @@ def beyond_view(
     beyond = ~camera.uses(camera.undistort(pixels))
     if beyond.mean() > MOST_BEYOND:
         raise StereocalError(
-            f"{one_file_in_words(cameras)}The fisheye of the camera {name} images {beyond.sum()} "
-            f"of {len(beyond)} points more than {DEGREES} degrees from its axis, the most that can "
-            f"be used (a field of view of {2 * DEGREES}): check its camera file."
+            f"{one_file_in_words(cameras)}The fisheye of {camera_in_words(name)} images "
+            f"{beyond.sum()} of {len(beyond)} points more than {DEGREES} degrees from its axis, "
+            f"the most that can be used (a field of view of {2 * DEGREES}): check its camera file."
         )
     return beyond
 
@@ -64,7 +64,7 @@ def beyond_either(
 
 def beyond_in_words(beyond: Mapping[str, int]) -> str:
     """What was left out, by the camera's name; empty if nothing was."""
-    parts = [f"{count(n, 'point')} of the camera {name}" for name, n in beyond.items() if n]
+    parts = [f"{count(n, 'point')} of {camera_in_words(name)}" for name, n in beyond.items() if n]
     if not parts:
         return ""
     return (

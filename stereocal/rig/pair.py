@@ -11,12 +11,18 @@ import numpy.typing as npt
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.rig.camera import CAMERAS, Camera, CameraName, one_file_in_words, pixel_scales
+from stereocal.rig.camera import (
+    CAMERAS,
+    Camera,
+    CameraName,
+    camera_in_words,
+    one_file_in_words,
+    pixel_scales,
+)
 from stereocal.rig.correspondences import TARGETS, Correspondences, refuse_points_outside
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 from stereocal.rig.measured_lengths import check_lengths
-from stereocal.rig.rig import camera_in_words
 from stereocal.rig.rigid_object import BoardPattern, RigidObject, placed
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.answers import TableAnswer

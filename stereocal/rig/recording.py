@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from stereocal.errors import RefusedRowsError, RowProblem, StereocalError, refuse
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import CAMERAS, Camera, camera_in_words
 from stereocal.rig.correspondences import TARGETS, UNKNOWN_SOURCE, Correspondences
 from stereocal.rig.field_of_view import beyond_view
 from stereocal.rig.measured_lengths import check_length, check_lengths, check_uncertainty
@@ -552,14 +552,15 @@ class Recording(TableAnswer):
         A baseline that was not measured is free, and still to be found.
         """
         a, b = self._common(first, second)
+        cameras = camera_in_words(first, second, begins=True)
         if self.own_frames:
             raise StereocalError(
-                f"The cameras {first} and {second} count their own frames, since they were started "
+                f"{cameras} count their own frames, since they were started "
                 "by hand: bring them into step first, with `sync`."
             )
         if not len(a) and len(self.frame):
             raise StereocalError(
-                f"The cameras {first} and {second} see no point in the same frame. "
+                f"{cameras} see no point in the same frame. "
                 f"{self.describe_pairs()} If each counts its own frames, since it was started by "
                 "hand, bring them into step first, with `sync`."
             )

@@ -20,11 +20,6 @@ from stereocal.rig.geometry import (
 from stereocal.system.array_types import FloatArray
 
 
-def camera_in_words(name: str) -> str:
-    """Such as `the primary camera`, or `camera 1` of a rig."""
-    return f"the {name} camera" if name in CAMERAS else f"camera {name}"
-
-
 class PlacedCamera(NamedTuple):
     """A camera and where it is."""
 

@@ -25,10 +25,9 @@ from stereocal.matching.trajectories import TRACK
 from stereocal.projects.application import CLICKED_IN, Asked, ProjectApplication, slot_of
 from stereocal.projects.clicks import ProjectClicks
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, camera_in_words
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
-from stereocal.rig.rig import camera_in_words
 from stereocal.system.latest import once_or_refused
 from stereocal.system.names import named_after
 from stereocal.system.numbers import count, rounded

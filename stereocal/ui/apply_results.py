@@ -34,9 +34,8 @@ from stereocal.matching.views import TRACKS
 from stereocal.projects.application import USES, ProjectApplication, Use, is_of_clicks, slot_of
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, camera_in_words
 from stereocal.rig.lengths_in_words import as_held
-from stereocal.rig.rig import camera_in_words
 from stereocal.system.latest import once_or_refused
 from stereocal.system.numbers import count
 from stereocal.ui.apply import ApplyInputs

@@ -29,7 +29,7 @@ from stereocal.matching.following import corner_at, follow, nearest_clicks, velo
 from stereocal.matching.settled import Settled
 from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.projects.project import Project
-from stereocal.rig.rig import camera_in_words
+from stereocal.rig.camera import camera_in_words
 from stereocal.system.csv_text import csv_text
 from stereocal.system.names import check_name
 from stereocal.system.numbers import count

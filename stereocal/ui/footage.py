@@ -22,7 +22,7 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.rig.rig import camera_in_words
+from stereocal.rig.camera import camera_in_words
 from stereocal.system.latest import Latest, once
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
 from stereocal.ui.fields import Number, setting

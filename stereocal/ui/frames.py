@@ -20,7 +20,7 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import TABLE_LABEL, ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review
-from stereocal.rig.rig import camera_in_words
+from stereocal.rig.camera import camera_in_words
 from stereocal.system.latest import once
 from stereocal.system.photograph import read_photograph
 from stereocal.ui.fields import Field, one_of, setting

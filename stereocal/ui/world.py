@@ -23,10 +23,9 @@ from stereocal.formats.world_file import (
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, camera_in_words
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair
-from stereocal.rig.rig import camera_in_words
 from stereocal.system.latest import once_or_refused
 from stereocal.ui import jobs
 from stereocal.ui.apply_points import ask_noise, noise_field

@@ -61,7 +61,7 @@ def test_misnumbered_camera_is_named() -> None:
     grid = np.arange(35).reshape(5, 7)
     points = PAIR.points.copy()
     points[:, :, 1] = PAIR.points[:, grid.T.ravel(), 1]
-    with pytest.raises(StereocalError, match=r"camera secondary .* a row had 5"):
+    with pytest.raises(StereocalError, match=r"secondary camera .* a row had 5"):
         check_numbering(replace(PAIR, points=points).recording)
 
 

@@ -120,7 +120,7 @@ def test_a_camera_on_its_head_is_said() -> None:
     turned = with_pixels(recording, ["3"], upside_down)
     assert calibrate_rig(recording).warnings == ()
     (warning,) = calibrate_rig(turned).warnings
-    assert "camera 3 stands on its head beside the others" in warning
+    assert "Camera 3 stands on its head beside the others" in warning
 
 
 def test_the_side_is_said_where_nothing_tells_mirrored_images() -> None:
@@ -176,7 +176,7 @@ def test_a_bumped_camera_is_named(degrees: float) -> None:
     truth = simulated(1)
     rig = calibrate_rig(bumped_from(truth, "c2", degrees, 80))
     (warning,) = rig.warnings
-    assert "camera c2 seems to have moved at about frame" in warning
+    assert "Camera c2 seems to have moved at about frame" in warning
     when = int(warning.split("frame ")[1].split(",")[0])
     assert abs(when - 80) < 15
 
@@ -219,7 +219,7 @@ def test_a_camera_whose_frames_contradict_the_others_since_one_is_refused(
 ) -> None:
     """Its images since then were left out one by one, and files were written; the last agrees with
     none of the others, but its frames before and after do."""
-    with pytest.raises(StereocalError, match=f"camera {name} seems to have moved at about"):
+    with pytest.raises(StereocalError, match=f"Camera {name} seems to have moved at about"):
         calibrate_rig(bumped_from(rig(), name, degrees, 61))
 
 
@@ -233,7 +233,7 @@ def test_a_camera_that_moved_has_no_wrong_distortion(
     recording = simulated_rig(np.random.default_rng(seed), 3, 60).recording
     points = recording.points.copy()
     points[(recording.camera == camera) & (recording.frame >= 30)] += px
-    with pytest.raises(StereocalError, match=f"camera c{camera + 1} seems to have moved"):
+    with pytest.raises(StereocalError, match=f"Camera c{camera + 1} seems to have moved"):
         calibrate_rig(replace(recording, points=points))
 
 

@@ -366,4 +366,4 @@ def test_fisheyes_are_taken_for_what_they_are_and_used_to_75_degrees(tmp_path: P
     (tmp_path / "points.csv").write_text("\n".join(whole))
     again = read_dataset(tmp_path)
     assert again.recording.beyond_view == beyond
-    assert f"Left out: {beyond['primary']} points of the camera primary" in warnings_about(again)[0]
+    assert f"Left out: {beyond['primary']} points of the primary camera" in warnings_about(again)[0]

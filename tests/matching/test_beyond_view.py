@@ -29,10 +29,10 @@ def test_points_beyond_the_view_are_counted_and_have_no_place(tmp_path: Path) ->
     }
     report = match_tables(parameters, tables, tmp_path / "pairs.csv")
     assert report.found == 2
-    assert any("2 points of the camera primary" in note for note in report.notes)
+    assert any("2 points of the primary camera" in note for note in report.notes)
     pairs = pd.DataFrame(np.column_stack([one, two]), columns=list(PIXELS)).assign(frame=frame)
     measured = measure_tables(parameters, PointTable(pairs, PIXELS), tmp_path / "points.csv")
     found = pd.read_csv(tmp_path / "points.csv")
     np.testing.assert_allclose(found.loc[:1, ["x", "y", "z"]], points[:2], atol=1e-6)
     assert found.loc[2:, "x"].isna().all() and measured.lost == 2
-    assert any("2 points of the camera primary" in note for note in measured.notes)
+    assert any("2 points of the primary camera" in note for note in measured.notes)

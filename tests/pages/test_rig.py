@@ -259,7 +259,7 @@ def test_a_rig_is_checked_with_its_table_of_points(project: Project, tmp_path: P
     assert "this project's rig" in told(app, "caption")
     app.file_uploader(key="upload_check_images_0").upload("new.csv", write_points(some)).run()
     said = told(app, "warning")
-    assert "Moved or refocused: the camera 2." in said and not app.exception
+    assert "Moved or refocused: camera 2." in said and not app.exception
     assert "1-2: " in told(app, "caption")
     # The same as the command says.
     (tmp_path / "new.csv").write_bytes(write_points(some))

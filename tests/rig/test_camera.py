@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera, write_opencv_camera
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera, camera_in_words
 from stereocal.system.array_types import FloatArray
 from tests.known_rig import PRIMARY, SECONDARY
 
@@ -171,3 +171,11 @@ def test_undistorted_points_belong_to_who_asked() -> None:
     first[:] = 0.0
     np.testing.assert_array_equal(PRIMARY.undistort(pixels), expected)
     assert (SECONDARY.undistort(pixels) != expected).any()
+
+
+def test_cameras_are_called_by_their_names() -> None:
+    assert camera_in_words("primary") == "the primary camera"
+    assert camera_in_words(*CAMERAS, begins=True) == "The primary and the secondary camera"
+    # The names of a rig stay as they are.
+    assert camera_in_words("Left", begins=True) == "Camera Left"
+    assert camera_in_words("1", "2", "3") == "cameras 1, 2 and 3"

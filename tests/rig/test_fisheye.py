@@ -153,11 +153,11 @@ def test_few_points_beyond_75_degrees_are_left_out_and_counted() -> None:
     found = dataset.recording.with_pairs(rows).pair(*CAMERAS)
     assert len(found.correspondences) == len(rows) - 2
     assert found.recording.beyond_view == {"primary": 0, "secondary": 2}
-    assert "2 points of the camera secondary" in warnings_about(found)[0]
+    assert "2 points of the secondary camera" in warnings_about(found)[0]
     pair = RigParameters(dataset.primary, camera, scene.rig.pose, "refined", 0.0, {}, {})
     new = images_of_matches(rows.frame, rows.primary, rows.secondary, pair, "new")
     assert len(new.dataset.correspondences) == len(rows) - 2
-    assert "2 points of the camera secondary" in new.notes[0]
+    assert "2 points of the secondary camera" in new.notes[0]
     assert images_of_bars(found, pair).notes == new.notes
     ends = found.where(found.correspondences.target == 0)
     assert images_of_bars(ends, pair).notes == new.notes

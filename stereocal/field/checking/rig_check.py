@@ -20,9 +20,9 @@ from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
 from stereocal.fit.rig_file import RigFile
 from stereocal.fit.start.pairs import pair_name
+from stereocal.rig.camera import camera_in_words
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.recording import CameraPair, Recording
-from stereocal.system.numbers import plural
 from stereocal.verdict.in_words import listed
 
 RIG_CHECK_FORMAT = "stereocal-check-rig/1"
@@ -85,8 +85,7 @@ class RigCheck:
         if self.verdict == "cannot tell":
             return "Cannot tell: no movement is seen, but it would not be found in all cameras."
         if self.moved:
-            cameras = plural(len(self.moved), "camera")
-            return f"Moved or refocused: the {cameras} {listed(self.moved)}."
+            return f"Moved or refocused: {camera_in_words(*self.moved)}."
         which = "; or ".join(listed(some) for some in self.explanations) or listed(self.cameras)
         return f"Moved or refocused, and it cannot be told which camera: {which}."
 

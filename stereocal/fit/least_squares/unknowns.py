@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.small_steps import FACTOR, OF_PAIR, cameras_at, lens_places
 from stereocal.fit.least_squares.views import DRIFT, EACH, LENS, TIME, TRANSLATION
-from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera
+from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, camera_in_words
 from stereocal.rig.geometry import Pose
 from stereocal.rig.measured_lengths import check_uncertainty
 from stereocal.rig.pair import Pair
@@ -338,7 +338,7 @@ def check_named(settings: RefineSettings, recording: Recording) -> None:
     known, there = {*recording.labels, *recording.cameras}, " and ".join(recording.labels)
     for what, named in (("lenses", settings.lenses), ("free_distortion", settings.free_distortion)):
         if unknown := [name for name in named if name not in known]:
-            raise StereocalError(f"{what} names the camera {unknown[0]}: there are {there}.")
+            raise StereocalError(f"{what} names {camera_in_words(unknown[0])}: there are {there}.")
 
 
 def settings_for(recording: Recording, settings: RefineSettings) -> RefineSettings:

@@ -16,6 +16,7 @@ from stereocal.fit.readings.likely_cause import heads_in_words
 from stereocal.fit.rig_calibration import RigCalibration
 from stereocal.fit.screening.movement import Movement
 from stereocal.fit.start.pairs import MOST_NOISE
+from stereocal.rig.camera import camera_in_words
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.system.numbers import rounded
 
@@ -123,7 +124,7 @@ def _lens_warnings(fit: RobustFit) -> list[str]:
             f"{'longer' if longer > 0.0 else 'shorter'}. Is it the file of this camera, with this "
             "zoom and focus?"
         )
-        found.append(f"The images contradict the stated lens of camera {name}: {what}")
+        found.append(f"The images contradict the stated lens of {camera_in_words(name)}: {what}")
     return found
 
 
@@ -135,7 +136,7 @@ def moved_in_words(found: Movement, names: Sequence[str], settings: RefineSettin
     """
     seems = f"seems to have moved at about frame {found.first}"
     which = (
-        f"The camera {names[0]} {seems}, by {found.in_words}"
+        f"{camera_in_words(names[0], begins=True)} {seems}, by {found.in_words}"
         if len(names) == 1
         else f"A camera {seems}, and it cannot be told which: {' or '.join(names)}"
     )

@@ -22,7 +22,7 @@ from stereocal.fit.screening.screen import (
     wide_settings,
 )
 from stereocal.fit.timing.out_of_step import with_offset_if_out_of_step
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, camera_in_words
 from stereocal.rig.geometry import AT_ORIGIN, Pose, on_their_heads
 from stereocal.rig.pair import Pair
 from stereocal.rig.tracks import MeasuredOffset
@@ -108,7 +108,7 @@ def heads_in_words(poses: Sequence[Pose], names: Sequence[str]) -> list[str]:
         poses: as of `on_their_heads`, of the cameras with these names.
     """
     found = on_their_heads(poses, UPRIGHT)
-    one = [f"The camera {names[number]}" for number in found]
+    one = [camera_in_words(names[number], begins=True) for number in found]
     others = "others" if len(names) > 2 else "other"
     return [
         f"{which} stands on its head beside the {others}. If it was not mounted so, its images are "

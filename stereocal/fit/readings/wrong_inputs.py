@@ -24,7 +24,7 @@ from stereocal.fit.readings.judge import (
 )
 from stereocal.fit.start.fuse import PairFit
 from stereocal.fit.start.pairs import pairs_worth_a_fit, reached
-from stereocal.rig.camera import one_file_in_words
+from stereocal.rig.camera import camera_in_words, one_file_in_words
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system.numbers import rounded
@@ -105,7 +105,8 @@ def contradicting_lengths(recording: Recording) -> str:
             dataset = recording.pair(*pair)
             fit = essential_fit(dataset)
             if fit.only_scale_is_wrong and abs(np.log(fit.scale)) > np.log(LARGEST_SCALE_ERROR):
-                return f"The cameras {' and '.join(pair)}: {inconsistency_message(dataset, fit)}"
+                both = camera_in_words(*pair, begins=True)
+                return f"{both}: {inconsistency_message(dataset, fit)}"
     return ""
 
 

@@ -22,6 +22,7 @@ from stereocal.fit.screening.screen import wide_settings
 from stereocal.fit.start.first_poses import robust_pose
 from stereocal.fit.start.free_baseline import with_rough_baseline
 from stereocal.fit.timing.time_offset import fit_time_offset, spread_over_runs, usable_after
+from stereocal.rig.camera import camera_in_words
 from stereocal.rig.geometry import Pose, sampson, triangulate_rays
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import CameraPair, Recording
@@ -200,7 +201,7 @@ class _Search:
         for number, (name, camera) in enumerate(self.recording.cameras.items()):
             own = self.recording.where(self.recording.camera == number)
             if not len(own.frame):
-                raise StereocalError(f"The camera {name} saw no points.")
+                raise StereocalError(f"{camera_in_words(name, begins=True)} saw no points.")
             first, many = int(own.frame.min()), int(np.ptp(own.frame))
             if many >= LONGEST:
                 raise StereocalError(f"The {many:,} frames of {name} are too many to search.")
@@ -306,7 +307,7 @@ def _offset(searches: Sequence[_Search]) -> OffsetOfPair:
         StereocalError: none does.
     """
     ((first, second),) = searches[0].recording.pairs
-    with naming(f"The offset of the cameras {first} and {second} cannot be told"):
+    with naming(f"The offset of {camera_in_words(first, second)} cannot be told"):
         best, other = _two_best(searches)
         search = searches[best.order]
         beside = min(search.at(best.offset + way).px for way in (-1, 1))

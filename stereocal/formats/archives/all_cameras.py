@@ -24,7 +24,7 @@ from stereocal.formats.exchange.options import LOWER_LEFT, Contents, ExchangeOpt
 from stereocal.formats.point_files import read_bars
 from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.points_csv import NUMBERS, REQUIRED, read_points_csv
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, camera_in_words
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.measured_lengths import check_length
 from stereocal.rig.recording import Recording
@@ -186,7 +186,7 @@ def _of_points(
     taken = [Part("points", f"{rows.sum()} of {len(cameras)} cameras", table)]
     taken += [Part("lens", f"of camera {each}", ", ".join(rest)) for each in cameras]
     remarks = [
-        f"The camera {each} has no points in {table}."
+        f"{camera_in_words(each, begins=True)} has no points in {table}."
         for number, each in enumerate(cameras)
         if number not in recording.camera
     ]
