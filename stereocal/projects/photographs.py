@@ -6,8 +6,16 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from stereocal.errors import RefusedRowsError, StereocalError, damaged
+from stereocal.errors import DAMAGED, RefusedRowsError, StereocalError, damaged
 from stereocal.frames.all_cameras import pair_folders
+from stereocal.frames.decided_pairs import (
+    Decided,
+    PairRow,
+    check_decided,
+    check_rows,
+    renamed,
+    with_new,
+)
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
 from stereocal.frames.pairing import Pairing, moments_of
 from stereocal.frames.proposal import Choice, Proposal, propose
@@ -17,23 +25,13 @@ from stereocal.projects.database import DamagedError, DiskFullError
 from stereocal.projects.files import StoredFile
 from stereocal.projects.inputs import Slot
 from stereocal.projects.packed import packed_files, packed_table
-from stereocal.projects.pair_rows import (
-    Decided,
-    PairRow,
-    check_decided,
-    check_rows,
-    dated,
-    renamed,
-    taken_of,
-    with_new,
-)
 from stereocal.projects.project import ProjectPart
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.system.latest import once
 from stereocal.system.made_from import Parts
 from stereocal.system.records import of_plain, plain
-from stereocal.system.taken import Taken
+from stereocal.system.taken import Taken, read_taken
 
 TABLE_LABEL = "targets found in the photographs"
 BOARDS_LABEL = "corners found in the photographs"
@@ -41,6 +39,7 @@ FOUND_LABELS = TABLE_LABEL, BOARDS_LABEL
 DAMAGED_PAIRS = "The table of pairs is damaged: remove all photographs, and give them again."
 FOUND_IN = "found_by"
 """What the last search was made from; of version 1.0 a digest."""
+_TIFF = b"II*\0", b"MM\0*"
 
 
 class ProjectPhotographs(ProjectPart):
@@ -56,7 +55,7 @@ class ProjectPhotographs(ProjectPart):
     @property
     def taken(self) -> dict[str, Taken]:
         """What each photograph's file says, in the order given."""
-        return {name: taken_of(file) for name, file in self.photographs.items()}
+        return {name: _taken_of(file) for name, file in self.photographs.items()}
 
     @property
     def proposal(self) -> Proposal:
@@ -151,7 +150,7 @@ class ProjectPhotographs(ProjectPart):
         """
         with self.database.transaction():
             before = self.photographs
-            self.database.name_files(BAR, dated(stored))
+            self.database.name_files(BAR, _dated(stored))
             if self._edited is not None:
                 self.keep_rows(with_new(self.rows, self.taken))
             replaced = {name for name in stored if before.get(name, stored[name]) != stored[name]}
@@ -174,7 +173,7 @@ class ProjectPhotographs(ProjectPart):
     def clear(self, stored: Mapping[str, StoredFile] = MappingProxyType({})) -> None:
         """Delete all photographs but `stored`, and the targets found in them."""
         with self.database.freeing() as db:
-            self.database.replace_files(BAR, dated(stored))
+            self.database.replace_files(BAR, _dated(stored))
             self.database.keep_values(BAR, {"pairs": None, "pairing": [], FOUND_IN: {}})
             self.database.keep_result("frames", None)
             if not self.database.scope:  # others have no edits
@@ -340,3 +339,28 @@ class ProjectPhotographs(ProjectPart):
     def _value(self, name: str, default: Any = "") -> Any:
         found = self.database.values(BAR).get(name)
         return default if found is None else found
+
+
+def _taken_of(file: StoredFile) -> Taken:
+    """What was stored with a photograph's name; earlier versions stored its name only."""
+    with suppress(*DAMAGED):
+        return of_plain(file.about, Taken) if isinstance(file.about, dict) else Taken()
+    return Taken()
+
+
+def _dated(stored: Mapping[str, StoredFile]) -> dict[str, StoredFile]:
+    """Photographs with what their files say, to be stored with their names."""
+    return {
+        name: file
+        if isinstance(file.about, dict)
+        else replace(file, about=plain(read_taken(_head(file), name)))
+        for name, file in stored.items()
+    }
+
+
+def _head(file: StoredFile) -> bytes:
+    """A photograph as far as its header goes: a TIFF may have it at the end."""
+    with suppress(StereocalError):  # reported where the photograph is used
+        head = next(file.pieces(), b"")
+        return file.read_bytes() if head[:4] in _TIFF else head
+    return b""

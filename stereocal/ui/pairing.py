@@ -10,10 +10,10 @@ from functools import partial
 import pandas as pd
 import streamlit as st
 
+from stereocal.frames.decided_pairs import PairRow
 from stereocal.frames.pairing import Alone, PhotographPair, short_names
 from stereocal.frames.proposal import Proposal, Way
 from stereocal.frames.slips import find_slip
-from stereocal.projects.pair_rows import PairRow
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import thumbnail
 from stereocal.rig.camera import CAMERAS

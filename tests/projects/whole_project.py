@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from stereocal.formats.dataset_files import parse_recording
+from stereocal.frames.decided_pairs import PairRow
 from stereocal.frames.pairing import Motion, Pairing
 from stereocal.frames.proposal import Choice
 from stereocal.frames.review import use_frame
@@ -17,7 +18,6 @@ from stereocal.projects.contents import ANY, CONTENTS, Key
 from stereocal.projects.data import RESULTS
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.lens import ProjectLens
-from stereocal.projects.pair_rows import PairRow
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review

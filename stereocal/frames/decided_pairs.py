@@ -1,19 +1,13 @@
-"""The pairs of a project's photographs as they are stored: decisions, rows, what the files say."""
+"""What a person decided about the pairs of photographs: how to pair them, and each pair."""
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
-from stereocal.errors import DAMAGED, StereocalError
+from stereocal.errors import StereocalError
 from stereocal.frames.pairing import PhotographPair
 from stereocal.frames.proposal import Choice, propose
-from stereocal.projects.files import StoredFile
 from stereocal.rig.camera import CAMERAS
-from stereocal.system.records import of_plain, plain
-from stereocal.system.taken import Taken, read_taken
-
-_TIFF = b"II*\0", b"MM\0*"
+from stereocal.system.taken import Taken
 
 
 @dataclass(frozen=True)
@@ -32,31 +26,6 @@ class Decided:
     rows: list[PairRow] | None = None
 
 
-def taken_of(file: StoredFile) -> Taken:
-    """What was stored with a photograph's name; earlier versions stored its name only."""
-    with suppress(*DAMAGED):
-        return of_plain(file.about, Taken) if isinstance(file.about, dict) else Taken()
-    return Taken()
-
-
-def dated(stored: Mapping[str, StoredFile]) -> dict[str, StoredFile]:
-    """Photographs with what their files say, to be stored with their names."""
-    return {
-        name: file
-        if isinstance(file.about, dict)
-        else replace(file, about=plain(read_taken(_head(file), name)))
-        for name, file in stored.items()
-    }
-
-
-def _head(file: StoredFile) -> bytes:
-    """A photograph as far as its header goes: a TIFF may have it at the end."""
-    with suppress(StereocalError):  # reported where the photograph is used
-        head = next(file.pieces(), b"")
-        return file.read_bytes() if head[:4] in _TIFF else head
-    return b""
-
-
 def renamed(decided: Decided, names: Mapping[str, str]) -> Decided:
     """The decision on photographs that have other names now, by their old ones."""
 
@@ -72,7 +41,7 @@ def renamed(decided: Decided, names: Mapping[str, str]) -> Decided:
     return replace(decided, choice=replace(decided.choice, without=without), rows=rows)
 
 
-def check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
+def check_rows(rows: Sequence[PairRow], names: Collection[str]) -> None:
     """Raise a StereocalError unless every photograph is there, and in one frame only."""
     frames, taken = set[int](), set[str]()
     for pair in (row.pair for row in rows):
@@ -89,7 +58,7 @@ def check_rows(rows: Sequence[PairRow], names: Mapping[str, Any]) -> None:
             taken.add(name)
 
 
-def check_decided(decided: Decided, names: Mapping[str, Any]) -> None:
+def check_decided(decided: Decided, names: Collection[str]) -> None:
     """Check a decision that was read from a file.
 
     Raises:
