@@ -10,9 +10,8 @@ from stereocal.projects.given import ProjectGiven
 from stereocal.ui.all_cameras import show_all_cameras
 from stereocal.ui.data_read import show_in_step, show_what_was_read
 from stereocal.ui.door import data_door
-from stereocal.ui.holding import holds_board
 from stereocal.ui.lengths import ask_lengths
-from stereocal.ui.photographs import has_photographs, show_photographs
+from stereocal.ui.photographs import show_photographs
 from stereocal.ui.project import current_project, forget_project
 
 project = current_project()
@@ -22,7 +21,7 @@ if project is not None and (project.is_rig or ProjectGiven(project).is_of_rig):
     show_in_step(project)
 else:
     # Above the photographs: they may be all that is missing.
-    ask_lengths(project, bool(project and has_photographs(project) and holds_board(project)))
+    ask_lengths(project)
     show_photographs(project)
     if project is not None:
         show_in_step(project)

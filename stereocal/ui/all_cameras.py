@@ -1,6 +1,6 @@
 """The Data page for three cameras and more: their files, and one table of points or photographs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -8,7 +8,6 @@ import pandas as pd
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.fit.start.pairs import pair_name
 from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.archives.all_cameras import Gathered, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import is_table
@@ -24,16 +23,14 @@ from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import Camera
-from stereocal.rig.lengths_in_words import METRES_PER
 from stereocal.rig.recording import Recording
 from stereocal.system.latest import once
 from stereocal.system.made_from import Parts, changed
 from stereocal.system.numbers import count
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, Number, choose_from_menu, one_of, setting
 from stereocal.ui.holding import settle
 from stereocal.ui.intake import give_pair
-from stereocal.ui.length_known import ask_known, give_lengths
+from stereocal.ui.lengths import ask_lengths, ask_places
 from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import button, readable, show_stale, show_with_button
 from stereocal.ui.navigation import go_to
@@ -52,79 +49,7 @@ def show_all_cameras(project: Project) -> None:
         _show_files(project)
     elif (given := project.recording_as_given) is not None:
         _show_recording(given, [])
-        _ask_lengths(project, given)
-
-
-def _ask_lengths(project: Project, given: Recording) -> None:
-    """The measured baselines, and how well they and the lengths of the object are known."""
-    left, right = st.columns(2)
-    with left:
-        measured = _ask_baselines(project, given)
-        if measured:
-            ask_known(project, "baseline_m", "± 1 %")
-    with right:
-        st.markdown(f"The {given.object.word} is {given.object.longest_m:.6g} m long.")
-        files = "± 0.1 %" if given.object.sigma_m is None else "what the files state"
-        ask_known(project, "target_distance_m", files, given.object.longest_m)
-
-
-def _ask_baselines(project: Project, given: Recording) -> bool:
-    """The distances of two cameras that were measured, typed in any unit; whether there are any."""
-    of_files = {pair_name(pair): metres for pair, metres in given.baselines_m.items()}
-    known = project.inputs.baselines_m or of_files
-    names = [*map(pair_name, given.pairs)]
-    title, told = (
-        "Measured distance of two cameras",
-        "Any of them, or none: the bars give the scale.",
-    )
-    pair = choose_from_menu(
-        project, "baseline_of", title, names, next(iter(known), None), help=told
-    )
-    unit = _unit(project, "unit_of_baselines")
-
-    def take(metres: float | None) -> None:
-        rest = {name: own for name, own in known.items() if name != pair}
-        give_lengths({}, {"baselines_m": rest if metres is None else {**rest, pair: metres}})
-
-    _length(f"Cameras {pair}", f"baseline_{pair}", unit, lambda: known.get(pair), take)
-    if known:
-        listed = ", ".join(
-            f"{name} {own / METRES_PER[unit]:.6g} {unit}" for name, own in known.items()
-        )
-        st.caption(f"Measured: {escape_markdown(listed)}")
-    return bool(known)
-
-
-def _unit(project: Project, key: str) -> str:
-    """The unit in which this tab shows the lengths of a rig."""
-    own = setting(project, key, "m", one_of(METRES_PER), name="rig_unit", tabs_own=True)
-    return str(own.buttons("Unit"))
-
-
-def _length(
-    title: str,
-    key: str,
-    unit: str,
-    read: Callable[[], float | None],
-    take: Callable[[float | None], object],
-) -> None:
-    """The field of a length, which is stored in metres."""
-    scale = METRES_PER[unit]
-
-    def shown() -> float | None:
-        metres = read()
-        return None if metres is None else float(f"{metres / scale:.12g}")
-
-    own = Field(
-        key,
-        key,
-        shown,
-        lambda value: take(None if value is None else float(f"{value * scale:.12g}")),
-        fit=Number(0.0, or_none=True),
-    )
-    own.number_input(
-        f"{escape_markdown(title)} ({unit})", format="%.10g", placeholder="measured length"
-    )
+        ask_lengths(project, given)
 
 
 def _show_files(project: Project) -> None:
@@ -153,7 +78,7 @@ def _show_files(project: Project) -> None:
         st.warning(escape_markdown(str(error)))
         return
     _show_recording(found.recording, found.remarks)
-    _ask_lengths(project, found.recording)
+    ask_lengths(project, found.recording)
     title = "Calibrate all" if len(found.recording.cameras) > 2 else "Use these points"
     # Of what is in use already, the next thing to do is on the page Calibrate.
     is_used = project.is_given(found.files)
@@ -189,29 +114,13 @@ def _read(project: Project, parts: dict[str, StoredFile], options: ExchangeOptio
     name, lengths = project.inputs.name or "Rig", dict[str, float]()
     for table, part in parts.items():
         if is_table(table, part.read_bytes()):
-            lengths |= _lengths(project, targets_in(part.read_bytes(), table))
+            lengths |= ask_places(project, targets_in(part.read_bytes(), table))
     about = [(each, file.sha256) for each, file in parts.items()]
     return once(
         "files of all cameras",
         repr((about, options, lengths, name)),
         lambda: gather_all(_contents(parts), options, name, lengths),
     )
-
-
-def _lengths(project: Project, targets: Sequence[str]) -> dict[str, float]:
-    """The places of the targets along the bar that are stated, in metres."""
-    if len(targets) < 2:
-        return {}
-    first, *others = targets
-    unit, found = _unit(project, "unit_of_object"), dict[str, float]()
-    for target, column in zip(others, st.columns(len(others)), strict=True):
-        name = f"several_{target}_m"
-        own = setting(project, name, None, Number(0.0, or_none=True))
-        with column:
-            _length(f"{first} to {target}, along the bar", name, unit, own.value, own.set)
-        if value := own.value():
-            found[target] = value
-    return found
 
 
 def _show_recording(recording: Recording, remarks: Sequence[str]) -> None:

@@ -6,10 +6,9 @@ from typing import Any
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from stereocal.errors import StereocalError
 from stereocal.projects.project import Project
 from stereocal.ui.fields import Field, Number, one_of
-from stereocal.ui.messages import clear_refusal, set_refusal
+from stereocal.ui.messages import refusing
 from stereocal.ui.project import project_to_write
 
 NOT_STATED, TYPED, OWN, FREE = "Not stated", "Typed", "own", "Not measured"
@@ -34,19 +33,12 @@ HELP_ON_FREE = (
 )
 
 
-def give_lengths(
-    settings: Mapping[str, Any],
-    given: Mapping[str, Any],
-    ways: Mapping[str, Callable[[], None]] | None = None,
-) -> None:
-    """Store inputs, and how they are stated; if they are refused, offer other ways."""
-    try:
+def give_lengths(settings: Mapping[str, Any], given: Mapping[str, Any]) -> None:
+    """Store inputs, and how they are stated."""
+    with refusing():
         project = project_to_write()
         project.give({}, **given)
         project.keep_settings({**settings})
-        clear_refusal()
-    except StereocalError as error:
-        set_refusal(error, ways=ways)
 
 
 def ask_known(

@@ -1,24 +1,28 @@
 """The measured lengths and the lenses on the Data page: values, units, how well they are known."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 import streamlit as st
 
 from stereocal.fit.least_squares import unknowns
+from stereocal.fit.start.pairs import pair_name
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.inputs import LENGTHS, Length
 from stereocal.projects.project import Project
 from stereocal.rig import lengths_in_words as words
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
-from stereocal.rig.measured_lengths import LONGEST_PLAUSIBLE_M
+from stereocal.rig.measured_lengths import LONGEST_PLAUSIBLE_M, check_length
 from stereocal.rig.pair import Pair
+from stereocal.rig.recording import Recording
 from stereocal.system.numbers import rounded
-from stereocal.ui.fields import Field, Number, one_of, setting
+from stereocal.ui.fields import Field, Number, choose_from_menu, one_of, setting
+from stereocal.ui.holding import holds_board
 from stereocal.ui.length_known import (
     HELP,
     NOT_STATED,
@@ -32,8 +36,9 @@ from stereocal.ui.length_known import (
     scaled,
     sigma_of,
 )
-from stereocal.ui.messages import button, readable
-from stereocal.ui.project import current_project
+from stereocal.ui.messages import button, readable, refusing
+from stereocal.ui.photographs import has_photographs
+from stereocal.ui.project import current_project, project_to_write
 from stereocal.ui.texts import escape_markdown
 from stereocal.workflow.rough_pose import rough_pose
 
@@ -44,56 +49,145 @@ BOTH: tuple[Length, ...] = ("baseline_m", "target_distance_m")
 ASSUMED = " (not stated, assumed)"
 
 
-def ask_lengths(project: Project | None, of_board: bool) -> None:
-    """The two lengths and the lenses, and how well they are known.
+def ask_lengths(project: Project | None, of_all: Recording | None = None) -> None:
+    """The measured lengths and the lenses, and how well they are known.
 
     Args:
-        of_board: whether a board is held, whose squares are the measured lengths.
+        of_all: the recording of three cameras and more, as given.
     """
     left, right = st.columns(2)
+    if project is not None and of_all is not None:
+        with left:
+            _ask_baselines(project, of_all)
+        with right:
+            held = of_all.object
+            st.markdown(f"The {held.word} is {held.longest_m:.6g} m long.")
+            files = "± 0.1 %" if held.sigma_m is None else "what the files state"
+            ask_known(project, "target_distance_m", files, held.longest_m)
+        return
     with left:
-        _length_field(project, "baseline_m", "Baseline: distance between the cameras")
+        _ask_length(project, "baseline_m", "Baseline: distance between the cameras")
         if project is not None:
             _offer_nominal_baseline(project)
         ask_known(project, "baseline_m", "± 1 %")
     with right:
-        if of_board:
+        if project is not None and has_photographs(project) and holds_board(project):
             st.markdown("The squares of the board are the measured lengths.")
         elif about := _object_in_words(project):
             st.markdown(about)
         else:
-            _length_field(project, "target_distance_m", "Distance between targets A and B")
+            _ask_length(project, "target_distance_m", "Distance between targets A and B")
         ask_known(project, "target_distance_m", "± 0.1 %")
     if project is not None:
         ask_if_measured(project)
     _lens_uncertainties(project)
 
 
-def _length_field(project: Project | None, name: str, label: str) -> None:
-    """A length with its unit; the project stores metres."""
-    kept = _unit(project, name)
-    key = f"{name}_value"
+def _ask_length(project: Project | None, name: Length, label: str) -> None:
+    """A length of two cameras."""
 
     def read() -> float | None:
         own = project or current_project()  # the first number makes the project
-        metres = getattr(own.inputs, name) if own else None
-        return None if metres is None else float(f"{metres / words.METRES_PER[kept.value()]:.12g}")
+        return getattr(own.inputs, name) if own else None
+
+    def store(metres: float | None) -> None:
+        project_to_write().give({}, **_with_sigma(project, name, metres))
+
+    what = LENGTHS[name].removeprefix("the ")
+    _length_field(label, what, f"{name}_value", _unit(project, name), read, store)
+
+
+def _ask_baselines(project: Project, given: Recording) -> None:
+    """The distances of two cameras that were measured, and how well they are known."""
+
+    def measured() -> Mapping[str, float]:
+        of_files = {pair_name(pair): metres for pair, metres in given.baselines_m.items()}
+        return project.inputs.baselines_m or of_files
+
+    known, names = measured(), [*map(pair_name, given.pairs)]
+    first = next(iter(known), None)
+    title = "Measured distance of two cameras"
+    about = "Any of them, or none: the bars give the scale."
+    pair = choose_from_menu(project, "baseline_of", title, names, first, help=about)
+
+    def store(metres: float | None) -> None:
+        now = measured()
+        if metres != now.get(pair):  # else only its unit is another
+            own = {} if metres is None else {pair: metres}
+            rest = {name: length for name, length in now.items() if name != pair}
+            project.give({}, baselines_m=rest | own)
+
+    unit, what = _unit(project, "rig"), f"distance of the cameras {pair}"
+    label = f"Cameras {escape_markdown(pair)}"
+    _length_field(label, what, f"baseline_{pair}", unit, lambda: measured().get(pair), store)
+    if known:
+        per = words.METRES_PER[unit.value()]
+        listed = (f"{name} {own / per:.6g} {unit.value()}" for name, own in known.items())
+        st.caption(f"Measured: {escape_markdown(', '.join(listed))}")
+        ask_known(project, "baseline_m", "± 1 %")
+
+
+def ask_places(project: Project, targets: Sequence[str]) -> dict[str, float]:
+    """The places of the targets along the bar that are stated, in metres from the first."""
+    if len(targets) < 2:
+        return {}
+    first, *others = targets
+    stated: dict[str, float] = {}
+    for target, column in zip(others, cycle(st.columns(2)), strict=False):
+        own = setting(project, f"several_{target}_m", None, Number(0.0, or_none=True))
+        label = f"{escape_markdown(f'{first} to {target}')}, along the bar"
+        with column:
+            unit, what = _unit(project, own.key), f"distance from {first} to {target}"
+            _length_field(label, what, own.key, unit, own.read, own.write)
+        if value := own.value():
+            stated[target] = value
+    return stated
+
+
+def _length_field(
+    label: str,
+    what: str,
+    key: str,
+    kept: Field,
+    read: Callable[[], float | None],
+    store: Callable[[float | None], object],
+) -> None:
+    """A length, and its unit in a menu beside it.
+
+    Args:
+        what: it is, in messages.
+        kept: the unit.
+        read, store: the length in metres; None: it is not stated.
+    """
+
+    def shown() -> float | None:
+        metres = read()
+        return None if metres is None else _as_typed(metres / words.METRES_PER[kept.value()])
 
     def take(number: float | None, unit: str) -> None:
-        metres = None if number is None else float(number) * words.METRES_PER[unit]
-        given, ways = _with_sigma(project, name, metres), {}
+        metres = None if number is None else _as_typed(number * words.METRES_PER[unit])
+        ways = {}
         if unit != "mm" and metres is not None and metres > LONGEST_PLAUSIBLE_M:
             ways[f"It is {number:.10g} mm"] = partial(take, number, "mm")
-        give_lengths({kept.key: unit}, given, ways)
+        with refusing(ways):
+            if metres is not None:
+                check_length(what, metres)
+            store(metres)
+            project_to_write().keep_settings({kept.name: unit})
 
     number = Field(
-        key, key, read, lambda value: take(value, kept.value()), fit=Number(0.0, or_none=True)
+        key, key, shown, lambda value: take(value, kept.value()), fit=Number(0.0, or_none=True)
     )
     # Keeps the number that the field shows, in the new unit.
     unit = replace(kept, write=lambda chosen: take(number.shown(), chosen))
     left, right = st.columns([3, 1], vertical_alignment="bottom")
     number.number_input(label, left, format="%.10g", placeholder="measured length")
     unit.menu("Unit", right)
+
+
+def _as_typed(number: float) -> float:
+    """A number without what a change of its unit adds in its last digits."""
+    return float(f"{number:.12g}")
 
 
 def _with_sigma(project: Project | None, name: str, metres: float | None) -> dict[str, Any]:
@@ -277,7 +371,7 @@ def _asked(dataset: Pair) -> tuple[Length, ...]:
 def _number(project: Project, name: str) -> float:
     """The number of a length in the unit of its field, as typed."""
     per = words.METRES_PER[_unit(project, name).value()]
-    return float(f"{getattr(project.inputs, name) / per:.12g}")
+    return _as_typed(getattr(project.inputs, name) / per)
 
 
 def _take_in_metres(project: Project, metres: Mapping[str, float]) -> None:

@@ -201,13 +201,13 @@ def clear_refusal() -> None:
 
 
 @contextmanager
-def refusing() -> Iterator[None]:
+def refusing(ways: Ways | None = None) -> Iterator[None]:
     """Show a StereocalError of what is inside as the refusal, in place of the last."""
     clear_refusal()
     try:
         yield
     except StereocalError as error:
-        set_refusal(error)
+        set_refusal(error, ways)
 
 
 def ask_if_fisheye(

@@ -285,17 +285,34 @@ def test_the_refined_set_of_a_pair_is_the_rigs(project: Project) -> None:
 
 def test_lengths_are_typed_in_any_unit(project: Project) -> None:
     app = page_of(project, "data")
-    app.segmented_control(key="unit_of_baselines").set_value("cm").run()
+    app.selectbox(key="rig_unit").set_value("cm").run()
+    assert not project.inputs.baselines_m
     app.selectbox(key="baseline_of").set_value("1-3").run()
     app.number_input(key="baseline_1-3").set_value(123.4).run()
     assert project.inputs.baselines_m == {"1-3": 1.234}
-    app.segmented_control(key="unit_of_baselines").set_value("m").run()
-    assert app.number_input(key="baseline_1-3").value == 1.234
+    # The number is as it was typed, and the other lengths are as long as they were.
+    app.selectbox(key="baseline_of").set_value("1-2").run()
+    app.number_input(key="baseline_1-2").set_value(2.5).run()
+    app.selectbox(key="rig_unit").set_value("m").run()
+    assert app.number_input(key="baseline_1-2").value == 2.5
+    assert project.inputs.baselines_m == {"1-3": 1.234, "1-2": 2.5}
     app.selectbox(key="baseline_m_known").set_value("Tape").run()
     recording = project.recording
     assert recording is not None and not app.exception
-    assert recording.baselines_m == {("1", "3"): 1.234}
+    assert recording.baselines_m == {("1", "3"): 1.234, ("1", "2"): 2.5}
     assert recording.baseline_sigma_m == pytest.approx(0.005)
+
+
+def test_lengths_that_look_like_millimetres_can_be_taken_as_such(app: AppTest, home: Path) -> None:
+    given(app, files_of_rig())
+    for key, shown in (("several_B_m", 1390.0), ("baseline_1-2", 2400.0)):
+        app.number_input(key=key).set_value(shown).run()
+        assert "looks like millimetres" in told(app, "error")
+        app.button(key="use_rest").click().run()
+        assert app.number_input(key=key).value == shown / 1000 and not app.error
+    project = Project.open(home, find_projects(home)[0])
+    assert project.settings["several_B_m"] == 1.39
+    assert project.inputs.baselines_m == {"1-2": 2.4}
 
 
 def files_of_rig() -> dict[str, bytes]:
