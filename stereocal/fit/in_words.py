@@ -1,5 +1,7 @@
-"""What a rig's file says, in sentences: the same on page, in the report and the command line."""
+"""What a rig's file says, in sentences: the same on page, in the report and the command line; and
+how well the inputs of a fit are known."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -7,16 +9,19 @@ import numpy as np
 from stereocal.fit.about_rig import PairOfRig, RigFigures
 from stereocal.fit.errors.held_out import HeldOutErrors
 from stereocal.fit.errors.length_in_metres import length_in_words
+from stereocal.fit.least_squares import unknowns
 from stereocal.fit.rig_file import RigFile
 from stereocal.fit.screening.wrong_images import WrongImage
-from stereocal.rig.camera import camera_in_words
-from stereocal.rig.lengths_in_words import are_on_a_line, side_in_words
+from stereocal.rig.camera import CAMERAS, Camera, camera_in_words
+from stereocal.rig.lengths_in_words import are_on_a_line, as_held, side_in_words
+from stereocal.rig.pair import Pair
 from stereocal.system.numbers import count as counted
 from stereocal.system.numbers import rounded
 
 SHOWN = 8
 DIGITS = 3
 """Of a time offset, in frames."""
+ASSUMED = " (not stated, assumed)"
 
 
 def rig_sentence(rig: RigFile) -> str:
@@ -161,3 +166,28 @@ def _best_partner(pairs: Mapping[str, PairOfRig], name: str) -> tuple[str, int]:
     ]
     bars, partner = max(shared)
     return partner, bars
+
+
+def describe_uncertainties(dataset: Pair) -> str:
+    """The stated and the assumed uncertainties, in words."""
+    sigmas = (dataset.baseline_sigma_m, dataset.target_distance_sigma_m)
+    assumed = (
+        unknowns.DEFAULT_BASELINE * dataset.baseline_m,
+        unknowns.DEFAULT_DISTANCE * dataset.target_distance_m,
+    )
+    parts = []
+    for what, sigma_m, assumed_m in zip(("baseline", "distance A–B"), sigmas, assumed, strict=True):
+        mm = rounded(1000 * (assumed_m if sigma_m is None else sigma_m), 3)
+        if sigma_m == math.inf:
+            parts.append(f"{what} not measured, found from the lengths of the bars")
+        else:
+            parts.append(f"{what} ± {mm} mm{'' if sigma_m is not None else ASSUMED}")
+    for which, camera in zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True):
+        parts.append(f"{which} lens {lens_sigmas(camera)}{'' if camera.uncertainty else ASSUMED}")
+    return as_held(f"How well the inputs are known: {'; '.join(parts)}.", dataset)
+
+
+def lens_sigmas(camera: Camera) -> str:
+    """The standard deviations of a lens, stated or assumed, in words."""
+    prior = unknowns.lens_prior(camera, None)
+    return f"± {rounded(100 * prior.focal)} % and ± {rounded(prior.centre_px)} px"

@@ -9,6 +9,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.fit.in_words import describe_uncertainties
 from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
@@ -16,7 +17,6 @@ from stereocal.rig.pair import Pair
 from stereocal.system.settings import About, asked, descriptions
 from stereocal.system.tables import LARGEST_WHOLE
 from stereocal.ui.fields import AsRead, Field, Number, Values, one_of, setting, yes_or_no
-from stereocal.ui.lengths import describe_uncertainties
 from stereocal.ui.texts import REFINED_SET, escape_markdown
 
 RATIOS = (0.01, 0.99)

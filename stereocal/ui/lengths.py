@@ -1,6 +1,5 @@
 """The measured lengths and the lenses on the Data page: values, units, how well they are known."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 import streamlit as st
 
+from stereocal.fit.in_words import lens_sigmas
 from stereocal.fit.least_squares import unknowns
 from stereocal.fit.start.pairs import pair_name
 from stereocal.projects.given import ProjectGiven
@@ -46,7 +46,6 @@ KEPT_ANSWER = "lengths_in_metres"
 """Setting: the baseline and the bar that the user has said to be in metres."""
 
 BOTH: tuple[Length, ...] = ("baseline_m", "target_distance_m")
-ASSUMED = " (not stated, assumed)"
 
 
 def ask_lengths(project: Project | None, of_all: Recording | None = None) -> None:
@@ -251,7 +250,7 @@ def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
             stay[which] = None
         give_lengths({key: option}, {"lens_known": stay})
 
-    titles = {OWN: f"Its own calibration: {_of_lens(camera)}"} if camera.uncertainty else {}
+    titles = {OWN: f"Its own calibration: {lens_sigmas(camera)}"} if camera.uncertainty else {}
     titles |= {NOT_STATED: NOT_STATED, TYPED: "Typed"}
     assumed = f"± {100 * unknowns.DEFAULT_FOCAL:g} % and ± {unknowns.DEFAULT_CENTRE_PX:g} px"
     title, told = f"How well is the {which} lens known?", HELP.format(assumed=assumed)
@@ -272,30 +271,6 @@ def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
     for at, (place, (title, name, scale)) in enumerate(zip(st.columns(2), asked, strict=True)):
         shown, store = partial(number, at, scale), partial(take, at, scale)
         ask_number(title, f"lens_{which}_{name}", shown, store, place, told=counts)
-
-
-def describe_uncertainties(dataset: Pair) -> str:
-    """The stated and the assumed uncertainties, in words."""
-    sigmas = (dataset.baseline_sigma_m, dataset.target_distance_sigma_m)
-    assumed = (
-        unknowns.DEFAULT_BASELINE * dataset.baseline_m,
-        unknowns.DEFAULT_DISTANCE * dataset.target_distance_m,
-    )
-    parts = []
-    for what, sigma_m, assumed_m in zip(("baseline", "distance A–B"), sigmas, assumed, strict=True):
-        mm = rounded(1000 * (assumed_m if sigma_m is None else sigma_m), 3)
-        if sigma_m == math.inf:
-            parts.append(f"{what} not measured, found from the lengths of the bars")
-        else:
-            parts.append(f"{what} ± {mm} mm{'' if sigma_m is not None else ASSUMED}")
-    for which, camera in zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True):
-        parts.append(f"{which} lens {_of_lens(camera)}{'' if camera.uncertainty else ASSUMED}")
-    return words.as_held(f"How well the inputs are known: {'; '.join(parts)}.", dataset)
-
-
-def _of_lens(camera: Camera) -> str:
-    prior = unknowns.lens_prior(camera, None)
-    return f"± {rounded(100 * prior.focal)} % and ± {rounded(prior.centre_px)} px"
 
 
 def _object_in_words(project: Project | None) -> str:
