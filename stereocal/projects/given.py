@@ -85,6 +85,11 @@ class ProjectGiven(ProjectPart):
         return bool(self.rig_cameras) or self._has_points
 
     @property
+    def of_more_than_two(self) -> bool:
+        """Whether the data, or the files, are of three cameras and more."""
+        return self.project.is_rig or self.is_of_rig
+
+    @property
     def rig_cameras(self) -> tuple[str, ...]:
         """Names of the cameras of files that are of three or more; empty for two."""
         found = [name for cameras in self._parts.values() for name in cameras]

@@ -3,6 +3,7 @@ step."""
 
 from functools import partial
 
+import pandas as pd
 import streamlit as st
 
 from stereocal.calibration.essential import MINIMUM_PAIRS
@@ -13,20 +14,55 @@ from stereocal.fit.timing.started_by_hand import bring_into_step
 from stereocal.projects.project import Project
 from stereocal.system.latest import once
 from stereocal.system.numbers import count
+from stereocal.ui import jobs
 from stereocal.ui.figure import is_narrow, show_figure
+from stereocal.ui.files_of_all import FilesOfAll, offer_to_use
 from stereocal.ui.lengths import show_rig
 from stereocal.ui.messages import ErrorsShown, end_here, readable
 from stereocal.ui.photographs import has_photographs
 from stereocal.ui.prerequisites import is_asked
 from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
-from stereocal.ui.texts import escape_markdown
+from stereocal.ui.texts import escape_markdown, escaped_table
 
 FEW_FRAMES = 20
 RECOMMENDED = f"{FEW_FRAMES} frames of the bar or more are recommended"
 
 
-def show_what_was_read(project: Project | None) -> None:
-    """The rig in words, where its points are, and what they are; ends the page without them."""
+def show_what_was_read(project: Project | None, files: FilesOfAll | None) -> None:
+    """The points, and the press that uses those of three cameras and more; ends the page without.
+
+    Args:
+        files: of three cameras and more.
+    """
+    if files is not None:
+        _show_all_cameras(files)
+    else:
+        _show_two_cameras(project)
+
+
+def _show_all_cameras(files: FilesOfAll) -> None:
+    """The points camera by camera, and the press."""
+    project = files.project
+    has_images = has_photographs(project) or jobs.is_running(project, "video")
+    if has_images and len(files.cameras) > 2 and not files.tables:
+        return  # the table is still to be made from them
+    if (gathered := readable(lambda: files.gathered)) is None:
+        return
+    _begin()
+    rows, recording = [], gathered.recording
+    for k, (name, camera) in enumerate(recording.cameras.items()):
+        frames, (width, height) = recording.frame[recording.camera == k], camera.image_size
+        rows.append((name, f"{width}x{height}", f"{len(frames):,}", f"{len({*frames.tolist()}):,}"))
+    table = pd.DataFrame(rows, columns=["Camera", "Image, px", "Points", "Frames"])
+    st.table(escaped_table(table).set_index("Camera"))
+    st.caption(escape_markdown(recording.describe_pairs()))
+    for remark in gathered.remarks:
+        st.warning(escape_markdown(remark))
+    offer_to_use(files)
+
+
+def _show_two_cameras(project: Project | None) -> None:
+    """The rig in words, where its points are, and what they are."""
     if project is None or not (
         project.inputs.files or has_photographs(project) or is_asked(project)
     ):
@@ -39,7 +75,7 @@ def show_what_was_read(project: Project | None) -> None:
         dataset = project.dataset
     if dataset is None:
         end_here()
-    st.header("What was read", divider="gray")
+    _begin()
     _say_how_many(len(dataset.correspondences), len(dataset.correspondences.frames))
     show_rig(project, dataset)
     narrow, clicked = is_narrow(), partial(open_clicked_frame, project)
@@ -51,6 +87,10 @@ def show_what_was_read(project: Project | None) -> None:
     st.caption("A click on a point opens its frame.")
     st.table(contents_table(dataset))
     dataset_download(dataset)
+
+
+def _begin() -> None:
+    st.header("What was read", divider="gray")
 
 
 def _say_how_many(pairs: int, frames: int) -> None:
@@ -65,9 +105,9 @@ def _say_how_many(pairs: int, frames: int) -> None:
         st.success(f"Complete: {there}.")
 
 
-def show_in_step(project: Project) -> None:
+def show_in_step(project: Project | None) -> None:
     """What was found, and on demand the figure of each pair; nothing of cameras in step."""
-    recording = readable(lambda: project.recording, told=False)
+    recording = None if project is None else readable(lambda: project.recording, told=False)
     if recording is None or not (recording.step_notes or any(recording.start_frames.values())):
         return
     starts, notes = recording.start_frames, recording.step_notes

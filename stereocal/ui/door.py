@@ -106,7 +106,7 @@ def _show_state(project_files: ProjectGiven, used: Sequence[str]) -> None:
     if not used:
         return
     st.caption(f"In use: {escape_markdown(', '.join(used))}")
-    if project_files.is_of_rig or project_files.is_undivided or project.is_rig:
+    if project_files.of_more_than_two or project_files.is_undivided:
         return
     if missing := missing_of(project):
         st.warning(f"Still missing: {missing}.")

@@ -22,6 +22,7 @@ from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Number, choose_from_menu, one_of, setting
+from stereocal.ui.files_of_all import FilesOfAll
 from stereocal.ui.holding import holds_board
 from stereocal.ui.length_known import (
     HELP,
@@ -48,22 +49,16 @@ KEPT_ANSWER = "lengths_in_metres"
 BOTH: tuple[Length, ...] = ("baseline_m", "target_distance_m")
 
 
-def ask_lengths(project: Project | None, of_all: Recording | None = None) -> None:
+def ask_lengths(project: Project | None, files: FilesOfAll | None) -> None:
     """The measured lengths and the lenses, and how well they are known.
 
     Args:
-        of_all: the recording of three cameras and more, as given.
+        files: of three cameras and more.
     """
-    left, right = st.columns(2)
-    if project is not None and of_all is not None:
-        with left:
-            _ask_baselines(project, of_all)
-        with right:
-            held = of_all.object
-            st.markdown(f"The {held.word} is {held.longest_m:.6g} m long.")
-            files = "± 0.1 %" if held.sigma_m is None else "what the files state"
-            ask_known(project, "target_distance_m", files, held.longest_m)
+    if files is not None:
+        _ask_lengths_of_all(files)
         return
+    left, right = st.columns(2)
     with left:
         _ask_length(project, "baseline_m", "Baseline: distance between the cameras")
         if project is not None:
@@ -80,6 +75,33 @@ def ask_lengths(project: Project | None, of_all: Recording | None = None) -> Non
     if project is not None:
         ask_if_measured(project)
     _lens_uncertainties(project)
+
+
+def _ask_lengths_of_all(files: FilesOfAll) -> None:
+    """The places of the targets along the bar; once the points are read with them, the rest."""
+    _ask_places(files)
+    given = readable(lambda: files.gathered.recording, told=False)
+    if given is None:
+        return
+    left, right = st.columns(2)
+    with left:
+        _ask_baselines(files.project, given)
+    with right:
+        held = given.object
+        st.markdown(f"The {held.word} is {held.longest_m:.6g} m long.")
+        assumed = "± 0.1 %" if held.sigma_m is None else "what the files state"
+        ask_known(files.project, "target_distance_m", assumed, held.longest_m)
+
+
+def _ask_places(files: FilesOfAll) -> None:
+    """The places of the targets along the bar, from the first."""
+    first, *others = readable(lambda: files.targets, told=False) or [""]
+    for target, column in zip(others, cycle(st.columns(2) if others else ()), strict=False):
+        place = files.place(target)
+        label = f"{escape_markdown(f'{first} to {target}')}, along the bar"
+        unit, what = _unit(files.project, place.key), f"distance from {first} to {target}"
+        with column:
+            _length_field(label, what, place.key, unit, place.read, place.write)
 
 
 def _ask_length(project: Project | None, name: Length, label: str) -> None:
@@ -124,23 +146,6 @@ def _ask_baselines(project: Project, given: Recording) -> None:
         listed = (f"{name} {own / per:.6g} {unit.value()}" for name, own in known.items())
         st.caption(f"Measured: {escape_markdown(', '.join(listed))}")
         ask_known(project, "baseline_m", "± 1 %")
-
-
-def ask_places(project: Project, targets: Sequence[str]) -> dict[str, float]:
-    """The places of the targets along the bar that are stated, in metres from the first."""
-    if len(targets) < 2:
-        return {}
-    first, *others = targets
-    stated: dict[str, float] = {}
-    for target, column in zip(others, cycle(st.columns(2)), strict=False):
-        own = setting(project, f"several_{target}_m", None, Number(0.0, or_none=True))
-        label = f"{escape_markdown(f'{first} to {target}')}, along the bar"
-        with column:
-            unit, what = _unit(project, own.key), f"distance from {first} to {target}"
-            _length_field(label, what, own.key, unit, own.read, own.write)
-        if value := own.value():
-            stated[target] = value
-    return stated
 
 
 def _length_field(

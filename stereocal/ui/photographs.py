@@ -20,6 +20,8 @@ from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
 from stereocal.system.made_from import Parts, changed
 from stereocal.ui import holding, jobs
+from stereocal.ui.all_cameras import photographs_of_all
+from stereocal.ui.files_of_all import FilesOfAll
 from stereocal.ui.holding import ask_if_bar, first_pairs
 from stereocal.ui.messages import ErrorsShown, button, readable, show_stale
 from stereocal.ui.pairing import ROUND, clear, show_pairing
@@ -36,8 +38,17 @@ def has_photographs(project: Project) -> bool:
     return readable(lambda: ProjectPhotographs(project).photographs, told=False) != {}
 
 
-def show_photographs(project: Project | None) -> None:
-    """The pairs, and the targets found."""
+def show_photographs(project: Project | None, files: FilesOfAll | None) -> None:
+    """The pairs, and the targets found.
+
+    Args:
+        files: of three cameras and more.
+    """
+    if files is not None:
+        show_frames_taken(files.project)
+        if len(files.cameras) > 2:
+            photographs_of_all(files.project, files.cameras)
+        return
     st.session_state.setdefault(ROUND, 0)
     if project is None or not (
         has_photographs(project) or "correspondences" in project.inputs.files

@@ -1,0 +1,142 @@
+"""Files of three cameras and more on the Data page: what is asked about them, the recording that
+they make together, and the press that uses it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import streamlit as st
+
+from stereocal.fit.timing.to_calibrate import pair_to_calibrate
+from stereocal.formats.archives.all_cameras import Gathered, cameras_in, gather_all, targets_in
+from stereocal.formats.archives.gather import is_table
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.frames.pairing import natural
+from stereocal.projects.application import ProjectApplication
+from stereocal.projects.given import ProjectGiven
+from stereocal.projects.project import Project
+from stereocal.rig.camera import Camera
+from stereocal.system.latest import once_or_refused
+from stereocal.ui import jobs
+from stereocal.ui.fields import Field, Number, setting
+from stereocal.ui.intake import give_pair
+from stereocal.ui.menu import PRESS_FIRST
+from stereocal.ui.messages import button, readable, show_with_button
+from stereocal.ui.navigation import go_to
+from stereocal.ui.press import press
+from stereocal.ui.texts import escape_markdown
+from stereocal.ui.wizard import Questions
+
+
+@dataclass(frozen=True)
+class FilesOfAll:
+    """The files of three cameras and more, with the answers about them."""
+
+    project: Project
+    contents: Mapping[str, bytes]
+    """By name; empty where only the recording that they made is there."""
+    options: ExchangeOptions
+
+    @cached_property
+    def tables(self) -> dict[str, bytes]:
+        return {name: own for name, own in self.contents.items() if is_table(name, own)}
+
+    @property
+    def of_cameras(self) -> dict[str, bytes]:
+        return {name: own for name, own in self.contents.items() if name not in self.tables}
+
+    @cached_property
+    def cameras(self) -> dict[str, Camera]:
+        """The cameras by name; none while their files cannot be read."""
+        return readable(lambda: cameras_in(self.of_cameras, self.options), told=False) or {}
+
+    @property
+    def targets(self) -> list[str]:
+        """Of the table, whose places along the bar are to be stated from the first.
+
+        Raises:
+            StereocalError: it has too many.
+        """
+        return sorted({t for name, own in self.tables.items() for t in targets_in(own, name)})
+
+    def place(self, target: str) -> Field:
+        """The place of a target along the bar, in metres."""
+        return setting(self.project, f"several_{target}_m", None, Number(0.0, or_none=True))
+
+    @cached_property
+    def gathered(self) -> Gathered:
+        """The recording.
+
+        Raises:
+            StereocalError: the files make none yet.
+        """
+        if not self.contents and (given := self.project.recording_as_given) is not None:
+            return Gathered(given, (), ())
+        name = self.project.inputs.name or "Rig"
+        stated = {target: self.place(target).value() for target in self.targets[1:]}
+        places = {target: metres for target, metres in stated.items() if metres}
+        digests = [(part, file.sha256) for part, file in ProjectGiven(self.project).parts.items()]
+        return once_or_refused(
+            "files of all cameras",
+            repr((digests, self.options, places, name)),
+            lambda: gather_all(self.contents, self.options, name, places),
+        )
+
+
+def ask_about_files(project: Project | None) -> FilesOfAll | None:
+    """The files of three cameras and more, and the questions about them; None of two cameras."""
+    if project is None or not (store := ProjectGiven(project)).of_more_than_two:
+        return None
+    parts = store.parts
+    contents = {name: parts[name].read_bytes() for name in sorted(parts, key=natural)}
+    if not contents:
+        return FilesOfAll(project, contents, ExchangeOptions())
+    with st.container(horizontal=True):
+        for name in contents:
+            act = f"drop_{name}", store.drop_part, name
+            button(escape_markdown(name), *act, icon="close", help="Remove this file.")
+    for name in store.replaced:
+        undo = "Undo", f"undo_{name}", store.undo_part, name
+        show_with_button("info", f"{name} was replaced.", *undo, icon="undo")
+    asked = Questions(project, "several_{}")
+    with st.expander("Correct or complete what the files say"):
+        left, right = st.columns(2)
+        lens_model, corner = asked.ask(left, "lens_model"), asked.ask(right, "corner")
+    files = FilesOfAll(project, contents, ExchangeOptions(lens_model=lens_model, corner=corner))
+    if len(files.of_cameras) == 1:
+        button("Use only two of these cameras", "several_two", _use_two, store, *files.of_cameras)
+    return files
+
+
+def _use_two(store: ProjectGiven, name: str) -> None:
+    """Ask which two cameras of a file of all to use, and of the table."""
+    asked = ProjectApplication(store.project)
+    for part, file in store.parts.items():
+        asked.ask("archive" if part == name else "bars", part, file.read_bytes())
+        store.drop_part(part)
+
+
+def offer_to_use(files: FilesOfAll) -> None:
+    """The press that goes on with what was read."""
+    if not files.contents:
+        return
+    title = "Calibrate all" if len(files.gathered.recording.cameras) > 2 else "Use these points"
+    # Of what is in use already, the next thing to do is on the page Calibrate.
+    is_used = files.project.is_given(files.gathered.files)
+    st.session_state[PRESS_FIRST] = not is_used
+    button(title, "several_run", _use, files, first=not is_used)
+
+
+def _use(files: FilesOfAll) -> None:
+    """Store the recording and go on with it: calibrate a rig, or open a pair."""
+    project, gathered = files.project, files.gathered
+    recording = gathered.recording
+    if len(recording.cameras) == 2:
+        give_pair(project, pair_to_calibrate(project.inputs.of_rig(recording)))
+        for name in files.contents:
+            ProjectGiven(project).drop_part(name)
+        return
+    project.give_recording(recording, gathered.files, same_lengths=True)
+    jobs.drop_pairs(project)
+    press(project)
+    go_to("calibrate")
