@@ -1,12 +1,16 @@
-"""Photographs on the Data page: their pairs, and the search for targets or for boards in them."""
+"""Photographs on the Data page: how they belong together, and the search for what is held."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import streamlit as st
 
 from stereocal.errors import StereocalError
-from stereocal.frames.all_cameras import Found
+from stereocal.formats.dataset_description import POINTS
+from stereocal.formats.dataset_files import pack_recording
+from stereocal.formats.points_csv import write_points
+from stereocal.frames.all_cameras import Found, by_folder
 from stereocal.frames.frame import Frame
 from stereocal.frames.pairing import Pairing, PhotographPair
 from stereocal.frames.reasons import without_names
@@ -19,11 +23,11 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
 from stereocal.system.made_from import Parts, changed
+from stereocal.system.numbers import count
 from stereocal.ui import holding, jobs
-from stereocal.ui.all_cameras import photographs_of_all
 from stereocal.ui.files_of_all import FilesOfAll
 from stereocal.ui.holding import ask_if_bar, first_pairs
-from stereocal.ui.messages import ErrorsShown, button, readable, show_stale
+from stereocal.ui.messages import ErrorsShown, button, readable, show_stale, show_with_button
 from stereocal.ui.pairing import ROUND, clear, show_pairing
 from stereocal.ui.print_downloads import print_what_is_held
 from stereocal.ui.review import badge, on_a_sheet, say_what_is_shared, show_frames
@@ -39,19 +43,14 @@ def has_photographs(project: Project) -> bool:
 
 
 def show_photographs(project: Project | None, files: FilesOfAll | None) -> None:
-    """The pairs, and the targets found.
+    """How they belong together, and what was found in them.
 
     Args:
         files: of three cameras and more.
     """
-    if files is not None:
-        show_frames_taken(files.project)
-        if len(files.cameras) > 2:
-            photographs_of_all(files.project, files.cameras)
-        return
     st.session_state.setdefault(ROUND, 0)
     if project is None or not (
-        has_photographs(project) or "correspondences" in project.inputs.files
+        files or has_photographs(project) or "correspondences" in project.inputs.files
     ):
         cameras = readable(lambda: project.cameras) if project else None
         focal = [float(min(one.K[0, 0], one.K[1, 1])) for one in cameras or () if one]
@@ -61,7 +60,12 @@ def show_photographs(project: Project | None, files: FilesOfAll | None) -> None:
     show_frames_taken(project)
     store = ProjectPhotographs(project)
     try:
-        if not store.photographs or ProjectGiven(project).is_undivided:
+        if not store.photographs:
+            return
+        if files is not None:
+            _find_in_all(store, files.cameras)
+            return
+        if ProjectGiven(project).is_undivided:
             return
         show_pairing(store)
     except StereocalError as error:
@@ -210,3 +214,53 @@ def _lenses_given(store: ProjectPhotographs) -> dict[str, Camera]:
     if first is None or second is None or labels == {OF_BOARDS}:
         return {}
     return {"primary": first, "secondary": second}
+
+
+UNUSED, TOLD = "several_unused", "several_told"
+
+
+def _find_in_all(store: ProjectPhotographs, cameras: Mapping[str, Camera]) -> None:
+    """How many photographs there are of each of three cameras and more, and the search."""
+    folders = by_folder(store.photographs, cameras)
+    counts = ", ".join(f"{camera} {len(own) or 'none'}" for camera, own in folders.items())
+    if len(cameras) < 3 or not any(folders.values()):
+        return
+    words, remove = f"Photographs: {counts}.", "Remove all photographs"
+    show_with_button("markdown", words, remove, "several_clear", clear, store)
+    pairing = readable(lambda: store.pairing([*cameras]), told=all(folders.values()))
+    if pairing is not None:
+        _search_all(store, cameras, pairing)
+
+
+def _search_all(store: ProjectPhotographs, cameras: Mapping[str, Camera], pairing: Pairing) -> None:
+    """What is held, the press, and what was not found."""
+    project = store.project
+    is_searched = bool(store.found_in)
+    held, ready = ask_held(store, pairing, is_searched)
+    work = search_work(store, pairing, cameras, held, partial(_keep_all, store))
+    press_search(work, "targets", "find_in_all_cameras", is_searched, ready)
+    if not is_searched:
+        if pairing.sentence:
+            st.caption(pairing.sentence)
+        return
+    show_stale(changed(store.found_in, work.made_from))
+    unused = project.settings.get(UNUSED) or []
+    told = project.settings.get(TOLD) or f"{count(len(pairing.moments), 'frame')}."
+    st.caption(f"{escape_markdown(str(told))} Photographs not used: {len(unused):,}.")
+    if unused:
+        with st.expander("Photographs that are not used"):
+            st.markdown("\n".join(f"- {escape_markdown(line)}" for line in unused))
+
+
+def _keep_all(store: ProjectPhotographs, found: Found, made_from: Parts) -> None:
+    """Store the table of the targets that were found, of boards the whole recording."""
+    project = store.project
+    if found.recording.object.board is not None:
+        whole = replace(found.recording, name=project.inputs.name or "Rig")
+        project.give_recording(whole, pack_recording(whole), same_lengths=True)
+        jobs.drop_pairs(project)
+    else:
+        ProjectGiven(project).add_parts({POINTS: write_points(found.recording)})
+    store.keep_found_in(made_from)
+    project.keep_settings({UNUSED: [*found.unused], TOLD: found.pairing.sentence})
+    holding.settle(project)
