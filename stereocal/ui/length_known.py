@@ -1,12 +1,17 @@
-"""How well a measured length is known, asked beside it: a preset, or a typed standard deviation."""
+"""How well a measured length is known, asked beside it, and a lens: a preset, or a typed standard
+deviation."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
+from stereocal.fit.in_words import lens_sigmas
+from stereocal.fit.least_squares import unknowns
 from stereocal.projects.project import Project
+from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.ui.fields import Field, Number, one_of
 from stereocal.ui.messages import refusing
 from stereocal.ui.project import project_to_write
@@ -116,3 +121,54 @@ def ask_number(
 def scaled(value: float | None, scale: float) -> float | None:
     """As shown, to six digits."""
     return None if value is None else float(f"{scale * value:.6g}")
+
+
+def ask_lenses_known(project: Project) -> None:
+    """The fields of each lens's uncertainty: from its file, typed, or not stated."""
+    for which, camera, column in zip(CAMERAS, project.cameras, st.columns(2), strict=True):
+        if camera is not None:
+            with column:
+                _lens_known(project, which, camera)
+
+
+def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
+    """How well a lens is known: a fraction of its focal length, and pixels of its centre."""
+    key = f"lens_{which}_known"
+
+    def stated() -> dict[CameraName, Any]:
+        return dict(project.inputs.lens_known)
+
+    def read() -> str:
+        known = stated().get(which, camera.uncertainty and OWN)
+        return OWN if known == OWN else (TYPED if known else NOT_STATED)
+
+    def choose(option: str) -> None:
+        stay = {lens: known for lens, known in stated().items() if lens != which}
+        if option == TYPED:
+            prior = camera.uncertainty and unknowns.lens_prior(camera, None)
+            stay[which] = (prior.focal, prior.centre_px) if prior else (None, None)
+        elif option == NOT_STATED and camera.uncertainty:
+            stay[which] = None
+        give_lengths({key: option}, {"lens_known": stay})
+
+    titles = {OWN: f"Its own calibration: {lens_sigmas(camera)}"} if camera.uncertainty else {}
+    titles |= {NOT_STATED: NOT_STATED, TYPED: "Typed"}
+    assumed = f"± {100 * unknowns.DEFAULT_FOCAL:g} % and ± {unknowns.DEFAULT_CENTRE_PX:g} px"
+    title, told = f"How well is the {which} lens known?", HELP.format(assumed=assumed)
+    known = Field(key, key, read, choose, fit=one_of(titles))
+    if known.menu(title, format_func=titles.__getitem__, help=told) != TYPED:
+        return
+
+    def number(at: int, scale: float) -> float | None:
+        return scaled((stated().get(which) or (None, None))[at], scale)
+
+    def take(at: int, scale: float, value: float | None) -> None:
+        both = [*(stated().get(which) or (None, None))]
+        both[at] = None if value is None else value / scale
+        give_lengths({key: TYPED}, {"lens_known": {**stated(), which: tuple(both)}})
+
+    counts = "0 holds it as it is given. It counts once both numbers are there."
+    asked = (("Focal length, ± %", "focal_percent", 100), ("Image centre, ± px", "centre_px", 1))
+    for at, (place, (title, name, scale)) in enumerate(zip(st.columns(2), asked, strict=True)):
+        shown, store = partial(number, at, scale), partial(take, at, scale)
+        ask_number(title, f"lens_{which}_{name}", shown, store, place, told=counts)

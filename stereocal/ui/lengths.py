@@ -1,4 +1,4 @@
-"""The measured lengths and the lenses on the Data page: values, units, how well they are known."""
+"""The measured lengths on the Data page: values and units, and a question about planned ones."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -9,14 +9,11 @@ from typing import Any
 import numpy as np
 import streamlit as st
 
-from stereocal.fit.in_words import lens_sigmas
-from stereocal.fit.least_squares import unknowns
 from stereocal.fit.start.pairs import pair_name
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.inputs import LENGTHS, Length
 from stereocal.projects.project import Project
 from stereocal.rig import lengths_in_words as words
-from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.measured_lengths import LONGEST_PLAUSIBLE_M, check_length
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
@@ -25,16 +22,11 @@ from stereocal.ui.fields import Field, Number, choose_from_menu, one_of, setting
 from stereocal.ui.files_of_all import FilesOfAll
 from stereocal.ui.holding import holds_board
 from stereocal.ui.length_known import (
-    HELP,
-    NOT_STATED,
     OF_PRINTER,
-    OWN,
     PRINTED,
-    TYPED,
     ask_known,
-    ask_number,
+    ask_lenses_known,
     give_lengths,
-    scaled,
     sigma_of,
 )
 from stereocal.ui.messages import button, readable, refusing
@@ -74,7 +66,7 @@ def ask_lengths(project: Project | None, files: FilesOfAll | None) -> None:
         ask_known(project, "target_distance_m", "± 0.1 %")
     if project is not None:
         ask_if_measured(project)
-    _lens_uncertainties(project)
+        ask_lenses_known(project)
 
 
 def _ask_lengths_of_all(files: FilesOfAll) -> None:
@@ -223,59 +215,6 @@ def _offer_nominal_baseline(project: Project) -> None:
     stated = {"baseline_m": metres, "baseline_sigma_m": sigma}
     label = f"Use {rounded(metres, 4)} m ± {rounded(100 * sigma / metres)} %"
     button(label, "use_nominal_baseline", give_lengths, {}, stated)
-
-
-def _lens_uncertainties(project: Project | None) -> None:
-    """The fields of each lens's uncertainty: from its file, typed, or not stated."""
-    if project is None:
-        return
-    for which, camera, column in zip(CAMERAS, project.cameras, st.columns(2), strict=True):
-        if camera is not None:
-            with column:
-                _lens_known(project, which, camera)
-
-
-def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
-    """How well a lens is known: a fraction of its focal length, and pixels of its centre."""
-    key = f"lens_{which}_known"
-
-    def stated() -> dict[CameraName, Any]:
-        return dict(project.inputs.lens_known)
-
-    def read() -> str:
-        known = stated().get(which, camera.uncertainty and OWN)
-        return OWN if known == OWN else (TYPED if known else NOT_STATED)
-
-    def choose(option: str) -> None:
-        stay = {lens: known for lens, known in stated().items() if lens != which}
-        if option == TYPED:
-            prior = camera.uncertainty and unknowns.lens_prior(camera, None)
-            stay[which] = (prior.focal, prior.centre_px) if prior else (None, None)
-        elif option == NOT_STATED and camera.uncertainty:
-            stay[which] = None
-        give_lengths({key: option}, {"lens_known": stay})
-
-    titles = {OWN: f"Its own calibration: {lens_sigmas(camera)}"} if camera.uncertainty else {}
-    titles |= {NOT_STATED: NOT_STATED, TYPED: "Typed"}
-    assumed = f"± {100 * unknowns.DEFAULT_FOCAL:g} % and ± {unknowns.DEFAULT_CENTRE_PX:g} px"
-    title, told = f"How well is the {which} lens known?", HELP.format(assumed=assumed)
-    known = Field(key, key, read, choose, fit=one_of(titles))
-    if known.menu(title, format_func=titles.__getitem__, help=told) != TYPED:
-        return
-
-    def number(at: int, scale: float) -> float | None:
-        return scaled((stated().get(which) or (None, None))[at], scale)
-
-    def take(at: int, scale: float, value: float | None) -> None:
-        both = [*(stated().get(which) or (None, None))]
-        both[at] = None if value is None else value / scale
-        give_lengths({key: TYPED}, {"lens_known": {**stated(), which: tuple(both)}})
-
-    counts = "0 holds it as it is given. It counts once both numbers are there."
-    asked = (("Focal length, ± %", "focal_percent", 100), ("Image centre, ± px", "centre_px", 1))
-    for at, (place, (title, name, scale)) in enumerate(zip(st.columns(2), asked, strict=True)):
-        shown, store = partial(number, at, scale), partial(take, at, scale)
-        ask_number(title, f"lens_{which}_{name}", shown, store, place, told=counts)
 
 
 def _object_in_words(project: Project | None) -> str:
