@@ -10,9 +10,9 @@ from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.fit.results import Calibration
 from stereocal.fit.start.pairs import pair_name
 from stereocal.formats.evaluation_files import Evaluation
+from stereocal.rig.camera import camera_in_words
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
-from stereocal.rig.rig import camera_in_words
 from stereocal.system.made_from import Parts, digest_of
 from stereocal.system.settings import Settings, descriptions
 
