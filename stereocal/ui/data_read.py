@@ -11,6 +11,7 @@ from stereocal.figures.coverage import describe_coverage, plot_coverage
 from stereocal.figures.started_by_hand import describe_offsets, plot_offsets
 from stereocal.figures.tables import contents_table
 from stereocal.fit.timing.started_by_hand import bring_into_step
+from stereocal.formats.dataset_files import pack_dataset, pack_recording
 from stereocal.projects.project import Project
 from stereocal.system.latest import once
 from stereocal.system.numbers import count
@@ -59,6 +60,9 @@ def _show_all_cameras(files: FilesOfAll) -> None:
     for remark in gathered.remarks:
         st.warning(escape_markdown(remark))
     offer_to_use(files)
+    stated = project.recording
+    if stated is not None and (not files.contents or project.is_given(gathered.files)):
+        dataset_download(partial(pack_recording, stated))
 
 
 def _show_two_cameras(project: Project | None) -> None:
@@ -86,7 +90,7 @@ def _show_two_cameras(project: Project | None) -> None:
     show_figure(figure, words, COVERAGE, on_select=clicked, selection_mode="points")
     st.caption("A click on a point opens its frame.")
     st.table(contents_table(dataset))
-    dataset_download(dataset)
+    dataset_download(partial(pack_dataset, dataset))
 
 
 def _begin() -> None:

@@ -1,6 +1,6 @@
 """The Calibrate page: the result with its downloads, and closer looks at it, one at a time."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import streamlit as st
@@ -16,14 +16,12 @@ from stereocal.figures.tables import angles_table, errors_table, forecast_table,
 from stereocal.figures.traces import describe_traces, plot_traces
 from stereocal.figures.two_sets import FrameView, frame_views
 from stereocal.fit.results import Calibration
-from stereocal.formats.dataset_files import pack_dataset
 from stereocal.paper_kit.kit import paper_kit
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import as_held, word_of
-from stereocal.rig.pair import Pair
 from stereocal.system.numbers import count
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import frames, refined_looks
@@ -175,10 +173,10 @@ def _offer_kit(project: Project, answer: PairAnswer | None) -> None:
     offer(label, make if answer else None, "paper_kit.zip", "download_kit", icon=icon)
 
 
-def dataset_download(dataset: Pair) -> None:
-    """Download of the data set as a zip, which can be uploaded again."""
+def dataset_download(pack: Callable[[], Mapping[str, bytes]]) -> None:
+    """Download of the data set, whose files `pack` makes, as a zip, which can be uploaded again."""
     label, name = "Download this data set", "dataset.zip"
-    offer(label, lambda: pack_zip(pack_dataset(dataset)), name, "download_dataset")
+    offer(label, lambda: pack_zip(pack()), name, "download_dataset")
 
 
 @fragment

@@ -301,6 +301,7 @@ def test_lengths_are_typed_in_any_unit(project: Project) -> None:
     assert recording is not None and not app.exception
     assert recording.baselines_m == {("1", "3"): 1.234, ("1", "2"): 2.5}
     assert recording.baseline_sigma_m == pytest.approx(0.005)
+    assert "Download this data set" in [each.proto.label for each in app.get("download_button")]
 
 
 def test_lengths_that_look_like_millimetres_can_be_taken_as_such(app: AppTest, home: Path) -> None:
