@@ -40,6 +40,9 @@ class StereocalError(ValueError):
         option: what a command can be told instead, as `--unit mm`; only commands show it.
     """
 
+    lasts = True
+    """Whether the same input is refused again: not where a disk or a project is the cause."""
+
     def __init__(self, text: str = "", source: str = "", *, option: str = "") -> None:
         self.reason, self.option = text, option
         text = f"{source}: {text}" if source else text

@@ -93,9 +93,13 @@ SENTENCES = {
 class DamagedError(StereocalError):
     """A project is damaged, as opposed to written by another version."""
 
+    lasts = False
+
 
 class DiskFullError(StereocalError):
     """The disk is full."""
+
+    lasts = False
 
 
 class _Connections(threading.local):

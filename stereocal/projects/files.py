@@ -70,7 +70,7 @@ class StoredFile:
         query = "SELECT rowid FROM content WHERE sha256 = ?"
         with self.database.reading() as db:
             if (found := db.execute(query, [self.sha256]).fetchone()) is None:
-                raise StereocalError("A file has gone from the project; give it again.")
+                raise DamagedError("A file has gone from the project; give it again.")
             with closing(db.blobopen("content", "bytes", found[0], readonly=True)) as blob:
                 while piece := blob.read(PIECE):
                     digest.update(piece)

@@ -32,6 +32,13 @@ class ProjectLens(ProjectPart):
                 # New names need no reset: `search` compares the names.
                 self.database.keep_result(self._boards, None)
 
+    def replace(self, folder: str, found: Mapping[str, StoredFile]) -> None:
+        """Add stored photographs of a folder, in the place of those that it had."""
+        with self.database.transaction():
+            gone = [name for name in self.photographs if name.startswith(f"{folder}/")]
+            self.database.forget_files(self._boards, [name for name in gone if name not in found])
+            self.add(found)
+
     def clear(self) -> None:
         """Delete the photographs, the boards found and the lens."""
         with self.database.freeing():

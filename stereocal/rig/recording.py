@@ -136,12 +136,14 @@ class Recording(TableAnswer):
     def points_digest(self) -> str:
         """Digest of the points and of how their frames belong together; of `sha256` and its time a
         tenth, for pages that tell what has changed."""
-        content = hashlib.sha256(repr((self.start_frames, self.own_frames)).encode())
-        columns = self.frame, self.camera, self.target, self.recorded_points, self.sigma_px
-        known = [column for name in OF_TABLES[:3] if (column := getattr(self, name)) is not None]
+        content = hashlib.sha256(
+            repr((sorted(self.start_frames.items()), self.own_frames)).encode()
+        )
         order = np.lexsort([self.target, self.camera, self.frame])
-        for column in (*columns, *known):
-            content.update(column[order].tobytes())
+        names = "frame", "camera", "target", "recorded_points", "sigma_px", *OF_TABLES[:3]
+        for name in names:
+            if (column := getattr(self, name)) is not None:
+                content.update(name.encode() + column[order].tobytes())
         return content.hexdigest()
 
     def to_dataframe(self) -> pd.DataFrame:

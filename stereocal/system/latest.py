@@ -102,7 +102,15 @@ MOST = {
     **{"data set": 32, "recording": 8, "table": 8, "camera": 64, "run": 64, "answer": 64},
     **{"file": 32, "validation": 8, "screening": 64, "validation shown": 64, "points": 24},
     **{"photograph": 8, "thumbnail": 4000, "board in a photograph": 200, "board": 1000},
-    **{"patterns": 64, "plan": 24, "card": 500, "title": 4096, "clusters": 100, "rays": 256},
+    **{
+        "footage of photographs": 4,
+        "patterns": 64,
+        "plan": 24,
+        "card": 500,
+        "title": 4096,
+        "clusters": 100,
+        "rays": 256,
+    },
 }
 """How many values of a step are kept; of another one `USUAL`."""
 USUAL = 16
@@ -135,12 +143,14 @@ def get(step: str, key: str) -> Any:
 
 
 def once_or_refused(step: str, key: str, make: Callable[[], Value]) -> Value:
-    """As `once`; a refusal is kept as well, and raised each time."""
+    """As `once`; a refusal is kept as well, and raised each time, unless it may not last."""
 
     def answer() -> Value | StereocalError:
         try:
             return make()
         except StereocalError as error:
+            if not error.lasts:
+                raise
             return error
 
     value = once(step, key, answer)

@@ -21,6 +21,8 @@ SHOWN = 60
 HIDDEN = ("Cc", "Cs", "Zl", "Zp")
 """Categories of characters that no page, table or message can show: controls, halves of
 characters, which JSON allows but UTF-8 does not, ends of lines."""
+CALLED = r"cam(?:era)?[ _-]*"
+"""Before the name of a camera, in the name of a file: a pattern."""
 LETTERS, OTHERS = "LMN", " -_."
 """Of names of cameras: categories of characters, letters, marks on letters, numbers; and others."""
 
@@ -93,23 +95,45 @@ def check_camera_names(names: Iterable[str]) -> None:
 
 
 def named_after(files: Sequence[str], cameras: Sequence[str]) -> dict[str, str]:
-    """Whose each of several files is, by the name of a camera in its name, as `points_left.csv`.
+    """Whose each of several files is, by the camera in its name: `points_left.csv`, `cam2.csv`.
 
     Raises:
-        StereocalError: a file names no camera, or two name the same.
+        StereocalError: a file names no camera or several, or two name the same.
     """
     whose: dict[str, str] = {}
     for file in files:
-        stem = PurePath(file).stem.casefold()
-        apart = r"(?<![^\W_]){}(?![^\W_])"
-        named = [c for c in cameras if re.search(apart.format(re.escape(c.casefold())), stem)]
-        if not named:
-            raise StereocalError(
-                f"{file}: its name does not say which camera it is of. Name the files after the "
-                f"cameras, as points_{cameras[0]}.csv, or give them one by one."
+        stem = PurePath(file).stem
+        # "trial_2_cam_1" is of camera 1.
+        named = _named_in(stem, cameras, CALLED) or _named_in(stem, cameras)
+        if len(named) != 1:
+            which = (
+                f"whether it is of camera {' or '.join(named)}"
+                if named
+                else "which camera it is of"
             )
-        camera = max(named, key=len)
-        if camera in whose.values():
-            raise StereocalError(f"{file}: another file is of {camera} too. Give them one by one.")
-        whose[file] = camera
+            raise StereocalError(
+                f"{file}: its name does not tell {which}. Name the files after the cameras, as "
+                f"points_{cameras[0]}.csv, or give them one by one."
+            )
+        if named[0] in whose.values():
+            raise StereocalError(
+                f"{file}: another file is of camera {named[0]} too. Give them one by one."
+            )
+        whose[file] = named[0]
     return whose
+
+
+def _named_in(stem: str, cameras: Sequence[str], before: str = "") -> list[str]:
+    """The cameras whose name is a word of a file's name; DeepLabCut goes on behind it.
+
+    Args:
+        before: pattern of what stands before it, or it begins with.
+    """
+
+    def is_in(camera: str) -> bool:
+        own = "" if re.match(before, camera, re.IGNORECASE) else before
+        word = rf"(?<![^\W_]){own}{re.escape(camera)}(?=DLC|[\W_]|$)"
+        return re.search(word, stem, re.IGNORECASE) is not None
+
+    found = [*filter(is_in, cameras)]
+    return [c for c in found if not any(c != o and c.lower() in o.lower() for o in found)]

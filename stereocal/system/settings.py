@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self, cast
 
 from stereocal.errors import StereocalError
+from stereocal.system.made_from import Parts
 from stereocal.system.records import plain, settings_of
 
 _ABOUT, _JOINED = "about", "joined"
@@ -100,6 +101,12 @@ class Settings:
         flat = [getattr(self, name).to_json() for name in others]
         own = {name: value for name, value in own.items() if name not in others}
         return {**{k: v for each in flat for k, v in each.items()}, **_exchanged(own, INF, "inf")}
+
+    @property
+    def parts(self) -> Parts:
+        """The settings by their names in words."""
+        names, values = descriptions(type(self)), self.to_json()
+        return {about.name: values[key] for key, about in names.items()}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:

@@ -206,8 +206,10 @@ def update_application(
             WARM_UP.over.wait()
             run(jobs.Job(job, jobs.pool()))
             stale = ""
-    show_stale(stale)
-    if not current and seconds > INSTANT_S and not jobs.is_running(project, "apply"):
+    running = jobs.is_running(project, "apply")
+    if not running:
+        show_stale(stale)
+    if not current and seconds > INSTANT_S and not running:
         label = f"Match and measure ({listed([f'{rows:,}' for rows in work.rows])} points)"
         jobs.start_button(job, label, "apply_run")
     last = "Cancelled. What is shown is the last finished result."

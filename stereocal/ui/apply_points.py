@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import cycle
-from typing import TypeVar
 
 import pandas as pd
 import streamlit as st
@@ -39,7 +38,6 @@ from stereocal.ui.messages import button
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.wizard import ask_about_points
 
-T = TypeVar("T")
 CLICKED = "Click them here"
 FEWEST = 2
 """Cameras whose points are needed."""
@@ -133,8 +131,9 @@ class PointsForm:
         if len(files) > 1:
             cameras = named_after([*files], [*self.slots])
             slots = {name: self.slots[camera] for name, camera in cameras.items()}
-        for name, own in slots.items():
-            self.store.offer_points(own, name, files[name])
+        with self.store.database.transaction():  # all or none
+            for name, own in slots.items():
+                self.store.offer_points(own, name, files[name])
         if len(self.slots) - len(self._missing) >= FEWEST:
             self._kind.set(self._titles[1])
 
@@ -166,7 +165,6 @@ class PointsForm:
         return {camera: points for camera, points in found.items() if points is not None}
 
 
-"""A page of two cameras uses eight at a time."""
 Depths = tuple[float, float]
 THRESHOLD = (
     "Threshold: largest reprojection error of a pair, mean over both cameras. Empty: by the noise "

@@ -12,6 +12,8 @@ from stereocal.figures.started_by_hand import describe_offsets, plot_offsets
 from stereocal.figures.tables import contents_table
 from stereocal.fit.timing.started_by_hand import bring_into_step
 from stereocal.formats.dataset_files import pack_dataset, pack_recording
+from stereocal.frames.all_cameras import by_folder
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.system.latest import once
 from stereocal.system.numbers import count
@@ -44,7 +46,8 @@ def show_what_was_read(project: Project | None, files: FilesOfAll | None) -> Non
 def _show_all_cameras(files: FilesOfAll) -> None:
     """The points camera by camera, and the press."""
     project = files.project
-    has_images = has_photographs(project) or jobs.is_running(project, "video")
+    photographs = by_folder(ProjectPhotographs(project).photographs, files.cameras)
+    has_images = any(photographs.values()) or jobs.is_running(project, "video")
     if has_images and len(files.cameras) > 2 and not files.tables:
         return  # the table is still to be made from them
     if (gathered := readable(lambda: files.gathered)) is None:

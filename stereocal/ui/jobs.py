@@ -160,7 +160,7 @@ def is_running(project: Project, kind: Kind) -> bool:
 
 def start(work: PageWork, anew: bool = False) -> Job:
     """The job of this work, begun unless one of its kind is running (or, for work that `follows`,
-    one made from the same is running, has failed or was cancelled).
+    one made from the same is running, has failed or was cancelled, or one that was pressed runs).
 
     Args:
         anew: begun in any case, in the place of one that is running.
@@ -170,12 +170,17 @@ def start(work: PageWork, anew: bool = False) -> Job:
         if (last := JOBS.get(key)) is not None:
             kept = ("running", "failed", "cancelled") if work.follows else ("running",)
             same = last.work.made_from == work.made_from or not work.follows
-            if last.state in kept and same and not anew:
+            pressed = last.state == "running" and not last.work.follows
+            if ((last.state in kept and same) or pressed) and not anew:
                 return last
             last.cancelled = True
         job = JOBS[key] = Job(work, pool())
         try:
-            if not work.follows:
+            if (
+                work.follows
+            ):  # an earlier one that a press began, and a stop ended, is of no use now
+                stored_jobs.end(work.project.results, work.kind, failed=True)
+            else:
                 stored_jobs.begin(work.project.results, work.kind)
             in_background(_drive, job)
         except StereocalError as error:

@@ -123,16 +123,20 @@ def _ask_baselines(project: Project, given: Recording) -> None:
     about = "Any of them, or none: the bars give the scale."
     pair = choose_from_menu(project, "baseline_of", title, names, first, help=about)
 
+    def read() -> float | None:
+        return measured().get(pair)
+
     def store(metres: float | None) -> None:
         now = measured()
-        if metres != now.get(pair):  # else only its unit is another
+        if metres != now.get(pair):
             own = {} if metres is None else {pair: metres}
             rest = {name: length for name, length in now.items() if name != pair}
             project.give({}, baselines_m=rest | own)
 
     unit, what = _unit(project, "rig"), f"distance of the cameras {pair}"
     label = f"Cameras {escape_markdown(pair)}"
-    _length_field(label, what, f"baseline_{pair}", unit, lambda: measured().get(pair), store)
+    is_typed = pair in project.inputs.baselines_m
+    _length_field(label, what, f"baseline_{pair}", unit, read, store, is_typed)
     if known:
         per = words.METRES_PER[unit.value()]
         listed = (f"{name} {own / per:.6g} {unit.value()}" for name, own in known.items())
@@ -147,6 +151,7 @@ def _length_field(
     kept: Field,
     read: Callable[[], float | None],
     store: Callable[[float | None], object],
+    is_typed: bool = True,
 ) -> None:
     """A length, and its unit in a menu beside it.
 
@@ -154,6 +159,7 @@ def _length_field(
         what: it is, in messages.
         kept: the unit.
         read, store: the length in metres; None: it is not stated.
+        is_typed: whether a person has typed it, or may.
     """
 
     def shown() -> float | None:
@@ -174,8 +180,9 @@ def _length_field(
     number = Field(
         key, key, shown, lambda value: take(value, kept.value()), fit=Number(0.0, or_none=True)
     )
-    # Keeps the number that the field shows, in the new unit.
-    unit = replace(kept, write=lambda chosen: take(number.shown(), chosen))
+    # Keeps the number that was typed, in the new unit; that of a file is a length.
+    write = (lambda chosen: take(number.shown(), chosen)) if is_typed else kept.write
+    unit = replace(kept, write=write)
     left, right = st.columns([3, 1], vertical_alignment="bottom")
     number.number_input(label, left, format="%.10g", placeholder="measured length")
     unit.menu("Unit", right)

@@ -28,7 +28,9 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.latest import once
+from stereocal.system.made_from import Parts, changed
 from stereocal.system.numbers import count
+from stereocal.system.records import plain
 from stereocal.system.settings import asked
 from stereocal.ui import intake, jobs
 from stereocal.ui.downloads import offer
@@ -166,7 +168,7 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
     if project is None:
         return None
     store, key = ProjectLens(project, which), f"no_boards_{which}"
-    last = "Cancelled. What is shown is the last finished lens."
+    last = "Cancelled. What was there before is unchanged."
     try:
         photographs = store.photographs
         if photographs:
@@ -174,8 +176,6 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
             show_with_button("markdown", words, "Remove them", key, _clear, store)
             with ErrorsShown():
                 _act(store, board_form(project), _lens_form(project))
-        else:
-            last = "Cancelled. No frame was taken."
     except DamagedError as error:
         st.error(escape_markdown(str(error)))
         button("Remove them", key, _clear, store)
@@ -204,7 +204,7 @@ def _take_frames(
         found[name] = store.keep(name, content)
 
     report = extract(videos, VideoSettings(), keep, job.begin, job.progress)
-    store.add(found)
+    store.replace(folder, found)
     _propose_board(store)
     job.note = " ".join(report.sentences)
 
@@ -234,22 +234,26 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> N
     """The photographs to leave out, and the press; returns what it begins."""
     search, lens = readable(lambda: store.search), readable(lambda: store.calibration)
     leave_out: list[str] = []
-    ready, current = search is not None and search.pattern == pattern, False
-    if search is not None and ready:
-        names = [view.name for view in search.views]
+    ready = search is not None and search.pattern == pattern
+    names = [*store.photographs] if search is None else [view.name for view in search.views]
+    if ready:
         chosen = setting(store.project, f"leave_out_{store.which}", [], some_of(names))
         title = "Photographs to leave out"
         leave_out = st.multiselect(title, names, placeholder="none", **chosen.widget("default"))
-        left = [name for name in names if name not in leave_out]
-        made_with = lens and (lens.settings, [view.name for view in lens.search.views])
-        current = made_with == (settings, left)
     kind = JOB_KINDS[store.which]
     run = partial(_calibrate, store, pattern, settings, leave_out)
     work = jobs.PageWork(store.project, kind, STAGES, run)
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
-    if lens is not None and not current and not jobs.is_running(store.project, kind):
-        show_stale("form or photographs")
+    if lens is not None and not jobs.is_running(store.project, kind):
+        then = _parts(lens.search.pattern, [v.name for v in lens.search.views], lens.settings)
+        left = [name for name in names if name not in leave_out]
+        show_stale(changed(then, _parts(pattern, left, settings)))
     jobs.start_button(work, label, f"calibrate_{store.which}", primary=lens is None)
+
+
+def _parts(pattern: BoardPattern, photographs: Sequence[str], settings: LensSettings) -> Parts:
+    """What a lens is made from."""
+    return {"board": [plain(pattern)], "photographs": [*photographs], **settings.parts}
 
 
 def _calibrate(

@@ -19,15 +19,15 @@ from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.system.made_from import Parts, changed
+from stereocal.system.made_from import Parts
 from stereocal.system.numbers import count
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui.door import ask_whose, ask_whose_video, place_videos
 from stereocal.ui.fields import Number, one_of, setting
 from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import drop_zone
-from stereocal.ui.messages import button, readable, show_stale
-from stereocal.ui.search import ask_held, press_search, search_work
+from stereocal.ui.messages import button, readable
+from stereocal.ui.search import ask_held, press_search, search_work, tell_changed
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken, take_videos, video_settings
 
@@ -163,7 +163,7 @@ class NewImagesForm:
             keep = partial(self._keep, length_m)
             more = {"distance between the targets": length_m}
             work = search_work(store, pairing, cameras, held, keep, **more)
-            show_stale(changed(store.found_in, work.made_from))
+            tell_changed(store, work)
             press_search(work, "targets", "find_new", bool(store.found_in), ready)
 
     def _keep(self, length_m: float | None, found: Found, made_from: Parts) -> None:

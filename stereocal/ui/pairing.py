@@ -169,7 +169,7 @@ def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:
 
 
 def _button(shown: Field, label: str, how: str) -> None:
-    button(label, f"pairs_show_{how}", shown.set, how, type="tertiary")
+    button(label, f"pairs_show_{how}", shown.set, how, type="tertiary", icon="visibility")
 
 
 def _show_item(store: ProjectPhotographs, ask: bool, item: PhotographPair | Alone) -> None:

@@ -22,16 +22,16 @@ from stereocal.projects.review import board_corners, thumbnail
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
-from stereocal.system.made_from import Parts, changed
+from stereocal.system.made_from import Parts
 from stereocal.system.numbers import count
 from stereocal.ui import holding, jobs
 from stereocal.ui.files_of_all import FilesOfAll
 from stereocal.ui.holding import ask_if_bar, first_pairs
-from stereocal.ui.messages import ErrorsShown, button, readable, show_stale, show_with_button
+from stereocal.ui.messages import ErrorsShown, button, readable, show_with_button
 from stereocal.ui.pairing import ROUND, clear, show_pairing
 from stereocal.ui.print_downloads import print_what_is_held
 from stereocal.ui.review import badge, on_a_sheet, say_what_is_shared, show_frames
-from stereocal.ui.search import HeldTarget, ask_held, press_search, search_work
+from stereocal.ui.search import HeldTarget, ask_held, press_search, search_work, tell_changed
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.videos import show_frames_taken
 
@@ -107,7 +107,7 @@ def _targets(
     press_search(work, "targets", "find_targets", frames is not None, ready and not lacking)
     if frames is None:
         return
-    show_stale(changed(store.found_in, work.made_from))
+    tell_changed(store, work)
     show_frames(store, frames, running)
 
 
@@ -145,7 +145,7 @@ def _boards(
         ask_if_bar(project)
     if not found:
         return
-    show_stale(changed(store.found_in, work.made_from))
+    tell_changed(store, work)
     st.success(escape_markdown(found))
     _show_found(store, pairs)
 
@@ -201,8 +201,10 @@ def _show_found(store: ProjectPhotographs, pairs: Sequence[PhotographPair]) -> N
         _show_pair(store, pair, rows.primary[own], rows.secondary[own])
         state = "found" if pair.frame not in doubtful else "doubtful" if own.any() else "refused"
         st.markdown(f"{badge(state)} **Frame {pair.frame}**")
-        if reason := reasons.get(pair.frame):
-            st.caption(escape_markdown(reason))
+        why = doubtful.get(pair.frame, "")
+        named = [name for name in (pair.primary, pair.secondary) if f"{name}: " in why]
+        if told := reasons.get(pair.frame) or " and ".join(named):
+            st.caption(escape_markdown(told))
 
     on_a_sheet(store.project, sorted(pairs, key=lambda pair: pair.frame not in doubtful), show)
 
@@ -243,7 +245,7 @@ def _search_all(store: ProjectPhotographs, cameras: Mapping[str, Camera], pairin
         if pairing.sentence:
             st.caption(pairing.sentence)
         return
-    show_stale(changed(store.found_in, work.made_from))
+    tell_changed(store, work)
     unused = project.settings.get(UNUSED) or []
     told = project.settings.get(TOLD) or f"{count(len(pairing.moments), 'frame')}."
     st.caption(f"{escape_markdown(str(told))} Photographs not used: {len(unused):,}.")

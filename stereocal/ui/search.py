@@ -11,11 +11,11 @@ from stereocal.intrinsics.photograph_search import PhotographSearch
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rigid_object import BoardPattern
-from stereocal.system.made_from import Parts, as_digests
+from stereocal.system.made_from import Parts, as_digests, changed
 from stereocal.system.records import plain
 from stereocal.ui import jobs
 from stereocal.ui.holding import ask_what_is_held, board_form, holds_board
-from stereocal.ui.messages import ErrorsShown
+from stereocal.ui.messages import ErrorsShown, show_stale
 
 HeldTarget = Target | BoardPattern
 
@@ -76,6 +76,12 @@ def search_work(
         keep(found, made_from)
 
     return jobs.PageWork(store.project, "photographs", search.stages, run, made_from)
+
+
+def tell_changed(store: ProjectPhotographs, work: jobs.PageWork) -> None:
+    """What has changed since the last search, unless one is running."""
+    if not jobs.is_running(work.project, work.kind):
+        show_stale(changed(store.found_in, work.made_from))
 
 
 def press_search(work: jobs.PageWork, what: str, key: str, found: bool, ready: bool) -> None:

@@ -110,7 +110,7 @@ def start_taking(
     if find_spec("av") is None:
         raise StereocalError(MISSING)
     if jobs.is_running(project, kind):
-        raise StereocalError("The frames of other videos are being taken: wait, or cancel.")
+        raise StereocalError("Something else is running here: wait, or cancel it.")
     with ExitStack() as undo, disk_errors("The videos cannot be stored"):
         folder = Path(tempfile.mkdtemp(prefix="stereocal-video-"))
         undo.callback(shutil.rmtree, folder, ignore_errors=True)

@@ -14,7 +14,6 @@ from stereocal.rig.camera import camera_in_words
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system.made_from import Parts, digest_of
-from stereocal.system.settings import Settings, descriptions
 
 DATA = "data"
 
@@ -38,6 +37,9 @@ def parts_of(recording: Recording) -> Parts:
         **lenses,
         **baselines,
         "distance between the targets": _metres(bar.longest_m),
+        "shape of the object": [
+            digest_of([bar.names, (bar.points / bar.longest_m).round(9).tolist()])
+        ],
         "uncertainty of the baseline": _metres(recording.baseline_sigma_m),
         "uncertainty of the distance between the targets": _metres(bar.sigma_m),
         "points": [recording.points_digest],
@@ -54,7 +56,7 @@ def calibration_parts(
     dataset: Pair, settings: CalibrationSettings, refined: RefineSettings | None
 ) -> Parts:
     """What a calibration of two cameras is made from."""
-    parts = {**parts_of(dataset.recording), **_settings_parts(settings)}
+    parts = {**parts_of(dataset.recording), **settings.parts}
     if refined is not None:
         noise_px = refined.sigma_px
         parts |= {
@@ -76,15 +78,9 @@ def evaluation_parts(sha256: Sequence[str], settings: EvaluationSettings) -> Par
     Args:
         sha256: of the data sets, in their order.
     """
-    return {DATA: [*sha256], **_settings_parts(settings)}
+    return {DATA: [*sha256], **settings.parts}
 
 
 def parts_of_evaluation(found: Evaluation) -> Parts:
     """What a finished one was made from."""
     return evaluation_parts(found.sha256, found.settings)
-
-
-def _settings_parts(settings: Settings) -> Parts:
-    """The settings by their names in words."""
-    names, values = descriptions(EvaluationSettings), settings.to_json()
-    return {about.name: values[key] for key, about in names.items() if key in values}

@@ -53,7 +53,7 @@ class Run:
     @property
     def made_from(self) -> Parts:
         """What the rig is computed from, but for the name of the recording."""
-        settings = {"settings": [self.settings.to_json()], "time offsets": [self.late]}
+        settings = {"settings": [self.settings.to_json()], "time offsets applied": [self.late]}
         return {**parts_of(self.recording), **settings}
 
     @step

@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,17 +18,19 @@ from stereocal.figures.space import VIEWS
 from stereocal.matching.application import POINTS
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.matching.views import PAIRS
+from stereocal.projects import jobs as stored_jobs
 from stereocal.projects.application import USES, ProjectApplication
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import apply as apply_page
-from stereocal.ui import fields
+from stereocal.ui import fields, jobs
 from stereocal.ui.apply_points import CLICKED
 from tests.field.world_tables import lines_csv, survey_csv
 from tests.known_rig import PRIMARY, RIG, SECONDARY
 from tests.matching.test_point_noise import seen
 from tests.pages.stored_projects import (
+    SLOW,
     ended,
     go,
     messages,
@@ -189,6 +192,25 @@ def test_work_of_seconds_begins_unasked_once(
     assert run_job(app, "apply_run", project, "apply").state == "done"
     app.number_input(key="apply_threshold").set_value(40.0).run()
     assert ended(project, "apply").work.made_from != job.work.made_from
+
+
+def test_unasked_work_leaves_what_was_pressed(app: AppTest, home: Path) -> None:
+    project = store_of(begun(app), home).project
+    released, kind = threading.Event(), "apply"
+
+    def work(follows: bool) -> jobs.PageWork:
+        run = (lambda _: None) if follows else (lambda _: released.wait(SLOW) and None)
+        return jobs.PageWork(project, "apply", ("x",), run, {"it": [follows]}, follows=follows)
+
+    pressed = jobs.start(work(follows=False))
+    assert jobs.start(work(follows=True)) is pressed
+    released.set()
+    assert ended(project, "apply") is pressed and pressed.state == "done"
+    stored_jobs.begin(project.results, kind)  # as if the server had stopped
+    assert stored_jobs.is_interrupted(project.results, kind)
+    jobs.start(work(follows=True))
+    assert ended(project, "apply").state == "done"
+    assert not stored_jobs.is_interrupted(project.results, kind)
 
 
 def test_refined_set_serves_both(pressed: AppTest) -> None:

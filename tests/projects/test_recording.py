@@ -1,6 +1,7 @@
 """A recording of three cameras in a project, and its rig."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,11 +21,12 @@ from stereocal.projects.contents import RECORDING
 from stereocal.projects.data import LENGTHS_OF_ALL, OF_TABLE
 from stereocal.projects.home import card_of, duplicate, find_projects
 from stereocal.projects.project import Project
-from stereocal.system.made_from import digest_of
+from stereocal.system.made_from import changed, digest_of
 from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states
 from stereocal.ui.rig import run_of
 from stereocal.ui.start import FIELD, RIG, three_cameras
+from stereocal.workflow.made_from import parts_of
 
 
 def given() -> dict[str, bytes]:
@@ -95,6 +97,36 @@ def test_what_is_stated_is_in_the_recording_and_makes_a_rig_stale(project: Proje
         assert run is not None
         digests.add(digest_of(run.made_from))
     assert len(digests) == 1 + len(STATED)
+
+
+def test_each_part_of_a_recording_that_changed_is_named_alone(project: Project) -> None:
+    recording = project.recording
+    assert recording is not None
+    held, lens = recording.object, recording.cameras["2"]
+    middle = held.points.copy()
+    middle[np.argsort(np.abs(held.points - held.points.mean(axis=0)).max(axis=1))[0]] *= 1.1
+    points = recording.points.copy()
+    points[7, 0] += 1e-9
+    now = {
+        "lens of camera 2": replace(
+            recording,
+            cameras={**recording.cameras, "2": replace(lens, K=lens.K * [[1.001], [1], [1]])},
+        ),
+        "shape of the object": replace(recording, object=replace(held, points=middle)),
+        "distance between the targets": replace(
+            recording, object=replace(held, points=held.points * 1.01)
+        ),
+        "uncertainty of the distance between the targets": replace(
+            recording, object=replace(held, sigma_m=0.001)
+        ),
+        "baseline 1-3": replace(recording, baselines_m={("3", "1"): 2.0}),
+        "uncertainty of the baseline": replace(recording, baseline_sigma_m=0.01),
+        "points": replace(recording, points=points),
+    }
+    then = parts_of(recording)
+    assert changed(then, parts_of(replace(recording, name="another"))) == ""
+    for name, other in now.items():
+        assert changed(then, parts_of(other)).partition(" (")[0] == name
 
 
 def test_lengths_of_three_cameras_are_stated(project: Project) -> None:

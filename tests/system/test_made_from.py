@@ -4,6 +4,9 @@ from typing import Any
 
 import pytest
 
+from stereocal.errors import StereocalError
+from stereocal.projects.database import DiskFullError
+from stereocal.system.latest import once_or_refused
 from stereocal.system.made_from import as_digests, changed
 
 THEN = {"baseline": "1 m", "Δ": 0.001, "drift": False, "frames": None, "points": [3, (4, 5)]}
@@ -35,3 +38,15 @@ def test_a_change_in_the_last_digits_is_seen() -> None:
 
 def test_digests_tell_what_changed_without_its_values() -> None:
     assert changed(as_digests(THEN), as_digests(THEN | {"Δ": 0.002})) == "Δ"
+
+
+def test_a_refusal_that_may_not_last_is_not_kept() -> None:
+    def refuse() -> int:
+        refused.append(1)
+        raise DiskFullError("full") if len(refused) < 3 else StereocalError("no table")
+
+    refused: list[int] = []
+    for _ in range(5):
+        with pytest.raises(StereocalError):
+            once_or_refused("a test", "of refusals", refuse)
+    assert len(refused) == 3

@@ -67,13 +67,31 @@ def test_numbers_and_lone_signs_are_no_formulas() -> None:
         assert quoted(text) == f"'{text}"
 
 
-def test_files_are_of_the_cameras_in_their_names() -> None:
-    files = ["points_1.csv", "Cam-1.csv", "3 Cam-12.csv"]
-    cameras = ["1", "cam-1", "cam-12"]
-    assert named_after(files, cameras) == dict(zip(files, cameras, strict=True))
+@pytest.mark.parametrize(
+    ("files", "cameras"),
+    [
+        (["points_1.csv", "Cam-1.csv", "3 Cam-12.csv"], ["1", "cam-1", "cam-12"]),
+        (["trial_2_cam_1.csv", "trial_2_cam_3.csv"], ["1", "3"]),
+        (["cam2.csv", "camera1.csv"], ["2", "1"]),
+        (["cam-1DLC_resnet50.csv", "cam-2DLC_resnet50.csv"], ["cam-1", "cam-2"]),
+        (["left_right_cam_left.csv", "left_right_cam_right.csv"], ["left", "right"]),
+    ],
+)
+def test_files_are_of_the_cameras_in_their_names(files: list[str], cameras: list[str]) -> None:
+    wanted = dict(zip(files, cameras, strict=True))
+    for order in ([*cameras, "2x"], ["2x", *reversed(cameras)]):
+        assert named_after(files, order) == wanted
 
 
-@pytest.mark.parametrize("files", [["points_11.csv", "2.csv"], ["a1.csv"], ["1.csv", "p_1.csv"]])
-def test_a_file_whose_camera_is_not_told_is_named(files: list[str]) -> None:
-    with pytest.raises(StereocalError, match=files[len(files) - 1 if "p_" in files[-1] else 0]):
+@pytest.mark.parametrize(
+    ("files", "refused"),
+    [
+        (["points_11.csv", "2.csv"], "points_11"),
+        (["a1.csv", "2.csv"], "a1"),
+        (["1.csv", "p_1.csv"], "p_1"),
+        (["1_2.csv", "2.csv"], "1_2"),
+    ],
+)
+def test_a_file_whose_camera_is_not_told_is_named(files: list[str], refused: str) -> None:
+    with pytest.raises(StereocalError, match=refused):
         named_after(files, ["1", "2"])

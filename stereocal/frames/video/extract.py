@@ -134,7 +134,8 @@ def extract(
     finally:
         guard.close()
     if lost == len(chosen):
-        raise StereocalError("No frame of the videos could be decoded.")
+        of = "videos" if len(names) > 1 else "video"
+        raise StereocalError(f"No frame of the {of} could be decoded.")
     sentences = describe_times(by_name := dict(zip(names, seconds, strict=True)), pairs)
     pairs_of = "pairs of " * (len(names) > 1)
     taken = f"{len(chosen) - lost:,} {pairs_of}frames were taken."
