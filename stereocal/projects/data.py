@@ -336,8 +336,10 @@ class ProjectData:
     @property
     def of_rig(self) -> RefineSettings | None:
         """The settings with which the refined set of the pair is the rig's; None of two cameras."""
+        if self.pair is None:
+            return None
         dataset, recording, rig = self.dataset, self.recording, self.rig
-        if self.pair is None or dataset is None or recording is None or rig is None:
+        if dataset is None or recording is None or rig is None:
             return None
         return settings_of_pair(dataset, recording.pair_named(self.pair), rig)
 

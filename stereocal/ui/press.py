@@ -163,14 +163,15 @@ def result_state(project: Project) -> ResultState:
 
 def changed_since(project: Project) -> str:
     """What was given, stated or set since the result; empty if nothing was, or there is none."""
-    if project.is_rig and not project.pair:
-        return changed(*rig_parts(project))
-    dataset, result = project.dataset, project.calibration
-    if result is None or dataset is None:
-        return ""
-    settings = CalibrationSettings.from_json(form_values(project, dataset))
-    now = calibration_parts(dataset, settings, refine_settings(project, dataset))
-    return changed(parts_of_calibration(result), now)
+    with project.database.reading():
+        if project.is_rig and not project.pair:
+            return changed(*rig_parts(project))
+        dataset, result = project.dataset, project.calibration
+        if result is None or dataset is None:
+            return ""
+        settings = CalibrationSettings.from_json(form_values(project, dataset))
+        now = calibration_parts(dataset, settings, refine_settings(project, dataset))
+        return changed(parts_of_calibration(result), now)
 
 
 def calibrate_all(project: Project) -> None:
