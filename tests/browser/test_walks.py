@@ -24,7 +24,7 @@ def test_frames_play_and_stop_by_keyboard(page: Page, app_url: str) -> None:
     page.locator(".st-key-recording button").click()
     page.wait_for_url("**/data*")
     open_page(page, "Calibrate")
-    page.get_by_role("button", name="Calibrate", exact=True).click()
+    page.locator(".st-key-run button").click()  # again, where another walk has opened the sample
     results_shown(page)
     open_page(page, "Apply")
     expect(page.get_by_text(re.compile(r"^\d+ pairs in \d+ frames, none")).first).to_be_visible(
@@ -59,7 +59,7 @@ def test_from_start_to_the_rig_and_to_a_pair(page: Page, app_url: str, tmp_path:
     page.locator(".st-key-run button").click(timeout=LONGEST_MS)
     expect(page.get_by_text("One rig of 3 cameras").first).to_be_visible(timeout=LONGEST_MS)
     settle(page)
-    found = RigFile.load(download(page, "rig_json", tmp_path))
+    found = RigFile.load(download(page, "download_rig_json", tmp_path))
     assert found.names == ["1", "2", "3"]
 
     # The first pair is calibrated and validated without another press.
