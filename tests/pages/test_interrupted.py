@@ -14,7 +14,7 @@ from stereocal.projects.home import bring_back, remove
 from stereocal.projects.project import Project
 from stereocal.system import latest
 from stereocal.system.tasks import StoppedError
-from stereocal.ui import jobs, results, screening
+from stereocal.ui import data_read, jobs, screening
 from stereocal.ui.warm_up import WARM_UP
 from stereocal.workflow import answer, pair_run
 from tests.pages.stored_projects import FEW, SLOW, ended, go, messages, project_of, told, wait_until
@@ -174,7 +174,7 @@ COMPUTING = (
     *((pair_run, name) for name in ("screened", "refine", "two_searches", "forecast_files")),
     *((pair_run, name) for name in ("misfit_of", "accuracy_map")),
     (answer, "recommend"),
-    (results, "pack_dataset"),
+    (data_read, "pack_dataset"),
 )
 
 
