@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 
 from stereocal.calibration.corrections import fitting_px, scaled, with_changed
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.calibration.readings import Group, Reading, Row, Way
+from stereocal.calibration.mistakes import Group, Reading, Row, Way
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import one_file_in_words
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
@@ -47,7 +47,7 @@ NO_FIT_COST = 1e3
 MAXIMUM_BEHIND = 0.2
 """Fraction of the points behind a camera above which a pose counts as no fit."""
 LARGEST_SCALE = 20.0
-"""By which wrong camera files change all lengths, at most."""
+"""The largest factor by which wrong camera files change all lengths."""
 LENGTH_TOLERANCE = 0.05
 """Relative difference up to which lengths count as equal."""
 
@@ -106,7 +106,7 @@ def pose_fit(dataset: Pair, pose: Pose) -> PoseFit:
 def suspects(recording: Recording, readings: Iterable[Reading]) -> list[Reading]:
     """The readings that seem to fit better before the two cameras of their group; all of them where
     the points do not fit as they are given."""
-    found, as_given = list[Reading](), dict[CameraPair, PoseFit | None]()
+    suspected, as_given = list[Reading](), dict[CameraPair, PoseFit | None]()
     for reading in readings:
         pair, likely = reading.group.pair, reading.way.is_likely
         if pair not in as_given:
@@ -119,13 +119,13 @@ def suspects(recording: Recording, readings: Iterable[Reading]) -> list[Reading]
             nominal.px < fitting_px(recording.cameras.values())
             and nominal.spread < LENGTH_TOLERANCE
         ):
-            found.append(reading)
+            suspected.append(reading)
             continue
         with suppress(StereocalError):
             gains = _gains(nominal, essential_fit(reading.way.corrected().pair(*pair)))
             if min(gains) > 1.0 and max(gains) > POSSIBLE_GAIN:
-                found.append(reading)
-    return found
+                suspected.append(reading)
+    return suspected
 
 
 def _gains(nominal: PoseFit, reading: PoseFit) -> tuple[float, float]:
@@ -251,19 +251,19 @@ def _best_factor(
             lenses: Stated = {"secondary": scaled(shown.secondary, factor, with_centre)}
             if len(group.names) > 1:
                 lenses["primary"] = scaled(shown.primary, factor, with_centre)
-            found = essential_fit(shown.changed(**lenses))
+            fit = essential_fit(shown.changed(**lenses))
         except StereocalError:
             return NO_FIT_COST
-        if not np.isfinite(found.px):
+        if not np.isfinite(fit.px):
             return NO_FIT_COST
-        lengths = np.hypot(found.spread, 0.0 if found.scale_is_free else np.log(found.scale))
-        return float(np.log(max(found.px, 1e-9)) + np.log(lengths))
+        lengths = np.hypot(fit.spread, 0.0 if fit.scale_is_free else np.log(fit.scale))
+        return float(np.log(max(fit.px, 1e-9)) + np.log(lengths))
 
     tried = np.log(factors)
-    values = [cost(each) for each in tried]
+    values = [cost(log_factor) for log_factor in tried]
     if not values or min(values) >= NO_FIT_COST:
         return None
-    at, step = int(np.argmin(values)), tried[1] - tried[0]
-    bounds = tried[at] - step, tried[at] + step
+    least, step = int(np.argmin(values)), tried[1] - tried[0]
+    bounds = tried[least] - step, tried[least] + step
     best = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-3})
     return float(np.exp(best.x))

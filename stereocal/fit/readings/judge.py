@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from stereocal.calibration.corrections import fitting_px, scaled, some_corners, with_files
-from stereocal.calibration.readings import (
+from stereocal.calibration.mistakes import (
     ESTIMATED_HANDICAP,
     OF_CAMERAS,
     OF_FILES,

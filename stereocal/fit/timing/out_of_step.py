@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereocal.calibration.corrections import fewer_corners
-from stereocal.calibration.readings import counted_apart
+from stereocal.calibration.mistakes import counted_apart
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.fit.refine import refine

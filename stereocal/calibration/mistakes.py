@@ -1,4 +1,4 @@
-"""Other readings of a recording: files exchanged, images mirrored, frames in another order.
+"""Mistakes that can be made with inputs: files exchanged, images mirrored, frames in another order.
 
 Each row says what may be wrong, where it makes sense, and how the recording reads without it. Rows
 of values that are fitted are in `wrong_inputs` and `fit.readings.judge`.
@@ -48,7 +48,7 @@ SHIFTS, SHIFT_GAIN = (1, -1, 2, -2, 3, -3), 4.0
 """Frames by which the numbers of a camera may be off. One that is late by a part of a frame fits
 somewhat better a whole frame off."""
 ESTIMATED_HANDICAP = 1.3
-"""Of readings that put a fitted value in the place of a stated one."""
+"""The handicap of readings that put a fitted value in the place of a stated one."""
 
 Ways = Callable[[Recording, "Group"], Iterable["Way"]]
 Of = Literal["one", "each", "each and all", "all", "two"]
@@ -62,7 +62,7 @@ class Group:
 
     names: tuple[str, ...]
     pair: CameraPair
-    """Of one camera, which is the second of them; of more, any two of these."""
+    """Two cameras that show it: the second is the one of `names`; any two of several."""
 
 
 @dataclass(frozen=True)
