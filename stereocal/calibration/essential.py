@@ -26,7 +26,7 @@ MINIMUM_PAIRS = 5
 LINEAR_PAIRS = 8
 MAXIMUM_EVALUATIONS = 200
 TOLERANCE = 1e-14
-"""Of step, cost and gradient: below it, the difference is rounding."""
+"""The tolerance of step, cost and gradient: below it, the difference is rounding."""
 _CONVERGED = 1, 2, 3, 4
 """What `leastsq` calls an end within its tolerances."""
 _UNDETERMINED = np.full((3, 3), np.nan)
@@ -73,19 +73,19 @@ def calibrate_essential(
             "The points do not determine the pose of the cameras: they are too close together or "
             "in a degenerate arrangement. Move the bar through the whole view and the depth."
         )
-    found, coefficients = [], _residual_coefficients(rays)
+    poses, coefficients = [], _residual_coefficients(rays)
     for E in candidates:
         R, t, in_front = choose_pose(E, rays)
         if in_front:
             pose = Pose(R, t)
-            found.append((in_front, _sum_of_squares(pose, coefficients), pose))
-    if not found:
+            poses.append((in_front, _sum_of_squares(pose, coefficients), pose))
+    if not poses:
         raise StereocalError(
             "No pose of the cameras has the points in front of both. Check that the points of "
             "the two cameras, and the two camera files, are not exchanged."
         )
     # Solved with a baseline of 1, so that the angles do not depend on the measured length.
-    cost, pose = _best(found, baseline, tie_breaker)
+    cost, pose = _best(poses, baseline, tie_breaker)
     evaluations = len(candidates)
     if solver == "constrained":
         angles, more, converged = constrain(np.array(pose.angles), rays)
@@ -198,6 +198,9 @@ def _poses(E: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
 def constrain(start: FloatArray, rays: FloatArray) -> tuple[FloatArray, int, bool]:
     """Minimise the sum of squared residuals over the five angles (Levenberg-Marquardt).
 
+    The residual of a pair is `q_secondary^T E q_primary` (paper, eq. 3): `constrained` of method 1
+    in docs/method.md, where it is said why the squares are summed.
+
     The residuals are linear in E. Their sum of squares is that of the 9 numbers `r @ vec(E)`, where
     `r` is the upper triangle of the QR decomposition of the (n, 9) coefficients. An iteration
     therefore takes as long for 40,000 pairs as for 40.
@@ -218,7 +221,7 @@ def constrain(start: FloatArray, rays: FloatArray) -> tuple[FloatArray, int, boo
         return np.asarray(r @ essential_slopes(angles))
 
     # `least_squares` does the same in twice the time: what it adds around each evaluation.
-    found, _, about, _, status = leastsq(
+    solution, _, info, _, status = leastsq(
         errors,
         start,
         Dfun=slopes,
@@ -228,7 +231,7 @@ def constrain(start: FloatArray, rays: FloatArray) -> tuple[FloatArray, int, boo
         ftol=TOLERANCE,
         gtol=TOLERANCE,
     )
-    return np.asarray(found), int(about["nfev"]), status in _CONVERGED
+    return np.asarray(solution), int(info["nfev"]), status in _CONVERGED
 
 
 def essential_slopes(angles: FloatArray) -> FloatArray:
@@ -249,10 +252,10 @@ def essential_slopes(angles: FloatArray) -> FloatArray:
         (cos_d * cos_t, cos_d * sin_t, sin_d),
     )
     of_y, of_x, of_d, of_t, t = (np.array(vectors) @ _CROSS_PRODUCTS).reshape(5, 3, 3)
-    E, found = t @ R, np.empty((5, 3, 3))
-    found[0], found[1], found[3], found[4] = t @ of_y @ R, t @ of_x @ R, of_d @ R, of_t @ R
-    found[2, :, 0], found[2, :, 1], found[2, :, 2] = E[:, 1], -E[:, 0], 0.0
-    return found.reshape(5, 9).T
+    E, slopes = t @ R, np.empty((5, 3, 3))
+    slopes[0], slopes[1], slopes[3], slopes[4] = t @ of_y @ R, t @ of_x @ R, of_d @ R, of_t @ R
+    slopes[2, :, 0], slopes[2, :, 1], slopes[2, :, 2] = E[:, 1], -E[:, 0], 0.0
+    return slopes.reshape(5, 9).T
 
 
 def _essential(angles: FloatArray) -> FloatArray:

@@ -95,12 +95,12 @@ class CalibrationSettings(Settings):
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """As of `Settings`; frames in the order of their numbers."""
-        found = super().from_json(data)
+        """The settings of JSON data, with frames in the order of their numbers."""
+        settings = super().from_json(data)
         put_back, left_out = (
-            tuple(sorted(frames)) for frames in (found.frames_put_back, found.frames_left_out)
+            tuple(sorted(frames)) for frames in (settings.frames_put_back, settings.frames_left_out)
         )
-        return replace(found, frames_put_back=put_back, frames_left_out=left_out)
+        return replace(settings, frames_put_back=put_back, frames_left_out=left_out)
 
 
 @dataclass(frozen=True, eq=False)

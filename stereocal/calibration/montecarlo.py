@@ -275,8 +275,8 @@ def two_searches(
     """
     _, *streams = np.random.SeedSequence(settings.seed).spawn(3)
     problems = reprojection_problem(dataset), reconstruction_problem(dataset, known_points)
-    found = []
+    results = []
     for name, problem, stream in zip(("2d", "3d"), problems, streams, strict=True):
         report(name)
-        found.append(minimise(problem, start, settings, stream, trace))
-    return found
+        results.append(minimise(problem, start, settings, stream, trace))
+    return results

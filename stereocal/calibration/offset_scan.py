@@ -20,7 +20,7 @@ CELLS, IN_CELL = 32, 4
 bar at rest is one place, and a camera that sees one place alone fits whatever the other sees."""
 ROUNDS = 5
 FAR = 2.5
-"""Of the median: points farther from their lines lose their weight."""
+"""A multiple of the median: points farther from their lines lose their weight."""
 
 
 Tracks = tuple[FloatArray, FloatArray, IntArray, IntArray]
@@ -44,8 +44,8 @@ class Track:
             return np.full(seen.shape, -1)
         low, high = (np.percentile(self.rays[seen], q, axis=0) for q in (1, 99))
         width = max(float((high - low).max()), 1e-12) / CELLS
-        at = np.clip(np.nan_to_num((self.rays - low) / width), 0, CELLS - 1).astype(np.int64)
-        return np.asarray(np.where(seen, at[..., 0] * CELLS + at[..., 1], -1))
+        cell = np.clip(np.nan_to_num((self.rays - low) / width), 0, CELLS - 1).astype(np.int64)
+        return np.asarray(np.where(seen, cell[..., 0] * CELLS + cell[..., 1], -1))
 
     def earlier(self, fraction: float) -> "Track":
         """What it saw at the instants of its frames less a fraction of one; also where the ends of
@@ -68,16 +68,16 @@ def scan(primary: Track, secondary: Track, offsets: IntArray) -> FloatArray:
     Returns:
         (m,); NaN where too few moments are in common.
     """
-    found = np.full(len(offsets), np.nan)
+    misfits = np.full(len(offsets), np.nan)
     tracks = primary.rays, secondary.rays, primary.cells, secondary.cells
-    _scan(tracks, offsets + secondary.first - primary.first, found)
-    return found
+    _scan(tracks, offsets + secondary.first - primary.first, misfits)
+    return misfits
 
 
 def common_points(
     primary: Track, secondary: Track, offset: int, most: int
 ) -> tuple[IntArray, FloatArray]:
-    """Of the points that both see at an offset, some at places that differ, spread over the time:
+    """Some of the points that both see at an offset, at places that differ, spread over the time:
     their index of the frame and of the target in the primary, and the cells of the grid of both,
     (n, 4); and their rays (4, n)."""
     marks, pairs = np.empty((most, 4), dtype=np.int64), np.empty((most, 4))
@@ -88,13 +88,13 @@ def common_points(
 
 
 @compiled
-def _scan(tracks: Tracks, offsets: IntArray, found: FloatArray) -> None:
+def _scan(tracks: Tracks, offsets: IntArray, misfits: FloatArray) -> None:
     used = np.zeros((2, CELLS * CELLS), dtype=np.int64)
     marks, pairs = np.empty((MOST, 4), dtype=np.int64), np.empty((MOST, 4))
     for k in range(len(offsets)):
         n = _choose(tracks, offsets[k], used, marks, pairs)
         if n >= FEWEST:
-            found[k] = _misfit(pairs[:n])
+            misfits[k] = _misfit(pairs[:n])
 
 
 @compiled
@@ -102,13 +102,13 @@ def _choose(tracks: Tracks, offset: int, used: IntArray, marks: IntArray, pairs:
     """Write points that both see: frame, target and cells to `marks`, rays to `pairs`. Returns
     their number; `used`, how many of each cell are taken, is 0 before and after."""
     primary, secondary, primary_cells, secondary_cells = tracks
-    targets, n, at = primary.shape[1], 0, 0
+    targets, n, item = primary.shape[1], 0, 0
     start, stop = max(0, offset), min(len(primary), len(secondary) + offset)
     items = max(stop - start, 0) * targets
     step = _coprime(items)
     for _ in range(items):
-        at = (at + step) % items
-        frame, target = start + at // targets, at % targets
+        item = (item + step) % items
+        frame, target = start + item // targets, item % targets
         one, other = primary_cells[frame, target], secondary_cells[frame - offset, target]
         if one < 0 or other < 0 or used[0, one] >= IN_CELL or used[1, other] >= IN_CELL:
             continue
@@ -129,7 +129,7 @@ def _choose(tracks: Tracks, offset: int, used: IntArray, marks: IntArray, pairs:
 @internal
 def _coprime(items: int) -> int:
     """A step that visits all items, in an order that is even at each of its beginnings."""
-    step = int(0.618 * items) + 1
+    step = int(0.618 * items) + 1  # the golden section
     while True:
         a, b = items, step
         while b > 0:
@@ -141,7 +141,11 @@ def _coprime(items: int) -> int:
 
 @internal
 def _misfit(pairs: FloatArray) -> float:
-    """The median distance from the epipolar lines of a robust fundamental matrix."""
+    """The median distance from the epipolar lines of a robust fundamental matrix.
+
+    The normalised 8-point estimate, solved again with the weights 1 / (1 + (d / c)^2) of Cauchy's
+    function for the distances d, c being `FAR` medians.
+    """
     n = len(pairs)
     scale, rows = _normalised(pairs)
     weights, distances = np.ones(n), np.empty(n)
@@ -198,7 +202,7 @@ def _fill_normal(rows: FloatArray, weights: FloatArray, A: FloatArray) -> None:
 
 @internal
 def _distance(row: FloatArray, scale: FloatArray, f: FloatArray) -> float:
-    """Sampson's distance, on the planes z = 1."""
+    """Sampson's distance, on the planes z = 1, as in `geometry.sampson`."""
     x, y, u, v = row[6], row[7], row[2], row[5]
     a, b = (f[0] * x + f[1] * y + f[2]) / scale[1], (f[3] * x + f[4] * y + f[5]) / scale[1]
     c, d = (f[0] * u + f[3] * v + f[6]) / scale[0], (f[1] * u + f[4] * v + f[7]) / scale[0]
