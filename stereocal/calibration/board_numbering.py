@@ -29,7 +29,7 @@ BETTER = 3.0
 """How many times less the residual of another numbering must be to be named."""
 MOST_COLUMNS = 40
 MOST_IMAGES = 12
-"""Of each camera; they all have the same numbers."""
+"""The most images of each camera; they all have the same numbers."""
 FEWEST_CORNERS = 8
 ONE_WAY = 0.9
 """Share of the images in which corners run one way round, to say that they do."""
@@ -52,9 +52,9 @@ class BoardImage:
         H: FloatArray | None = cv2.findHomography(grid, self.rays)[0]  # type: ignore[assignment]
         if H is None:
             return np.inf
-        found = np.column_stack([grid, np.ones(len(grid))]) @ H.T
+        mapped = np.column_stack([grid, np.ones(len(grid))]) @ H.T
         with np.errstate(all="ignore"):
-            away = np.linalg.norm(found[:, :2] / found[:, 2:] - self.rays, axis=1)
+            away = np.linalg.norm(mapped[:, :2] / mapped[:, 2:] - self.rays, axis=1)
         rms = float(np.sqrt(np.mean(np.square(away)))) / self.spacing
         return rms if np.isfinite(rms) else np.inf
 
@@ -67,23 +67,23 @@ class BoardImage:
 
 def board_images(recording: Recording) -> dict[str, list[BoardImage]]:
     """Some images of each camera, of a board; empty where another object is seen."""
-    found: dict[str, list[BoardImage]] = {}
+    by_camera: dict[str, list[BoardImage]] = {}
     for number, (name, camera) in enumerate(recording.cameras.items()):
-        own = np.flatnonzero(recording.camera == number)
-        frames, counts = np.unique(recording.frame[own], return_counts=True)
+        of_camera = np.flatnonzero(recording.camera == number)
+        frames, counts = np.unique(recording.frame[of_camera], return_counts=True)
         frames = frames[counts >= FEWEST_CORNERS]
         if recording.object.board is None or not len(frames):
             continue
-        found[name] = []
+        by_camera[name] = []
         for frame in frames[evenly_spread(len(frames), MOST_IMAGES)]:
-            rows = own[recording.frame[own] == frame]
+            rows = of_camera[recording.frame[of_camera] == frame]
             rays = camera.undistort(recording.points[rows])
             if np.isfinite(rays).all():
                 nearest = np.asarray(KDTree(rays).query(rays, 2)[0])[:, 1]
                 spacing = float(np.median(nearest))
                 if spacing > 0.0:  # else most corners are at the place of another
-                    found[name].append(BoardImage(recording.target[rows], rays, spacing))
-    return {name: images for name, images in found.items() if images}
+                    by_camera[name].append(BoardImage(recording.target[rows], rays, spacing))
+    return {name: images for name, images in by_camera.items() if images}
 
 
 def check_numbering(recording: Recording) -> None:
@@ -97,11 +97,13 @@ def check_numbering(recording: Recording) -> None:
         return
     fitting: dict[str, int] = {}
     images = board_images(recording)
-    for name, own in images.items():
-        stated = _median(own, board.columns)
+    for name, of_camera in images.items():
+        stated = _median(of_camera, board.columns)
         if stated < MISNUMBERED:
             continue
-        others = {c: _median(own, c) for c in range(2, MOST_COLUMNS + 1) if c != board.columns}
+        others = {
+            c: _median(of_camera, c) for c in range(2, MOST_COLUMNS + 1) if c != board.columns
+        }
         best = min(others, key=lambda columns: others[columns])
         if others[best] < min(MISNUMBERED, stated / BETTER):
             fitting[name] = best
@@ -116,13 +118,13 @@ def _median(images: list[BoardImage], columns: int) -> float:
 def _message(board: BoardPattern, fitting: Mapping[str, int], all_cameras: bool) -> str:
     cameras = "all cameras" if all_cameras else camera_in_words(*fitting)
     counts = sorted({*fitting.values()})
-    found = " or ".join(map(str, counts))
+    in_words = " or ".join(map(str, counts))
     exchanged = ""
     if counts == [board.rows]:
         exchanged = " Rows and columns seem to be exchanged, in the board or in the table."
     return (
         f"The board is stated to have {board.columns} columns and {board.rows} rows of inner "
-        f"corners, but in the images of {cameras} the corners lie as if a row had {found}."
+        f"corners, but in the images of {cameras} the corners lie as if a row had {in_words}."
         f"{exchanged} Correct the number of columns, or number the corners row by row: the first "
         f"row 0 to {board.columns - 1}."
     )
@@ -133,8 +135,11 @@ def run_counter_clockwise(recording: Recording) -> bool:
     board, images = recording.object.board, board_images(recording)
     if board is None or len(images) < len(recording.cameras):
         return False
-    own = images.values()
-    shares = [np.mean([image.is_clockwise(board.columns) for image in each]) for each in own]
+    by_camera = images.values()
+    shares = [
+        np.mean([image.is_clockwise(board.columns) for image in of_camera])
+        for of_camera in by_camera
+    ]
     return bool(max(shares) < 1.0 - ONE_WAY)
 
 

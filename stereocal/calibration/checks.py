@@ -79,40 +79,40 @@ def scale_is_plausible(dataset: Pair, pose: Pose) -> bool:
 
 def warnings_about(dataset: Pair) -> list[str]:
     """Warnings about a data set that can be calibrated but has unusual values."""
-    found = [note] if (note := beyond_in_words(dataset.recording.beyond_view)) else []
+    warnings = [note] if (note := beyond_in_words(dataset.recording.beyond_view)) else []
     pairs = len(dataset.correspondences)
     if pairs < FEW_PAIRS:
-        found.append(
+        warnings.append(
             f"{count(pairs, 'pair')} of points: these are very few, and errors of tens of percent "
             "are possible. Do not measure with this result; record 20 frames or more."
         )
     bars = len(dataset.correspondences.bars)
     if 0 < bars < FEW_BARS:
-        found.append(
+        warnings.append(
             f"Only {bars} frame{'s have' if bars > 1 else ' has'} both targets: the 3D method "
             f"needs at least {FEW_BARS} to fix the five angles."
         )
     for which, camera in (("primary", dataset.primary), ("secondary", dataset.secondary)):
         if camera.size_factor is not None:
             width, height = camera.image_size
-            found.append(
+            warnings.append(
                 f"The {which} camera's principal point ({camera.K[0, 2]:.0f}, "
                 f"{camera.K[1, 2]:.0f}) is far from the centre of its image of {width}x{height} "
                 "px. Unless the image was cropped, K and the image size do not belong together."
             )
-    return found
+    return warnings
 
 
 def warnings_about_copies(dataset: Pair) -> list[str]:
     """Warnings about frames in which one camera alone has exactly the points of another frame."""
-    found: list[str] = []
+    warnings: list[str] = []
     for which, same in dataset.correspondences.half_copies.items():
-        found += [
+        warnings += [
             f"The {which} camera's points of frame {frame} are exactly those of frame {first}, the "
             "other camera's are not: was an image copied under another number?"
             for frame, first in [*same.items()][:MOST_COPIES]
         ]
-    return found
+    return warnings
 
 
 def refuse_same_points(recording: Recording) -> None:

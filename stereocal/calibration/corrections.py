@@ -43,8 +43,8 @@ def with_pixels(
     """With the image points (n, 2) of some cameras changed."""
     points = recording.points.copy()
     for name in names:
-        own = _is_of(recording, name)
-        points[own] = change(points[own], recording.cameras[name])
+        of_camera = _is_of(recording, name)
+        points[of_camera] = change(points[of_camera], recording.cameras[name])
     return replace(recording, points=points)
 
 
@@ -55,8 +55,8 @@ def with_targets(recording: Recording, name: str, numbers: IntArray) -> Recordin
         numbers: (k,): of each target, whose point it takes.
     """
     taken = np.argsort(numbers)[recording.target]
-    own = _is_of(recording, name)
-    return replace(recording, target=np.where(own, taken, recording.target))
+    of_camera = _is_of(recording, name)
+    return replace(recording, target=np.where(of_camera, taken, recording.target))
 
 
 def with_frames(recording: Recording, name: str, frames: IntArray, taken: IntArray) -> Recording:
@@ -66,16 +66,16 @@ def with_frames(recording: Recording, name: str, frames: IntArray, taken: IntArr
         frames, taken: (f,): in the place of each frame stand the points of the taken one; what is
             not taken is left out.
     """
-    own, order = _is_of(recording, name), np.argsort(taken)
+    of_camera, order = _is_of(recording, name), np.argsort(taken)
     place = np.searchsorted(taken[order], recording.frame).clip(max=len(taken) - 1)
-    kept = ~own | (taken[order][place] == recording.frame)
-    found = np.where(own, frames[order][place], recording.frame)
-    return replace(recording, frame=found).where(kept)
+    kept = ~of_camera | (taken[order][place] == recording.frame)
+    frame = np.where(of_camera, frames[order][place], recording.frame)
+    return replace(recording, frame=frame).where(kept)
 
 
 def camera_by_camera(recording: Recording) -> Recording:
-    """Of a bar, with the columns of its table, in the order A of all cameras, B of all cameras,
-    taken as A and B of each camera in turn."""
+    """The recording of a bar with the columns of its table, in the order A of all cameras, B of all
+    cameras, taken as A and B of each camera in turn."""
     column = recording.target * len(recording.cameras) + recording.camera
     camera, target = np.divmod(column, len(recording.object.names))
     return replace(recording, camera=camera, target=target)
@@ -96,7 +96,9 @@ def fewer_corners(dataset: Pair) -> Pair:
 
 def some_corners(board: BoardPattern) -> IntArray:
     """(k,): the numbers of `CORNERS` columns and rows, the outermost ones among them."""
-    columns, rows = (evenly_spread(own, CORNERS[own % 2]) for own in (board.columns, board.rows))
+    columns, rows = (
+        evenly_spread(number, CORNERS[number % 2]) for number in (board.columns, board.rows)
+    )
     return np.asarray(rows[:, None] * board.columns + columns).ravel()
 
 
