@@ -138,7 +138,7 @@ def _correlation(image: GreyImage, x: int, y: int, p: FloatArray) -> float:
 def _starts(image: GreyImage, weakest: float) -> FloatArray:
     """(n, 14): initial parameters at the saddle points that pass the ring, and the correlation."""
     height, width = image.shape
-    found = np.empty((256, ALL + 1))
+    starts = np.empty((256, ALL + 1))
     ring = np.empty(RING.shape[0])
     rows = np.zeros((3, width), dtype=np.float32)
     n = 0
@@ -155,21 +155,21 @@ def _starts(image: GreyImage, weakest: float) -> FloatArray:
                 continue
             if max(below[x - 1], below[x], below[x + 1]) > s:
                 continue
-            if _ring(image, x, y, ring, found[n]):
-                found[n, ALL] = _correlation(image, x, y, found[n])
+            if _ring(image, x, y, ring, starts[n]):
+                starts[n, ALL] = _correlation(image, x, y, starts[n])
                 n += 1
-                if n == found.shape[0]:
-                    found = _twice_as_long(found)
-    return found[:n]
+                if n == starts.shape[0]:
+                    starts = _twice_as_long(starts)
+    return starts[:n]
 
 
 @internal
-def _twice_as_long(found: FloatArray) -> FloatArray:
+def _twice_as_long(starts: FloatArray) -> FloatArray:
     """numba takes 3 s to compile the assignment of a slice, with its messages about shapes."""
-    larger = np.empty((2 * found.shape[0], found.shape[1]))
-    for i in range(found.shape[0]):
-        for j in range(found.shape[1]):
-            larger[i, j] = found[i, j]
+    larger = np.empty((2 * starts.shape[0], starts.shape[1]))
+    for i in range(starts.shape[0]):
+        for j in range(starts.shape[1]):
+            larger[i, j] = starts[i, j]
     return larger
 
 
@@ -213,14 +213,14 @@ def candidates(image: GreyImage) -> FloatArray:
         (n, 16), best first: the parameters of `corner_model` in px of the photograph, the score,
         the number of arms followed by another square, and the level of the pyramid.
     """
-    found = []
+    by_level = []
     for depth, level in enumerate(_pyramid(image)):
         rows = _of_level(level, depth)
         rows[:, :2] = (rows[:, :2] + 0.5) * 2.0**depth - 0.5
         rows[:, 4] += math.log(2.0**depth)
         rows[:, 7:9] /= 2.0**depth
-        found.append(rows)
-    together = np.concatenate(found or [np.empty((0, COLUMNS))])
+        by_level.append(rows)
+    together = np.concatenate(by_level or [np.empty((0, COLUMNS))])
     return together[np.argsort(-together[:, SCORE], kind="stable")]
 
 

@@ -25,9 +25,9 @@ CERTAIN_QUALITY = 0.7
 DISSIMILAR = 0.25
 """A pair is doubtful if its score is a smaller fraction of the product of the qualities."""
 SATURATED = 0.995
-"""Of full scale: white squares as bright are saturated."""
+"""The share of full scale from which white squares are saturated."""
 FAINT = 0.1
-"""Of full scale: contrasts below it are named as the reason of a poor location."""
+"""The share of full scale below which a contrast is named as the reason of a poor location."""
 SMALL_PX = 20.0
 """Targets of at least this size are located well."""
 
@@ -51,10 +51,10 @@ def explain_missing(intensity: Intensity, corners: list[Corner], chess: int) -> 
         share = 100 * intensity.saturated
         saturated = f"{share:.0f} % of the pixels are saturated; reduce the exposure."
         return "saturated", f"The photograph is overexposed: {saturated}"
-    for found in corners[:1]:
-        if found.blur > BLUR_DOUBTFUL * found.board_px:
-            return "blurred", _blurred(found)
-        one = f"Only one target was found: at {_where(found)}; the other is hidden, out of view or"
+    for corner in corners[:1]:
+        if corner.blur > BLUR_DOUBTFUL * corner.board_px:
+            return "blurred", _blurred(corner)
+        one = f"Only one target was found: at {_where(corner)}; the other is hidden, out of view or"
         return "too few candidates", f"{one} too different."
     if chess:
         only = "There is a chessboard, but no separate board of 2x2 squares."
@@ -100,13 +100,13 @@ def rejection_of(pair: tuple[Corner, Corner], runner_up: float) -> tuple[Reason,
 
 def _doubt_of(corner: Corner, intensity: Intensity) -> str:
     """What is worst about one target, in a sentence with what was measured; empty if nothing is."""
-    at = f"The target at {_where(corner)}"
+    the_target = f"The target at {_where(corner)}"
     if corner.flips:
-        return f"{at} may belong to a larger chessboard."
+        return f"{the_target} may belong to a larger chessboard."
     if corner.cut:
-        return f"{at} is cut by the border."
+        return f"{the_target} is cut by the border."
     if corner.white >= SATURATED * intensity.full:
-        return f"{at} is overexposed: its white squares are saturated."
+        return f"{the_target} is overexposed: its white squares are saturated."
     if corner.blur > BLUR_DOUBTFUL * corner.board_px:
         return _blurred(corner)
     if corner.quality < CERTAIN_QUALITY:
@@ -115,28 +115,28 @@ def _doubt_of(corner: Corner, intensity: Intensity) -> str:
         why = f"it is located to {corner.sigma_px:.2f} px only"
         if corner.contrast < FAINT * intensity.full:
             share = 100.0 * corner.contrast / intensity.full
-            faint = f"{at} is faint: white and black differ by {share:.0f} % of full scale"
+            faint = f"{the_target} is faint: white and black differ by {share:.0f} % of full scale"
             return f"{faint}, and {why}."
-        return f"{at} is uneven or noisy: {why}."
+        return f"{the_target} is uneven or noisy: {why}."
     return ""
 
 
 def _unlike(corner: Corner) -> str:
     """Which of the factors of its quality is the least."""
-    at, shortest = f"The target at {_where(corner)}", float(corner.arms.min())
+    the_target, shortest = f"The target at {_where(corner)}", float(corner.arms.min())
     sharp = min(1.0, shortest / (LONG_ARM * corner.blur))
     even = math.sqrt(shortest / float(corner.arms.max()))
-    small = f"{at} is small: {corner.board_px:.0f} px across, 20 px are the least."
+    small = f"{the_target} is small: {corner.board_px:.0f} px across, 20 px are the least."
     return worst(
         (
             corner.fit_quality,
-            f"{at} seems to be bent, or partly in a shadow: its squares are uneven by "
+            f"{the_target} seems to be bent, or partly in a shadow: its squares are uneven by "
             f"{100.0 * corner.misfit:.0f} % of their contrast.",
         ),
         (
             even,
-            f"{at} seems to be partly hidden, or something behind it goes on: its edges are "
-            f"{shortest:.0f} and {corner.arms.max():.0f} px long.",
+            f"{the_target} seems to be partly hidden, or something behind it goes on: its edges "
+            f"are {shortest:.0f} and {corner.arms.max():.0f} px long.",
         ),
         (sharp, small if corner.board_px < SMALL_PX else _blurred(corner)),
     )

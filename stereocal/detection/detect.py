@@ -187,7 +187,7 @@ def _confirm_flips(corner: Corner, saddles: FloatArray) -> Corner:
 
 def _corners(intensity: Intensity) -> tuple[list[Corner], int]:
     """The separate boards, and the number of corners of larger chessboards."""
-    found: list[Corner] = []
+    boards: list[Corner] = []
     tried: list[tuple[float, float, float]] = []
     rows = candidates(intensity.image)
     in_rows = rows[rows[:, FLIPS] >= 2, :2]
@@ -196,7 +196,7 @@ def _corners(intensity: Intensity) -> tuple[list[Corner], int]:
         u, v = float(row[0]), float(row[1])
         # A saddle point found at two levels is fitted again only if the first fit failed.
         again = any(math.dist(t[:2], (u, v)) < 2.0 and t[2] == row[LEVEL] for t in tried)
-        if again or _covered(found, (u, v)):
+        if again or _covered(boards, (u, v)):
             continue
         if fits == FITS or row[SCORE] < RELATIVE_SCORE * good:
             break
@@ -209,12 +209,12 @@ def _corners(intensity: Intensity) -> tuple[list[Corner], int]:
         neighbours = np.hypot(*(in_rows - corner.centre).T) < NEAR * corner.board_px
         if corner.flips >= 2 or (corner.flips and neighbours.sum() >= 2):
             in_rows = np.vstack([in_rows, corner.centre])
-        elif not _covered(found, corner.centre):
-            found.append(corner)
-            if len(found) == 2:
+        elif not _covered(boards, corner.centre):
+            boards.append(corner)
+            if len(boards) == 2:
                 good = float(row[SCORE])
     # A board of 3x2 squares has two corners, each with one next square.
-    flipped = [corner for corner in found if corner.flips]
+    flipped = [corner for corner in boards if corner.flips]
     double = [
         corner
         for corner in flipped
@@ -223,7 +223,7 @@ def _corners(intensity: Intensity) -> tuple[list[Corner], int]:
             for other in flipped
         )
     ]
-    single = [corner for corner in found if corner not in double]
+    single = [corner for corner in boards if corner not in double]
     return single, len(in_rows) + len(double)
 
 

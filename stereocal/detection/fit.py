@@ -154,7 +154,7 @@ def window(
     across = along[0, 0] * along[1, 1] - along[0, 1] * along[1, 0]
     rows = max(0, (bottom - top) // stride + 1)
     columns = max(0, (right - left) // stride + 1)
-    found = np.empty((rows * columns, 3))
+    pixels = np.empty((rows * columns, 3))
     n = 0
     for y in range(top, bottom + 1, stride):
         for x in range(left, right + 1, stride):
@@ -162,9 +162,9 @@ def window(
             first = (dx * along[1, 1] - dy * along[1, 0]) / across
             second = (dy * along[0, 0] - dx * along[0, 1]) / across
             if abs(first) <= half[0] and abs(second) <= half[1]:
-                found[n, 0], found[n, 1], found[n, 2] = x, y, image[y, x]
+                pixels[n, 0], pixels[n, 1], pixels[n, 2] = x, y, image[y, x]
                 n += 1
-    return found[:n]
+    return pixels[:n]
 
 
 @compiled
@@ -263,21 +263,21 @@ def _final(
         # side. This is by how much for a relative gradient of the light of 1, px.
         variance = math.exp(2.0 * p[4]) + (PIXEL_VARIANCE if samples > 1 else 0.0)
         shift = variance / radius
-        found = covariance_and_noise(pixels, p, radius, samples, penalty, shift)
-        noise = max(found[3], smallest)
+        measures = covariance_and_noise(pixels, p, radius, samples, penalty, shift)
+        noise = max(measures[3], smallest)
     # Not the mean over all pixels: those at the border of a small board do not move the centre.
-    variance = max(found[4], smallest)
+    variance = max(measures[4], smallest)
     # Correlated residuals, as from the border of a shadow, count as fewer pixels: with r between
     # neighbours in rows and columns, a sum over an area has ((1 + r) / (1 - r))^2 the variance.
-    r = min(max(float(found[6]) - 3.0 / math.sqrt(len(pixels)), 0.0), MAXIMUM_CORRELATION)
+    r = min(max(float(measures[6]) - 3.0 / math.sqrt(len(pixels)), 0.0), MAXIMUM_CORRELATION)
     variance *= ((1.0 + r) / (1.0 - r)) ** 2
-    if not np.isfinite(found).all():
+    if not np.isfinite(measures).all():
         return None
-    covariance = variance * np.array([[found[0], found[1]], [found[1], found[2]]])
+    covariance = variance * np.array([[measures[0], measures[1]], [measures[1], measures[2]]])
     contrast = 2.0 * abs(float(p[6]))
     # The mean product of n residuals of pure noise has a standard deviation of 1 / sqrt(n).
-    pattern = float(found[5] - 2.0 * found[3] / math.sqrt(len(pixels)))
+    pattern = float(measures[5] - 2.0 * measures[3] / math.sqrt(len(pixels)))
     centre, blur, grey = p[:2] + shift * p[11:13], math.exp(p[4]), float(p[5])
     levels = contrast / gain, (grey - contrast / 2) / gain, (grey + contrast / 2) / gain
-    residual, misfit = math.sqrt(found[3]) / gain, math.sqrt(max(0.0, pattern)) / contrast
+    residual, misfit = math.sqrt(measures[3]) / gain, math.sqrt(max(0.0, pattern)) / contrast
     return Corner(centre, covariance, _directions(p), *ends, blur, *levels, residual, misfit)

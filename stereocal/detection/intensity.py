@@ -84,11 +84,11 @@ def profiles(
     along = np.arange(-reach, reach + 0.5 * STEP, STEP)
     u = points[:, :1] + along * normals[:, :1]
     v = points[:, 1:] + along * normals[:, 1:]
-    found = map_coordinates(image, [v, u], np.float64, order=1, mode="nearest")
+    intensities = map_coordinates(image, [v, u], np.float64, order=1, mode="nearest")
     height, width = image.shape
     outside = (np.minimum(u, v) < 0) | (u > width - 1) | (v > height - 1)
-    found[outside.any(axis=1)] = np.nan
-    return along, found
+    intensities[outside.any(axis=1)] = np.nan
+    return along, intensities
 
 
 def steepest(

@@ -148,12 +148,12 @@ def covariance_and_noise(
         for noise, and positive for objects that are not a board; the correlation of neighbouring
         residuals with the weights. All NaN if the pixels do not determine the parameters.
     """
-    found = np.full(7, np.nan)
+    measures = np.full(7, np.nan)
     L, g = np.empty((ALL, ALL)), np.empty(ALL)
     columns = np.zeros((2, ALL))
     _normal_equations(pixels, p, radius, samples, penalty, L, g)
     if not factor(L, SMALLEST_PIVOT):
-        return found
+        return measures
     for a in range(2):
         columns[a, a], columns[a, 11 + a] = 1.0, shift
         forward(L, columns[a])
@@ -183,11 +183,11 @@ def covariance_and_noise(
             weighted_beside += both * error * before
             weights_beside += both
         before, weight_before = error, weight
-    found[0] = columns[0, 0] + shift * columns[0, 11]
-    found[1] = columns[0, 1] + shift * columns[0, 12]
-    found[2] = columns[1, 1] + shift * columns[1, 12]
-    found[3] = total / max(pixels.shape[0] - ALL, 1)
-    found[4] = weighted / weights
-    found[5] = beside / max(neighbours, 1)
-    found[6] = weighted_beside / weights_beside / found[4] if found[4] > 0.0 else 0.0
-    return found
+    measures[0] = columns[0, 0] + shift * columns[0, 11]
+    measures[1] = columns[0, 1] + shift * columns[0, 12]
+    measures[2] = columns[1, 1] + shift * columns[1, 12]
+    measures[3] = total / max(pixels.shape[0] - ALL, 1)
+    measures[4] = weighted / weights
+    measures[5] = beside / max(neighbours, 1)
+    measures[6] = weighted_beside / weights_beside / measures[4] if measures[4] > 0.0 else 0.0
+    return measures
