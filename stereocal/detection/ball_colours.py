@@ -30,11 +30,11 @@ GREY_CHROMA = 0.12
 def colour_at(image: npt.NDArray[Any], point: tuple[float, float]) -> str:
     """The colour of a ball where a person clicked, as `Balls` has it; `white` for a grey."""
     colours = colours_in_eight_bits(image)
-    u, v = (round(each) for each in point)
+    u, v = (round(coordinate) for coordinate in point)
     around = colours[max(0, v - 2) : v + 3, max(0, u - 2) : u + 3].reshape(-1, 3)
     if not len(around):
         raise StereocalError("The click is outside the photograph.")
-    blue, green, red = (int(each) for each in np.median(around, axis=0))
+    blue, green, red = (int(level) for level in np.median(around, axis=0))
     if max(blue, green, red) - min(blue, green, red) < LEAST_CHROMA:
         return "white"
     return f"#{red:02x}{green:02x}{blue:02x}"
@@ -55,18 +55,18 @@ def _bgr(colour: str) -> FloatArray:
 def masks(image: npt.NDArray[Any], target: Balls) -> list[npt.NDArray[np.uint8]]:
     """For each target, one for balls of one colour, (h, w): 1 where the photograph (h, w, 3) of
     8 bits has its colour."""
-    found = []
-    for own in dict.fromkeys(target.colours):
-        rule = _rule(image[::8, ::8].astype(np.float64), own, target)
+    by_colour = []
+    for colour in dict.fromkeys(target.colours):
+        rule = _rule(image[::8, ::8].astype(np.float64), colour, target)
         if rule is None:
             grey: npt.NDArray[np.uint8] = np.asarray(image.max(axis=2), np.uint8)
-            dark = own != BRIGHT and _bgr(own).mean() < 127
+            dark = colour != BRIGHT and _bgr(colour).mean() < 127
             mask = _brighter(np.asarray(~grey if dark else grey, np.uint8))
         else:
             mask = np.zeros(image.shape[:2], np.uint8)
             _fill_mask(image, *rule, mask)
-        found.append(mask)
-    return found
+        by_colour.append(mask)
+    return by_colour
 
 
 def _rule(

@@ -78,7 +78,7 @@ def choose_balls(candidates: tuple[tuple[Spot, ...], ...]) -> Sighting:
     if len(candidates) == 1:
         one = " Only one was found." if candidates[0] else ""
         return Sighting((None, None), f"There are no two balls.{one}", candidates=candidates)
-    only = [own[0] if own else None for own in candidates]
+    only = [spots[0] if spots else None for spots in candidates]
     lost = [name for name, spot in zip("AB", only, strict=True) if spot is None]
     missing = f"No ball {' and no ball '.join(lost)} was found."
     return Sighting((only[0], only[1]), missing, candidates=candidates)
@@ -95,11 +95,13 @@ def _with_doubts(pairs: list[tuple[Spot, Spot]], which: int) -> Spot:
     """A ball of the best pair, with what is doubtful about it."""
     spot = pairs[0][which]
     doubts = list(spot.doubts)
-    at = f"The ball at ({spot.u:.0f}, {spot.v:.0f})"
+    the_ball = f"The ball at ({spot.u:.0f}, {spot.v:.0f})"
     for pair in pairs[1:]:
         if spot not in pair and _likeness(pair) > RUNNER_UP * _likeness(pairs[0]):
             u, v = pair[which].u, pair[which].v
-            doubts.append(f"{at} is not the only one like it: another is at ({u:.0f}, {v:.0f}).")
+            doubts.append(
+                f"{the_ball} is not the only one like it: another is at ({u:.0f}, {v:.0f})."
+            )
             break
     return replace(spot, doubts=tuple(doubts))
 
@@ -137,9 +139,9 @@ def _candidates(
             regions.append(_Region((u, v), radius, (x, y), area, roundness))
     regions.sort(key=lambda one: -one.roundness * one.radius)
     balls = (_ball(colours, region, camera, lamps) for region in regions[:MOST_CANDIDATES])
-    found = sorted(filter(None, balls), key=lambda one: -one.score)
+    scored = sorted(filter(None, balls), key=lambda one: -one.score)
     apart: list[Spot] = []
-    for spot in found:
+    for spot in scored:
         if all(math.dist(spot.centre, s.centre) > s.radius_px for s in apart):
             apart.append(spot)
     return tuple(apart)
@@ -237,8 +239,8 @@ def _pairs(images: Sequence[Colours]) -> Iterator[Balls]:
         spots = [
             spot
             for hue in HUES
-            for own in find_balls(moving, Balls((hue, hue))).candidates
-            for spot in own
+            for candidates in find_balls(moving, Balls((hue, hue))).candidates
+            for spot in candidates
             if spot.score > CERTAIN
         ]
         spots.sort(key=lambda spot: -spot.score * spot.radius_px)

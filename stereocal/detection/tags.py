@@ -43,14 +43,16 @@ def find_tags(image: npt.NDArray[Any], target: Tags, camera: Camera | None = Non
     if image.dtype != np.uint8:
         bright = max(float(np.percentile(image[::8, ::8], 99.9)), 1.0)
         grey = cv2.convertScaleAbs(image, alpha=255.0 / bright)
-    corners, found, _ = _detector(target.dictionary).detectMarkers(grey)
-    numbers = [] if found is None else np.asarray(found).ravel().tolist()
+    corners, ids, _ = _detector(target.dictionary).detectMarkers(grey)
+    numbers = [] if ids is None else np.asarray(ids).ravel().tolist()
     exact, spots = image.astype(np.float32), []
     for wanted in target.ids:
-        own = [c[0].astype(float) for c, n in zip(corners, numbers, strict=True) if n == wanted]
-        spot = _fitted(exact, own[0], camera) if own else None
-        if spot is not None and len(own) > 1:
-            also = f"Tag {wanted} is in the photograph {len(own)} times."
+        outlines = [
+            c[0].astype(float) for c, n in zip(corners, numbers, strict=True) if n == wanted
+        ]
+        spot = _fitted(exact, outlines[0], camera) if outlines else None
+        if spot is not None and len(outlines) > 1:
+            also = f"Tag {wanted} is in the photograph {len(outlines)} times."
             spot = replace(spot, doubts=(*spot.doubts, also))
         spots.append(spot)
     missing = [str(n) for n, spot in zip(target.ids, spots, strict=True) if spot is None]
@@ -90,11 +92,11 @@ def _fitted(image: GreyImage, corners: FloatArray, camera: Camera | None) -> Spo
             variance += 0.5 * float(((_centre(_corners(moved)) - centre) ** 2).sum())
     raw = centre if camera is None else _distorted(camera, centre[None])[0]
     doubts = []
-    at = f"The tag at ({raw[0]:.0f}, {raw[1]:.0f})"
+    the_tag = f"The tag at ({raw[0]:.0f}, {raw[1]:.0f})"
     if scatter > STRAIGHT_PX:
-        doubts.append(f"{at} has sides that are not straight: is it bent or partly hidden?")
+        doubts.append(f"{the_tag} has sides that are not straight: is it bent or partly hidden?")
     if side < SMALL_SIDE:
-        doubts.append(f"{at} is small: {side:.0f} px wide.")
+        doubts.append(f"{the_tag} is small: {side:.0f} px wide.")
     return Spot(float(raw[0]), float(raw[1]), float(np.sqrt(variance)), 0.5 * side, tuple(doubts))
 
 

@@ -46,7 +46,7 @@ class Tags:
     """Two ArUco or AprilTag markers."""
 
     dictionary: str
-    """As OpenCV names it, without `DICT_`."""
+    """The dictionary as OpenCV names it, without `DICT_`."""
     ids: tuple[int, int]
     """Numbers of A and B."""
     named: ClassVar = True
@@ -101,7 +101,7 @@ class Sighting:
     candidates: tuple[tuple[Spot, ...], ...] = ()
     """All that may be the target, best first: for A and B, or once for balls of one colour."""
     alternatives: "tuple[Sighting, ...]" = ()
-    """Of more than two boards the possible pairs, as of `detect.Detection`."""
+    """The possible pairs of more than two boards, as `detect.Detection` has them."""
 
     @property
     def doubts(self) -> list[str]:
@@ -172,10 +172,10 @@ def _colour(name: str) -> str:
 
 
 def _tags(rest: str) -> Tags:
-    found = re.fullmatch(r"(?:DICT_)?(\w+):\s*(\d{1,9})\s*,\s*(\d{1,9})\s*", rest)
-    if found is None:
+    match = re.fullmatch(r"(?:DICT_)?(\w+):\s*(\d{1,9})\s*,\s*(\d{1,9})\s*", rest)
+    if match is None:
         raise StereocalError("write the dictionary and the numbers of A and B: tags:4X4_50:3,7.")
-    dictionary, a, b = found[1], int(found[2]), int(found[3])
+    dictionary, a, b = match[1], int(match[2]), int(match[3])
     number = getattr(cv2.aruco, f"DICT_{dictionary}", None)
     if number is None:
         raise StereocalError(
@@ -204,9 +204,9 @@ def parse_board(text: str) -> Board | None:
         case _:
             return None
     with naming(f'"{text}"'):
-        found = Board(_metres(square), size, dictionary, side)
-        found.pattern("9x6")  # raises an error for what no board is
-    return found
+        board = Board(_metres(square), size, dictionary, side)
+        board.pattern("9x6")  # raises an error for what no board is
+    return board
 
 
 def _metres(text: str) -> float:
