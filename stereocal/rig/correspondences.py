@@ -86,9 +86,9 @@ class Correspondences:
             if not len(getattr(self, name)):
                 values = np.full((n, *shape), unknown.get(name, np.nan))
                 object.__setattr__(self, name, values)
-            found = getattr(self, name).shape
-            wrong = found != (n, *shape)
-            refuse((wrong, f"{name} has shape {found}; it must be {(n, *shape)}."))
+            actual = getattr(self, name).shape
+            wrong = actual != (n, *shape)
+            refuse((wrong, f"{name} has shape {actual}; it must be {(n, *shape)}."))
         points = self.primary, self.secondary
         sigmas = self.sigma_primary_px, self.sigma_secondary_px
         places, times = (
@@ -143,7 +143,7 @@ class Correspondences:
         names = TARGETS if rigid_object is None else rigid_object.names
         given = (distance_m, known_points_m, sigma_primary_px, sigma_secondary_px)
         distances, points, primary_px, secondary_px = (
-            _missing() if each is None else np.array(each, dtype=np.float64) for each in given
+            _missing() if column is None else np.array(column, dtype=np.float64) for column in given
         )
         codes = () if source is None else [source_code(word) for word in source]
         return cls(
@@ -243,25 +243,26 @@ class Correspondences:
 
     @cached_property
     def half_copies(self) -> dict[CameraName, dict[int, int]]:
-        """As `copies`, frames with exactly an earlier frame's points in one image alone."""
-        found: dict[CameraName, dict[int, int]] = {}
+        """The frames with exactly an earlier frame's points in one image alone, and which, as in
+        `copies`."""
+        by_camera: dict[CameraName, dict[int, int]] = {}
         for which, points in zip(CAMERAS, (self.primary, self.recorded_secondary), strict=True):
             same = self._same_as_earlier(points).items()
-            found[which] = {frame: first for frame, first in same if frame not in self.copies}
-        return found
+            by_camera[which] = {frame: first for frame, first in same if frame not in self.copies}
+        return by_camera
 
     def _same_as_earlier(self, points: FloatArray) -> dict[int, int]:
         """The frames whose targets and points (n, k) are those of an earlier frame."""
         order = np.lexsort([self.target, self.frame])
         ends = np.flatnonzero(np.diff(self.frame[order])) + 1
         first: dict[bytes, int] = {}
-        found = {}
+        copies = {}
         for rows in np.split(order, ends) if len(order) else ():
             key = np.column_stack([self.target[rows], points[rows]]).tobytes()
             frame = int(self.frame[rows[0]])
             if first.setdefault(key, frame) != frame:
-                found[frame] = first[key]
-        return found
+                copies[frame] = first[key]
+        return copies
 
     def where(self, keep: npt.NDArray[np.bool_]) -> "Correspondences":
         """The rows for which `keep` (n,) is true."""

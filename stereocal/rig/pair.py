@@ -54,8 +54,8 @@ class Pair(TableAnswer):
     """A view of two cameras of a recording: points and rays of what both see, made once."""
 
     recording: "Recording"
-    """Of these cameras alone, the primary first; the points of the primary, then those of the
-    secondary in the same order (`Recording.pair`)."""
+    """The recording of these cameras alone, the primary first; the points of the primary, then
+    those of the secondary in the same order (`Recording.pair`)."""
 
     def __post_init__(self) -> None:
         check_lengths(
@@ -110,12 +110,12 @@ class Pair(TableAnswer):
 
     @property
     def name(self) -> str:
-        """Of the recording."""
+        """The name of the recording."""
         return self.recording.name
 
     @property
     def notes(self) -> str:
-        """Of the recording."""
+        """The notes of the recording."""
         return self.recording.notes
 
     @property
@@ -167,7 +167,7 @@ class Pair(TableAnswer):
 
     @property
     def time_offset(self) -> TimeOffset | None:
-        """By which the secondary points have been shifted; None if they are as recorded."""
+        """How far the secondary points have been shifted in time; None if they are as recorded."""
         return self.recording.offsets.get(self.names[1])
 
     @property
@@ -179,25 +179,25 @@ class Pair(TableAnswer):
     @cached_property
     def correspondences(self) -> Correspondences:
         """The points that both see."""
-        own, n = self.recording, len(self.recording.frame) // 2
+        recording, n = self.recording, len(self.recording.frame) // 2
         known = {
             name: column[:n]
             for name in ("distance_m", "known_points_m", "source", "line", "time_frame")
-            if (column := getattr(own, name)) is not None
+            if (column := getattr(recording, name)) is not None
         }
         known |= {
             name: column[n:]
             for name in ("recorded", "motion")
-            if (column := getattr(own, name)) is not None
+            if (column := getattr(recording, name)) is not None
         }
         return Correspondences(
-            own.frame[:n],
-            own.target[:n],
-            own.points[:n],
-            own.points[n:],
-            sigma_primary_px=own.sigma_px[:n],
-            sigma_secondary_px=own.sigma_px[n:],
-            rigid_object=None if own.object.names == TARGETS else own.object,
+            recording.frame[:n],
+            recording.target[:n],
+            recording.points[:n],
+            recording.points[n:],
+            sigma_primary_px=recording.sigma_px[:n],
+            sigma_secondary_px=recording.sigma_px[n:],
+            rigid_object=None if recording.object.names == TARGETS else recording.object,
             **known,
         )
 
@@ -205,8 +205,8 @@ class Pair(TableAnswer):
     def answer(self) -> list[str]:
         rows, lengths = self.correspondences, self.bar_distances_m
         held = "bar" if rows.rigid_object is None else rows.rigid_object.word
-        found = "found from the known lengths" if self.baseline_is_free else "measured"
-        apart = f"{rounded(self.baseline_m, 4)} m apart ({found})"
+        how = "found from the known lengths" if self.baseline_is_free else "measured"
+        apart = f"{rounded(self.baseline_m, 4)} m apart ({how})"
         if self.baseline_is_to_be_found:
             apart = "at a distance that the known lengths tell"
         known = f" of {rounded(float(np.median(lengths)), 4)} m" if len(lengths) else ""
@@ -237,12 +237,12 @@ class Pair(TableAnswer):
         """The pair with something stated otherwise. The length is a bar's: another object has its
         own."""
         cameras = given.get("primary", self.primary), given.get("secondary", self.secondary)
-        own = replace(self.recording, cameras=dict(zip(self.names, cameras, strict=True)))
+        recording = replace(self.recording, cameras=dict(zip(self.names, cameras, strict=True)))
         if "correspondences" in given:
-            own = own.holding(given["correspondences"])
+            recording = recording.holding(given["correspondences"])
         lengths = (
             given.get("baseline_m", self.baseline_m),
-            given.get("target_distance_m", own.object.longest_m),
+            given.get("target_distance_m", recording.object.longest_m),
             given.get("baseline_sigma_m", self.baseline_sigma_m),
             given.get("target_distance_sigma_m", self.target_distance_sigma_m),
         )
@@ -250,10 +250,10 @@ class Pair(TableAnswer):
         free = self.baseline_is_to_be_found and "baseline_m" not in given
         return Pair(
             replace(
-                own,
+                recording,
                 name=given.get("name", self.name),
                 notes=given.get("notes", self.notes),
-                object=_of_length(own.object, lengths[1], lengths[3]),
+                object=_of_length(recording.object, lengths[1], lengths[3]),
                 baselines_m={} if free else {self.names: lengths[0]},
                 baseline_sigma_m=lengths[2],
             )
@@ -281,9 +281,9 @@ class Pair(TableAnswer):
         key = rows.frame * width + rows.target
         wanted = rows.frame * width + numbers[rows.target]
         by_key = np.argsort(key)
-        at = by_key[np.searchsorted(key, wanted, sorter=by_key).clip(max=len(key) - 1)]
-        changes = np.isin(rows.frame, np.asarray(frames)) & (key[at] == wanted)
-        order = np.where(changes, at, np.arange(len(rows)))
+        source_row = by_key[np.searchsorted(key, wanted, sorter=by_key).clip(max=len(key) - 1)]
+        changes = np.isin(rows.frame, np.asarray(frames)) & (key[source_row] == wanted)
+        order = np.where(changes, source_row, np.arange(len(rows)))
         names = ("secondary", "sigma_secondary_px", "recorded", "motion")
         changed = {name: getattr(rows, name)[order] for name in names}
         return Pair(self.recording.holding(replace(rows, **changed)))

@@ -50,7 +50,7 @@ class Recording(TableAnswer):
 
     name: str
     cameras: Mapping[str, Camera]
-    """By name. The first of two is the primary."""
+    """The cameras by name. The first of two is the primary."""
     object: RigidObject
     frame: IntArray
     camera: IntArray
@@ -67,9 +67,9 @@ class Recording(TableAnswer):
     """Infinite if the baselines are not measured, but found from the lengths."""
     notes: str = ""
     beyond_view: Mapping[str, int] = field(default_factory=dict)
-    """By camera, how many points were left out by `within_view` or `with_pairs`."""
+    """How many points of each camera were left out by `within_view` or `with_pairs`."""
     start_frames: Mapping[str, int] = field(default_factory=dict)
-    """Of cameras that counted their own frames, which of `frame` was frame 0 of each."""
+    """Which of `frame` was frame 0 of each camera that counted its own frames."""
     step_notes: tuple[str, ...] = ()
     """How cameras were brought into step that counted their own frames, where that was found."""
     own_frames: bool = False
@@ -85,7 +85,7 @@ class Recording(TableAnswer):
     line: IntArray | None = None
     """(n,): the line of the row in its file, for messages; 0, or None, if there is no file."""
     offsets: Mapping[str, TimeOffset] = field(default_factory=dict)
-    """By which the points of some cameras have been shifted in time (`shifted`)."""
+    """The offsets by which the points of some cameras have been shifted in time (`shifted`)."""
     recorded: FloatArray | None = None
     """(n, 2): the points as recorded; NaN, or None, where `points` are that."""
     motion: FloatArray | None = None
@@ -233,7 +233,7 @@ class Recording(TableAnswer):
                 or a length is impossible.
         """
         rigid_object = RigidObject.of(held)
-        cameras = {str(called): own for called, own in cameras.items()}
+        cameras = {str(called): lens for called, lens in cameras.items()}
         pixels, numbers = _numbers("image point", points), _numbers("frame", frame)
         camera, target = [*camera], [*target]
         lengths = [len(column) for column in (camera, target)]
@@ -250,7 +250,7 @@ class Recording(TableAnswer):
                 "A frame is above 2^53 - 1, up to which numbers are told apart.",
             ),
         )
-        found = cls(
+        recording = cls(
             name,
             cameras,
             rigid_object,
@@ -263,24 +263,31 @@ class Recording(TableAnswer):
             else np.array(sigma_px, dtype=np.float64),
             baseline_sigma_m=baseline_sigma_m,
         )
-        keys = pd.DataFrame({"frame": found.frame, "camera": found.camera, "target": found.target})
+        keys = pd.DataFrame(
+            {"frame": recording.frame, "camera": recording.camera, "target": recording.target}
+        )
         if keys.duplicated().any():
-            at = int(np.flatnonzero(keys.duplicated())[0])
-            which, what = [*cameras][found.camera[at]], rigid_object.names[found.target[at]]
+            row = int(np.flatnonzero(keys.duplicated())[0])
+            which, what = (
+                [*cameras][recording.camera[row]],
+                rigid_object.names[recording.target[row]],
+            )
             raise StereocalError(
-                f"Frame {found.frame[at]}, camera {which}, target {what} is there twice."
+                f"Frame {recording.frame[row]}, camera {which}, target {what} is there twice."
             )
         check_length("longest distance between points of the object", rigid_object.longest_m)
         check_uncertainty("object", rigid_object.sigma_m, rigid_object.longest_m)
         if baselines_m is not None and not isinstance(baselines_m, Mapping):
-            baselines_m = {"-".join(found.pairs[0]): float(baselines_m)}
-        measured = {found.pair_named(pair): value for pair, value in (baselines_m or {}).items()}
+            baselines_m = {"-".join(recording.pairs[0]): float(baselines_m)}
+        measured = {
+            recording.pair_named(pair): value for pair, value in (baselines_m or {}).items()
+        }
         for pair, value in measured.items():
             check_length(f"baseline {'-'.join(pair)}", value)
         if baseline_sigma_m == np.inf:  # said not to be measured: found anew
             measured = {}
-        found.refuse_points_outside()
-        return replace(found, baselines_m=measured).within_view()
+        recording.refuse_points_outside()
+        return replace(recording, baselines_m=measured).within_view()
 
     @classmethod
     def of_two(
@@ -338,10 +345,10 @@ class Recording(TableAnswer):
         """Raise an error if points are outside their image."""
         problems = []
         for number, (name, camera) in enumerate(self.cameras.items()):
-            own = self.where(self.camera == number)
-            for row, what in camera.outside(own.points):
-                target = self.object.names[own.target[row]]
-                reason = f"frame {own.frame[row]}, camera {name}, target {target}: the {what}"
+            part = self.where(self.camera == number)
+            for row, what in camera.outside(part.points):
+                target = self.object.names[part.target[row]]
+                reason = f"frame {part.frame[row]}, camera {name}, target {target}: the {what}"
                 problems.append(RowProblem(0, reason))
         if problems:
             raise RefusedRowsError("", problems, "cannot be used")
@@ -355,9 +362,9 @@ class Recording(TableAnswer):
         """
         beyond, counts = np.zeros(len(self.frame), dtype=np.bool_), dict[str, int]()
         for number, (name, camera) in enumerate(self.cameras.items()):
-            own = np.flatnonzero(self.camera == number)
-            beyond[own] = beyond_view(camera, self.points[own], name, self.cameras.values())
-            counts[name] = int(beyond[own].sum())
+            rows = np.flatnonzero(self.camera == number)
+            beyond[rows] = beyond_view(camera, self.points[rows], name, self.cameras.values())
+            counts[name] = int(beyond[rows].sum())
         return replace(self.where(~beyond), beyond_view=counts) if beyond.any() else self
 
     def where(self, kept: BoolArray) -> "Recording":
@@ -383,8 +390,8 @@ class Recording(TableAnswer):
     @property
     def first_frames(self) -> dict[str, int]:
         """The first frame with points of each camera; 0 of one without any."""
-        own = {name: self.frame[self.camera == k] for k, name in enumerate(self.cameras)}
-        return {name: int(each.min()) if len(each) else 0 for name, each in own.items()}
+        frames_of = {name: self.frame[self.camera == k] for k, name in enumerate(self.cameras)}
+        return {name: int(frames.min()) if len(frames) else 0 for name, frames in frames_of.items()}
 
     def of_cameras(self, names: Sequence[str]) -> "Recording":
         """The recording with some of its cameras only, in the order of all."""
@@ -392,14 +399,14 @@ class Recording(TableAnswer):
         if list(names) == every:
             return self
         numbers = np.array([names.index(name) if name in names else -1 for name in every])
-        found = self.where(numbers[self.camera] >= 0)
+        kept = self.where(numbers[self.camera] >= 0)
         return replace(
-            found,
+            kept,
             cameras={name: self.cameras[name] for name in names},
             start_frames={
                 name: start for name, start in self.start_frames.items() if name in names
             },
-            camera=numbers[found.camera],
+            camera=numbers[kept.camera],
             baselines_m={
                 pair: length for pair, length in self.baselines_m.items() if {*pair} <= {*names}
             },
@@ -408,11 +415,11 @@ class Recording(TableAnswer):
     @cached_property
     def rays(self) -> FloatArray:
         """(n, 2): undistorted and normalised; NaN where a lens cannot be inverted."""
-        found = np.empty_like(self.points)
+        rays = np.empty_like(self.points)
         for number, camera in enumerate(self.cameras.values()):
-            own = self.camera == number
-            found[own] = camera.undistort(self.points[own])
-        return found
+            of_camera = self.camera == number
+            rays[of_camera] = camera.undistort(self.points[of_camera])
+        return rays
 
     @property
     def times(self) -> IntArray:
@@ -442,23 +449,23 @@ class Recording(TableAnswer):
         the view of a fisheye, stays as recorded, with unknown motion. Without an offset all stay as
         recorded.
         """
-        own = [offsets.get(name, TimeOffset()) for name in self.cameras]
+        camera_offsets = [offsets.get(name, TimeOffset()) for name in self.cameras]
         known_of = np.array([name in offsets for name in self.cameras])
         rows = np.flatnonzero(known_of[self.camera])
         times, late = self.times[rows], np.zeros(len(rows))
-        for number, offset in enumerate(own):
+        for number, offset in enumerate(camera_offsets):
             mine = self.camera[rows] == number
             late[mine] = offset.at(times[mine])
-        found, inside = self.moved(late, rows)
+        interpolated, inside = self.moved(late, rows)
         recorded, motion = self.recorded_points, np.full((len(self.frame), 3), np.nan)
-        motion[rows] = np.column_stack([found.velocities, found.variance])
+        motion[rows] = np.column_stack([interpolated.velocities, interpolated.variance])
         shifted = replace(self, points=recorded, recorded=None, motion=motion, offsets={**offsets})
-        moves = np.array([offset.is_shift for offset in own])[self.camera[rows]]
+        moves = np.array([offset.is_shift for offset in camera_offsets])[self.camera[rows]]
         if not moves.any():
             return shifted
         motion[rows[moves & ~inside]] = np.nan
         points, before = recorded.copy(), np.full_like(recorded, np.nan)
-        points[rows[moves & inside]] = found.positions[moves & inside]
+        points[rows[moves & inside]] = interpolated.positions[moves & inside]
         before[rows[moves]] = recorded[rows[moves]]
         return replace(shifted, points=points, recorded=before)
 
@@ -475,14 +482,14 @@ class Recording(TableAnswer):
         rows = np.arange(len(self.frame)) if rows is None else rows
         camera = self.camera[rows]
         track = camera * len(self.object.names) + self.target[rows]
-        found = interpolate(track, self.times[rows], self.recorded_points[rows], late)
+        interpolated = interpolate(track, self.times[rows], self.recorded_points[rows], late)
         inside = np.zeros(len(rows), dtype=np.bool_)
         for number, lens in enumerate(self.cameras.values()):
-            own = camera == number
-            inside |= own & found.inside(lens.image_size)
+            of_camera = camera == number
+            inside |= of_camera & interpolated.inside(lens.image_size)
             if lens.is_fisheye:
-                inside[own] &= lens.uses(lens.undistort(found.positions[own]))
-        return found, inside
+                inside[of_camera] &= lens.uses(lens.undistort(interpolated.positions[of_camera]))
+        return interpolated, inside
 
     def taken_as_recorded(self) -> "Recording":
         """The recording with the points as they are, and nothing known of a shift in time."""
@@ -495,16 +502,16 @@ class Recording(TableAnswer):
             values: (n, v): others of the rows, instead of their pixels.
         """
         of_rows = self.points if values is None else values
-        frames, at = np.unique(self.frame, return_inverse=True)
+        frames, frame_index = np.unique(self.frame, return_inverse=True)
         shape = len(frames), len(self.object.names), len(self.cameras)
         if math.prod(shape) > MOST_IMAGES:
             raise StereocalError(
                 f"{shape[0]} frames of an object with {shape[1]} points before {shape[2]} cameras "
                 "are too many: name only the points that are seen, or take fewer frames."
             )
-        found = np.full((*shape, of_rows.shape[1]), np.nan)
-        found[at, self.target, self.camera] = of_rows
-        return frames, found
+        pixels = np.full((*shape, of_rows.shape[1]), np.nan)
+        pixels[frame_index, self.target, self.camera] = of_rows
+        return frames, pixels
 
     @property
     def pairs(self) -> list[CameraPair]:
@@ -514,9 +521,9 @@ class Recording(TableAnswer):
     def pair_named(self, text: str) -> CameraPair:
         """The pair of a name such as `left-right`, in its order."""
         for first, second in self.pairs:
-            for found in ((first, second), (second, first)):
-                if text == "-".join(found):
-                    return found
+            for pair in ((first, second), (second, first)):
+                if text == "-".join(pair):
+                    return pair
         raise StereocalError(f'There is no pair "{text[:60]}". {self.describe_pairs()}')
 
     def chosen_pair(self, text: str | None) -> CameraPair:
@@ -569,7 +576,7 @@ class Recording(TableAnswer):
         both = [first, second]
         rows = np.concatenate([a, b])
         known = {name: getattr(self, name) for name in (*COLUMNS, *OF_TABLES, *SHIFTED)}
-        columns = {name: each[rows] for name, each in known.items() if each is not None}
+        columns = {name: column[rows] for name, column in known.items() if column is not None}
         columns["camera"] = np.repeat([0, 1], len(a))
         if first != next(iter(self.cameras)):  # they are in the frame of the first camera
             columns["known_points_m"] = None
@@ -583,7 +590,7 @@ class Recording(TableAnswer):
                 baselines_m={} if measured is None else {(first, second): measured},
                 beyond_view={name: n for name, n in self.beyond_view.items() if name in both},
                 start_frames={name: n for name, n in self.start_frames.items() if name in both},
-                offsets={name: own for name, own in self.offsets.items() if name in both},
+                offsets={name: offset for name, offset in self.offsets.items() if name in both},
             )
         )
 
@@ -648,7 +655,7 @@ def _numbers(what: str, values: npt.ArrayLike) -> FloatArray:
 
 def _codes(what: str, values: Iterable[Hashable], names: Sequence[str]) -> IntArray:
     """(n,): indices into the names."""
-    known = {name: at for at, name in enumerate(names)}
+    known = {name: code for code, name in enumerate(names)}
     words = [str(value) for value in values]
     unknown = next((word for word in words if word not in known), None)
     if unknown is not None:
