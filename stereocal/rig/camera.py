@@ -29,7 +29,8 @@ are its k1 to k4."""
 FISHEYE_UNKNOWNS = (*LENS_UNKNOWNS[:4], "k1", "k2", "k3", "k4")
 LENS_MODELS: tuple[LensModel, ...] = ("brown", "fisheye")
 POINTS_KEPT = 2000
-"""Of a result of `undistort` that is kept: other readings of a data set share most of them."""
+"""The most points of `undistort` whose result is kept: other readings of a data set share most of
+them."""
 LARGEST_SIDE = 1_000_000
 MAXIMUM_K = 1e9
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
@@ -44,8 +45,8 @@ def camera_in_words(*names: str, begins: bool = False) -> str:
     """Such as `the primary camera`, or of a rig `camera 1` or `cameras 1 and 2`; with a capital if
     it begins a sentence."""
     of_two = not {*CAMERAS}.isdisjoint(names)
-    each = [f"the {name}" for name in names] if of_two else names
-    listed = " and ".join([", ".join(each[:-1]), each[-1]] if each[1:] else each)
+    phrases = [f"the {name}" for name in names] if of_two else names
+    listed = " and ".join([", ".join(phrases[:-1]), phrases[-1]] if phrases[1:] else phrases)
     words = f"{listed} camera" if of_two else f"camera{'s' * (len(names) > 1)} {listed}"
     return words[:1].upper() + words[1:] if begins else words
 
@@ -344,12 +345,12 @@ class Camera(Answer):
         pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
         if len(pixels) > POINTS_KEPT:
             return self._undistorted(pixels)
-        values = b"".join(each.tobytes() for each in (self.K, self.distortion, pixels))
+        values = b"".join(array.tobytes() for array in (self.K, self.distortion, pixels))
         key = f"{self.model} {len(self.distortion)} {values.decode('latin-1')}"
         return once("rays", key, partial(self._undistorted, pixels)).copy()
 
     def _undistorted(self, pixels: FloatArray) -> FloatArray:
-        """As `undistort`."""
+        """Normalised points (n, 2), as `undistort` gives them, computed anew."""
         distorted = homogeneous(pixels) @ np.linalg.inv(self.K).T
         distorted = np.ascontiguousarray(distorted[:, :2])
         if self.is_fisheye:
@@ -370,16 +371,17 @@ class Camera(Answer):
                 if np.nanmax(np.abs(error), initial=0.0) < 1e-13:
                     break
             there, here = self._distorted(points)
-            found = np.abs(there - distorted).max(axis=1) < 1e-10
+            solved = np.abs(there - distorted).max(axis=1) < 1e-10
             # Far from the centre the polynomial folds back and has spurious solutions. A solution
             # counts if both eigenvalues of the Jacobian are positive all the way from the centre.
             on_the_way = (self._distorted(part * points)[1] for part in (0.25, 0.5, 0.75))
             for ux, vx, uy, vy in (*on_the_way, here):
-                found &= (ux * vy > vx * uy) & (ux + vy > 0)
-        return np.where(found[:, None], points, np.nan)
+                solved &= (ux * vy > vx * uy) & (ux + vy > 0)
+        return np.where(solved[:, None], points, np.nan)
 
     def rays_of(self, pixels: npt.ArrayLike) -> FloatArray:
-        """As `undistort`; NaN also where a fisheye images points beyond the view that is used."""
+        """Normalised points (n, 2), as of `undistort`; NaN also where a fisheye images them beyond
+        the view that is used."""
         rays = self.undistort(pixels)
         return np.where(self.uses(rays)[:, None], rays, np.nan) if self.is_fisheye else rays
 
@@ -422,21 +424,21 @@ class Camera(Answer):
         return self._distorted(normalised)[0]
 
     def _imaged(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As `_distort`, of a fisheye, and the Jacobians (n, 2, 2)."""
-        found = np.empty(normalised.shape), np.empty((len(normalised), 2, 2))
-        fill_distorted(contiguous(normalised), self.distortion, *found)
-        return found
+        """The points that `_distort` gives for a fisheye, and the Jacobians (n, 2, 2)."""
+        distorted, jacobians = np.empty(normalised.shape), np.empty((len(normalised), 2, 2))
+        fill_distorted(contiguous(normalised), self.distortion, distorted, jacobians)
+        return distorted, jacobians
 
     def _distorted(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As `_distort`, of a lens that is no fisheye, and (4, n): the derivatives of the distorted
-        u and v by x, and of both by y.
+        """The points that `_distort` gives for a lens that is no fisheye, and (4, n): the
+        derivatives of the distorted u and v by x, and of both by y.
 
         They are OpenCV's by the translation, for points at a depth of 1.
         """
         points, none = homogeneous(normalised)[:, None], np.zeros(3)
-        found, J = cv2.projectPoints(points, none, none, np.eye(3), self.distortion)
+        projected, J = cv2.projectPoints(points, none, none, np.eye(3), self.distortion)
         by_x_and_y = np.asarray(J[:, 3:5], dtype=np.float64).reshape(-1, 2, 2)
-        distorted = np.asarray(found, dtype=np.float64).reshape(-1, 2)
+        distorted = np.asarray(projected, dtype=np.float64).reshape(-1, 2)
         return distorted, by_x_and_y.transpose(2, 1, 0).reshape(4, -1)
 
     def _to_pixels(self, normalised: FloatArray) -> FloatArray:
@@ -454,12 +456,12 @@ def pixel_scales(cameras: Sequence[Camera]) -> FloatArray:
     scales = np.array([camera.K[[0, 0, 1], [0, 1, 1]] for camera in cameras])
     if not any(camera.is_fisheye for camera in cameras):
         return scales
-    found = np.zeros((len(cameras), 2, 4))
-    found[:, 0, :3] = scales
-    for row, camera in zip(found, cameras, strict=True):
+    lenses = np.zeros((len(cameras), 2, 4))
+    lenses[:, 0, :3] = scales
+    for row, camera in zip(lenses, cameras, strict=True):
         if camera.is_fisheye:
             row[0, 3], row[1] = camera.largest_angle, camera.distortion
-    return found
+    return lenses
 
 
 def same_lens(one: Camera, other: Camera) -> bool:

@@ -22,19 +22,19 @@ def epipolar_curve(rig: PlacedCameras, camera: str, other: str, pixel: npt.Array
     Returns:
         (n, 2) raw pixels of the other camera, from near to far; n is 0 if it cannot see the point.
     """
-    (own, own_pose), (theirs, their_pose) = rig.placed[camera], rig.placed[other]
-    other_from_own = their_pose @ own_pose.inverse()
-    ray = np.append(own.undistort(np.reshape(pixel, (1, 2)))[0], 1.0)
+    (this_camera, this_pose), (other_camera, other_pose) = rig.placed[camera], rig.placed[other]
+    other_from_this = other_pose @ this_pose.inverse()
+    ray = np.append(this_camera.undistort(np.reshape(pixel, (1, 2)))[0], 1.0)
     if not np.isfinite(ray).all():
         return np.empty((0, 2))
 
     def seen(inverse_depths: FloatArray) -> tuple[IntArray, FloatArray]:
         """The inverse depths at which the other camera sees the point, and its pixels there."""
-        points = (ray / inverse_depths[:, None]) @ other_from_own.R.T + other_from_own.T
-        there = theirs.sees(points)
-        return np.flatnonzero(there), theirs.project(points[there])
+        points = (ray / inverse_depths[:, None]) @ other_from_this.R.T + other_from_this.T
+        there = other_camera.sees(points)
+        return np.flatnonzero(there), other_camera.project(points[there])
 
-    baseline = other_from_own.baseline
+    baseline = other_from_this.baseline
     coarse = np.geomspace(1 / (NEAREST * baseline), 1 / (FARTHEST * baseline), 4 * SAMPLES)
     rows, _ = seen(coarse)
     if not len(rows):

@@ -57,9 +57,9 @@ def beyond_either(
         StereocalError: as `beyond_view`.
     """
     three = zip(CAMERAS, cameras, pixels, strict=True)
-    beyond = {name: beyond_view(camera, own, name, cameras) for name, camera, own in three}
+    beyond = {name: beyond_view(camera, points, name, cameras) for name, camera, points in three}
     lost: BoolArray = np.any([*beyond.values()], axis=0)
-    return lost, {name: int(own.sum()) for name, own in beyond.items()}
+    return lost, {name: int(is_beyond.sum()) for name, is_beyond in beyond.items()}
 
 
 def beyond_in_words(beyond: Mapping[str, int]) -> str:

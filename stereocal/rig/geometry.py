@@ -357,8 +357,8 @@ def sampson(E: FloatArray, rays: FloatArray) -> FloatArray:
     p, q = homogeneous(flat[:, :2]), homogeneous(flat[:, 2:])
     lines, back = p @ E.swapaxes(-1, -2), q @ E
     squared = (lines[..., :2] ** 2).sum(axis=-1) + (back[..., :2] ** 2).sum(axis=-1)
-    found = (q * lines).sum(axis=-1) / np.sqrt(squared)
-    return np.asarray(found.reshape(*E.shape[:-2], *rays.shape[:-1]))
+    distances = (q * lines).sum(axis=-1) / np.sqrt(squared)
+    return np.asarray(distances.reshape(*E.shape[:-2], *rays.shape[:-1]))
 
 
 def on_their_heads(poses: Sequence[Pose], upright: float = 0.0) -> list[int]:

@@ -43,7 +43,7 @@ class PlacedCameras(Protocol):
 
     @property
     def placed(self) -> Mapping[str, PlacedCamera]:
-        """By name; the first is the reference."""
+        """The cameras by name; the first is the reference."""
 
 
 @dataclass(frozen=True)
@@ -155,6 +155,6 @@ def _by_pixels(camera: Camera, rays: FloatArray, by_rays: FloatArray) -> FloatAr
     jacobians = camera.pixel_jacobians(rays)
     lost = ~np.isfinite(jacobians).all(axis=(1, 2))
     jacobians[lost] = np.eye(2)
-    found = np.linalg.solve(jacobians.transpose(0, 2, 1), by_rays[:, :, None])[:, :, 0]
-    found[lost] = np.nan
-    return np.asarray(found)
+    by_pixels = np.linalg.solve(jacobians.transpose(0, 2, 1), by_rays[:, :, None])[:, :, 0]
+    by_pixels[lost] = np.nan
+    return np.asarray(by_pixels)

@@ -31,7 +31,7 @@ with 99 overlapping distances a board, stated errors are 4.6 to 11 times too sma
 disjoint ones they are true."""
 
 MOST_POINTS = 10_000
-"""As the largest board has."""
+"""The number that the largest board has."""
 ALIKE = 1e-6
 """The share of its size by which an object that looks the same when turned may differ."""
 FEWEST_TO_PLACE = 4
@@ -103,12 +103,12 @@ class BoardPattern:
         marker_m: float | None = None,
     ) -> "BoardPattern":
         """The board with a size such as `18x12`, in inner corners."""
-        found = _SIZE.fullmatch(size)
-        if found is None:
+        match = _SIZE.fullmatch(size)
+        if match is None:
             raise StereocalError(
                 f'The size of the board is "{size}": write the numbers of inner corners like 18x12.'
             )
-        return cls(int(found[1]), int(found[2]), square_m, dictionary, marker_m)
+        return cls(int(match[1]), int(match[2]), square_m, dictionary, marker_m)
 
     @cached_property
     def points(self) -> FloatArray:
@@ -172,7 +172,7 @@ class RigidObject:
 
     @classmethod
     def of(cls, what: "Held") -> "RigidObject":
-        """Of a length A-B in metres, of points by name, or of a board."""
+        """The object from a length A-B in metres, points by name, or a board."""
         if isinstance(what, RigidObject):
             return what
         if isinstance(what, BoardPattern):
@@ -199,11 +199,11 @@ class RigidObject:
         Of a bar or a wand of three these are its two ends, of a board its two diagonals.
         """
         left = np.array(sorted({*seen}), dtype=np.int64)
-        found: list[IntArray] = []
-        while len(left) > 1 and len(found) < MOST_PAIRS:
-            found.append(self._farthest(left))
-            left = np.setdiff1d(left, found[-1])
-        return np.array(found, dtype=np.int64).reshape(-1, 2)
+        pairs: list[IntArray] = []
+        while len(left) > 1 and len(pairs) < MOST_PAIRS:
+            pairs.append(self._farthest(left))
+            left = np.setdiff1d(left, pairs[-1])
+        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
     def parts_of(self, frame: IntArray, target: IntArray) -> tuple[IntArray, IntArray]:
         """(n,) each: as of `Correspondences.parts`, of the rows of some targets in some frames."""
@@ -239,10 +239,10 @@ class RigidObject:
         at_least = np.max(np.linalg.norm(points - far, axis=1))
         among = among[radius + np.max(radius) >= (1.0 - ALIKE) * at_least]
         longest, best = -1.0, among[:2]
-        for at, one in enumerate(among[:-1]):
-            distances = self.distance(one, among[at + 1 :])
+        for k, one in enumerate(among[:-1]):
+            distances = self.distance(one, among[k + 1 :])
             if distances.max() > longest:
-                longest, best = distances.max(), among[[at, at + 1 + int(distances.argmax())]]
+                longest, best = distances.max(), among[[k, k + 1 + int(distances.argmax())]]
         return best
 
     @cached_property
@@ -290,20 +290,22 @@ def placed(frame: IntArray, points: FloatArray, rays: FloatArray) -> FloatArray:
         points: (n, 3), in the object's own frame, in metres.
         rays: (2, n), undistorted and normalised.
     """
-    found = np.full_like(points, np.nan)
+    camera_points = np.full_like(points, np.nan)
     for one in np.unique(frame):
         rows = np.flatnonzero(frame == one)
-        own, seen = points[rows], np.ascontiguousarray(rays[:, rows].T)
-        spread = np.linalg.svd(own - own.mean(axis=0), compute_uv=False)
+        object_points, seen = points[rows], np.ascontiguousarray(rays[:, rows].T)
+        spread = np.linalg.svd(object_points - object_points.mean(axis=0), compute_uv=False)
         at_one_place = np.ptp(seen, axis=0).max() < ONE_PLACE
         if len(rows) < FEWEST_TO_PLACE or spread[1] < COLLINEAR * spread[0] or at_one_place:
             continue
         # SQPnP takes four points, in a plane or not; ITERATIVE wants six that are not.
-        solved, turn, at = cv2.solvePnP(own, seen, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
+        solved, turn, shift = cv2.solvePnP(
+            object_points, seen, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP
+        )
         if solved:
-            turn, at = cv2.solvePnPRefineLM(own, seen, np.eye(3), None, turn, at)
-            found[rows] = own @ cv2.Rodrigues(turn)[0].T + at.T
-    return found
+            turn, shift = cv2.solvePnPRefineLM(object_points, seen, np.eye(3), None, turn, shift)
+            camera_points[rows] = object_points @ cv2.Rodrigues(turn)[0].T + shift.T
+    return camera_points
 
 
 Held = float | Mapping[str, Iterable[float]] | BoardPattern | RigidObject
