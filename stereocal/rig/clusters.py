@@ -123,22 +123,25 @@ def _places(times: IntArray) -> IntArray:
 def run_length(places: IntArray, residuals: FloatArray) -> int:
     """Over how many frames errors are alike; 1 if they are not.
 
-    Errors that change every L frames have an autocorrelation that falls evenly to 0 at a lag of L.
-    This line is fitted, with its height, by least squares.
+    Errors that change every L frames have an autocorrelation that falls evenly to 0 at a lag of L:
+    a max(1 - k / L, 0) at lag k. This line is fitted, with its height a, by least squares weighted
+    by the pairs of frames: the L of the largest gain, from 2 on (docs/refined.md, Uncertainty).
 
     Args:
         places: (f,): as of `_places`; `residuals`: (f, c).
     """
     lags = min(max(len(places) // 4, 3), LONGEST)
-    found, pairs = _autocorrelation(places, residuals, lags)
-    if found[:2].sum() * np.sqrt(0.5 * pairs[:2].mean()) < NOTICED:
+    correlations, pairs = _autocorrelation(places, residuals, lags)
+    if correlations[:2].sum() * np.sqrt(0.5 * pairs[:2].mean()) < NOTICED:
         return 1
-    negative = np.flatnonzero(found <= 0)
+    negative = np.flatnonzero(correlations <= 0)
     lags = min(max(2 * int(negative[0]) if len(negative) else lags, 4), lags)
     k = np.arange(1, lags + 1)
     lines = np.maximum(1.0 - k / np.arange(2, 2 * lags + 2)[:, None], 0.0)
     weights = pairs[:lags]
-    gain = np.maximum(lines @ (weights * found[:lags]), 0.0) ** 2 / (np.square(lines) @ weights)
+    gain = np.maximum(lines @ (weights * correlations[:lags]), 0.0) ** 2 / (
+        np.square(lines) @ weights
+    )
     return 2 + int(np.argmax(gain))
 
 

@@ -55,19 +55,19 @@ def at_slowest(recording: Recording, rates: Mapping[str, float]) -> Recording:
     Args:
         rates: frames per second of each camera.
     """
-    slowest, own = min(rates.values()), recording.frame
+    slowest, own_frame = min(rates.values()), recording.frame
     ratio = np.array([rates[name] / slowest for name in recording.cameras])[recording.camera]
     # From about the first frame of each: parts of frames are lost in numbers near 2^53.
     begin = np.array([recording.first_frames[name] for name in recording.cameras])
     start = np.floor(begin[recording.camera] / ratio)
-    own = own - start * ratio
-    frame = np.ceil((own - 0.5) / ratio)
-    late = own - frame * ratio
+    own_frame = own_frame - start * ratio
+    frame = np.ceil((own_frame - 0.5) / ratio)
+    late = own_frame - frame * ratio
     between = np.abs(late) > NO_SHIFT
-    found, known = recording.moved(late)
+    interpolated, known = recording.moved(late)
     return replace(
         recording,
         frame=frame.astype(np.int64) + start.astype(np.int64),
-        points=np.where(between[:, None], found.positions, recording.points),
-        sigma_px=recording.sigma_px * np.where(between, np.sqrt(found.variance), 1.0),
+        points=np.where(between[:, None], interpolated.positions, recording.points),
+        sigma_px=recording.sigma_px * np.where(between, np.sqrt(interpolated.variance), 1.0),
     ).where((late > -0.5) & (known | ~between))

@@ -67,14 +67,14 @@ class MeasuredOffset(TimeOffset):
 
     def to_json(self) -> dict[str, Any]:
         """The entries of a parameter file: `time_offset_frames`, and `time_drift` if fitted."""
-        found = {"time_offset_frames": {"value": self.frames, "standard_error": self.sigma}}
+        entries = {"time_offset_frames": {"value": self.frames, "standard_error": self.sigma}}
         if self.drift or self.drift_sigma:
-            found["time_drift"] = {
+            entries["time_drift"] = {
                 "value": self.drift,
                 "standard_error": self.drift_sigma,
                 "reference_frame": self.reference,
             }
-        return found
+        return entries
 
     @classmethod
     def from_json(cls, data: Any) -> "MeasuredOffset | None":
@@ -83,8 +83,8 @@ class MeasuredOffset(TimeOffset):
             return None
         names = "value", "standard_error", "reference_frame"
         try:
-            own, drift = data["time_offset_frames"], data.get("time_drift") or {}
-            frames, sigma = (float(own[name]) for name in names[:2])
+            offset, drift = data["time_offset_frames"], data.get("time_drift") or {}
+            frames, sigma = (float(offset[name]) for name in names[:2])
             change, spread, reference = (float(drift.get(name, 0.0)) for name in names)
         except DAMAGED as error:
             raise StereocalError(f"the time offset is damaged ({error}).") from error
@@ -162,10 +162,10 @@ def exchanged_ends(ends: FloatArray) -> BoolArray:
     """
     whole = np.flatnonzero(np.isfinite(ends).all(axis=(1, 2)))
     before, now = ends[whole[:-1]], ends[whole[1:]]
-    kept, turned = (np.square(each - before).sum(axis=(1, 2)) for each in (now, now[:, ::-1]))
-    found = np.zeros(len(ends), dtype=np.bool_)
-    found[whole[1:]] = np.cumsum(NEARER**2 * turned < kept) % 2 == 1
-    return found
+    kept, turned = (np.square(way - before).sum(axis=(1, 2)) for way in (now, now[:, ::-1]))
+    exchanged = np.zeros(len(ends), dtype=np.bool_)
+    exchanged[whole[1:]] = np.cumsum(NEARER**2 * turned < kept) % 2 == 1
+    return exchanged
 
 
 def interpolate(
@@ -190,17 +190,19 @@ def interpolate(
     first_frame = np.full(len(tracks), np.iinfo(np.int64).max)
     np.minimum.at(first_frame, track, time_frame)
     time_frame = time_frame - first_frame[track]
-    at = time_frame - offset
-    near = np.round(at)
-    at = np.where(np.abs(at - near) < NO_SHIFT, near, at)
-    found = Interpolated(
-        np.full(positions.shape, np.nan), np.full(positions.shape, np.nan), np.full(len(at), np.nan)
+    instant = time_frame - offset
+    near = np.round(instant)
+    instant = np.where(np.abs(instant - near) < NO_SHIFT, near, instant)
+    interpolated = Interpolated(
+        np.full(positions.shape, np.nan),
+        np.full(positions.shape, np.nan),
+        np.full(len(instant), np.nan),
     )
-    base = np.floor(at).astype(np.int64)
+    base = np.floor(instant).astype(np.int64)
     # At a frame itself the interval before it will do as well as the one after it.
-    for first in (base, base - (at == near)):
+    for first in (base, base - (instant == near)):
         rows = _rows_of(track, time_frame, first[:, None] + WINDOW.astype(np.int64))
-        left = ~found.known
+        left = ~interpolated.known
         both = left & (rows[:, 1:3] >= 0).all(axis=1)
         before, after = both & (rows[:, 0] >= 0), both & (rows[:, 3] >= 0)
         for use, columns in (
@@ -210,17 +212,23 @@ def interpolate(
             (both & ~before & ~after, slice(1, 3)),
         ):
             if use.any():
-                weights, slopes = _weights((at - first)[use], WINDOW[columns])
+                weights, slopes = _weights((instant - first)[use], WINDOW[columns])
                 seen = positions[rows[use, columns]]
-                found.positions[use] = np.einsum("nk,nkc->nc", weights, seen)
-                found.velocities[use] = np.einsum("nk,nkc->nc", slopes, seen)
-                found.variance[use] = np.square(weights).sum(axis=1)
-    return found
+                interpolated.positions[use] = np.einsum("nk,nkc->nc", weights, seen)
+                interpolated.velocities[use] = np.einsum("nk,nkc->nc", slopes, seen)
+                interpolated.variance[use] = np.square(weights).sum(axis=1)
+    return interpolated
 
 
 def _weights(f: FloatArray, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(n, k) each: weights of the positions at some frames of `WINDOW` for the position at f, and
-    for the velocity."""
+    for the velocity.
+
+    The position is Lagrange's polynomial. With four frames at x = -1.5, -0.5, 0.5, 1.5 from the
+    middle the velocity is the slope of the parabola by least squares, whose weights are
+    x / sum x^2 + 2 t (x^2 - mean) / sum (x^2 - mean)^2, at t from the middle: sum x^2 is 5, the
+    mean of x^2 is 1.25, and the sum of (x^2 - 1.25)^2 is 4.
+    """
     weights = _lagrange(f, frames)
     if len(frames) < len(WINDOW):  # of a parabola and a line, this is the derivative
         return weights, _lagrange(f + 0.5, frames) - _lagrange(f - 0.5, frames)
@@ -237,8 +245,9 @@ def _weights(f: FloatArray, frames: FloatArray) -> tuple[FloatArray, FloatArray]
 def _lagrange(f: FloatArray, frames: FloatArray) -> FloatArray:
     """(n, k): at f, the polynomials that are 1 at one of k frames and 0 at the others."""
     others = (np.delete(frames, k) for k in range(len(frames)))
-    each = zip(frames, others, strict=True)
-    return np.column_stack([np.prod((f[:, None] - o) / (k - o), axis=1) for k, o in each])
+    return np.column_stack(
+        [np.prod((f[:, None] - o) / (k - o), axis=1) for k, o in zip(frames, others, strict=True)]
+    )
 
 
 def _rows_of(track: IntArray, time_frame: IntArray, frames: IntArray) -> IntArray:
@@ -250,5 +259,5 @@ def _rows_of(track: IntArray, time_frame: IntArray, frames: IntArray) -> IntArra
         numbers + (time_frame - least), return_index=True, return_counts=True
     )
     wanted = numbers[:, None] + (np.clip(frames, least, most) - least)
-    at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
-    return np.asarray(np.where((codes[at] == wanted) & (count[at] == 1), row[at], -1))
+    place = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
+    return np.asarray(np.where((codes[place] == wanted) & (count[place] == 1), row[place], -1))
