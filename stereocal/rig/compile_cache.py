@@ -62,9 +62,9 @@ def _is_ours(folder: Path) -> bool:
     """Whether this user and no other can write to the folder, since cached code is executed."""
     if not _can_write(folder):
         return False
-    found = folder.lstat()
-    private = found.st_uid == _user() and not found.st_mode & 0o022
-    return stat.S_ISDIR(found.st_mode) and (private or os.name == "nt")
+    status = folder.lstat()
+    private = status.st_uid == _user() and not status.st_mode & 0o022
+    return stat.S_ISDIR(status.st_mode) and (private or os.name == "nt")
 
 
 def _user() -> int:

@@ -64,12 +64,12 @@ def _type_of_internal(value: _Internal[P, T], _: object) -> types.Dispatcher:
 
 
 def internal(function: Callable[P, T]) -> Callable[P, T]:
-    """As `compiled`, for functions that only compiled code calls; saves compiling a wrapper."""
+    """What `compiled` is, for functions that only compiled code calls: no wrapper is compiled."""
     return _Internal(function)
 
 
 def borrowing(function: Callable[P, T]) -> Callable[P, T]:
-    """As `internal`, for functions that allocate no array.
+    """What `internal` is, for functions that allocate no array.
 
     What they are given is in use as long as they run, so that it need not be counted as in use by
     each tuple and each part of an array: the sums of `adjustment` take a third less time.
@@ -78,7 +78,7 @@ def borrowing(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def inlined(function: Callable[P, T]) -> Callable[P, T]:
-    """As `internal`, inlined into its callers: a call inside a loop prevents vectorisation."""
+    """What `internal` is, inlined into its callers: a call inside a loop prevents vectorisation."""
     return _Internal(function, forceinline=True)
 
 
@@ -115,14 +115,15 @@ def uncompiled() -> bool:
 
 
 def _without_literals(dispatcher: Any) -> None:
-    """By itself, numba compiles a function again for each constant argument of compiled code."""
+    """Make numba compile a function once for all constant arguments of compiled code, which it does
+    anew for each by itself."""
     general_of: Callable[[Any], Any] = types.unliteral
     types_of_call = getattr(dispatcher, "get_call_template", None)
     if types_of_call is None:  # with NUMBA_DISABLE_JIT
         return
 
     def of_any_value(arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        general = {name: general_of(each) for name, each in named.items()}
+        general = {name: general_of(argument) for name, argument in named.items()}
         return types_of_call(tuple(map(general_of, arguments)), general)
 
     dispatcher.get_call_template = of_any_value
@@ -139,18 +140,18 @@ def _stamp(path: Path) -> str:
         new = _source(left.pop())[1] - seen
         left += new
         seen |= new
-    return hashlib.sha256(b"".join(_source(each)[0] for each in sorted(seen))).hexdigest()
+    return hashlib.sha256(b"".join(_source(file)[0] for file in sorted(seen))).hexdigest()
 
 
 @functools.cache
 def _source(path: Path) -> tuple[bytes, frozenset[Path]]:
     """A source file, and the modules of this package that it imports: read once by a process."""
-    content, found = path.read_bytes(), set[Path]()
+    content, modules = path.read_bytes(), set[Path]()
     for module, names in _IMPORTED.findall(content.decode()):
         of_module = _PACKAGE.parent.joinpath(*module.split("."))
         inside = (of_module / f"{name.strip()}.py" for name in names.split(","))
-        found |= {each for each in (of_module.with_suffix(".py"), *inside) if each.is_file()}
-    return content, frozenset(found)
+        modules |= {file for file in (of_module.with_suffix(".py"), *inside) if file.is_file()}
+    return content, frozenset(modules)
 
 
 def contiguous(array: FloatArray) -> FloatArray:
@@ -178,20 +179,20 @@ class _Listener(event.Listener):
         self._started = False
         self._finished = 0
 
-    def on_start(self, found: Any) -> None:
-        if not self._started and _is_ours(found):
+    def on_start(self, compilation: Any) -> None:
+        if not self._started and _is_ours(compilation):
             self._started = True
             self._on_count(0)
 
-    def on_end(self, found: Any) -> None:
-        if _is_ours(found):
+    def on_end(self, compilation: Any) -> None:
+        if _is_ours(compilation):
             self._finished += 1
             self._on_count(self._finished)
 
 
-def _is_ours(found: Any) -> bool:
+def _is_ours(compilation: Any) -> bool:
     """Whether the compiled function is stereocal's; numba compiles its own versions of NumPy's."""
-    module: str = found.data["dispatcher"].py_func.__module__
+    module: str = compilation.data["dispatcher"].py_func.__module__
     return module.startswith("stereocal.")
 
 

@@ -31,9 +31,10 @@ LARGEST_RATIO = 10.0
 TAILS = (2.0, 98.0)
 """Percentiles of the depths; single wrong pairs give any depth."""
 BESIDE = 0.3
-"""Of the baseline: cameras that are less beside each other are above or behind each other."""
+"""A share of the baseline: cameras that are less beside each other are above or behind each
+other."""
 LEVEL = 0.03
-"""Of the distance of two cameras: a smaller difference in height is not said."""
+"""A share of the distance of two cameras: a smaller difference in height is not said."""
 FLAT_M = 1e-6
 
 
@@ -77,8 +78,8 @@ def are_on_a_line(points_m: FloatArray) -> bool:
 
 def _lengths_in_words(dataset: Pair, pose: Pose | None) -> str:
     held = word_of(dataset)
-    found = f", found from the {held}s" if dataset.baseline_is_free else ""
-    apart = f"The cameras are {_metres(dataset.baseline_m)} m apart{found}"
+    how = f", found from the {held}s" if dataset.baseline_is_free else ""
+    apart = f"The cameras are {_metres(dataset.baseline_m)} m apart{how}"
     bar, depths = _metres(_bar_m(dataset)), _depths_m(dataset, pose)
     if depths is None:
         return f"{apart}; the {held} is {bar} m long."

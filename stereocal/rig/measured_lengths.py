@@ -8,8 +8,8 @@ from stereocal.system.numbers import rounded
 LONGEST_PLAUSIBLE_M = 1000.0
 """A longer baseline or bar is taken for a number in millimetres."""
 LARGEST_UNCERTAINTY, SMALLEST_UNCERTAINTY = 0.2, 1e-7
-"""Of a measured length, as fractions of it. A larger one is taken for a number in another unit;
-with a smaller one the fit cannot be computed in double precision."""
+"""Limits for the uncertainty of a measured length, as fractions of it. A larger one is taken for a
+number in another unit; with a smaller one the fit cannot be computed in double precision."""
 
 
 def check_lengths(

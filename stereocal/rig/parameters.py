@@ -44,7 +44,7 @@ class ForecastEntries:
     """The entries of a parameter file on its forecast, as JSON."""
 
     figures: Mapping[str, Any]
-    """By figure: value, low and high of the 95 % interval."""
+    """Value, low and high of the 95 % interval of each figure."""
     uncertainties: Mapping[str, Any]
     """`sigma_px` and the `covariance` of the file about the truth."""
 
@@ -94,15 +94,15 @@ class RigParameters(Answer, Rig, ResultFile):
     volume: Volume | None = None
     """Where the bars of the calibration were; None if unknown."""
     time_offset: MeasuredOffset | None = None
-    """By which the secondary camera is late, so that its points are shifted in time; None, and no
-    key in the file, if it is not known to be. Whole frames are in `start_frame`."""
+    """How late the secondary camera is, so that its points are shifted in time; None, and no key in
+    the file, if it is not known to be. Whole frames are in `start_frame`."""
     start_frame: int = 0
     """The primary's frame at which the secondary's frame 0 was taken, by the counts of the
     recording that was calibrated."""
 
     camera_names: tuple[str, str] | None = None
-    """Of the primary and the secondary, in a recording of more; None, and no key in the file, if
-    they have no others."""
+    """What the primary and the secondary are called in a recording of more; None, and no key in the
+    file, if they have no others."""
 
     def __post_init__(self) -> None:
         check_camera_names(self.camera_names or ())
@@ -154,7 +154,7 @@ class RigParameters(Answer, Rig, ResultFile):
 
     @property
     def length_m(self) -> float | None:
-        """Of the bar of the calibration, of an object its longest distance; None if unknown."""
+        """The length of the calibration's bar, or an object's longest distance; None if unknown."""
         stated = self.inputs.get("target_distance_m")
         return stated if isinstance(stated, float) else None
 
@@ -229,9 +229,9 @@ class RigParameters(Answer, Rig, ResultFile):
                 "the angles and R, T contradict each other.",
             ),
         )
-        about = {name: _object(data[name], name) for name in ("settings", "inputs")}
+        objects = {name: _object(data[name], name) for name in ("settings", "inputs")}
         for name in ("validation", "uncertainties", "predicted", "recommendation"):
-            about[name] = None if data.get(name) is None else _object(data[name], name)
+            objects[name] = None if data.get(name) is None else _object(data[name], name)
         volume, named = data.get("volume"), data.get("camera_names")
         # Older files have whole frames in the time offset.
         when = timing(0, MeasuredOffset.from_json(data))
@@ -252,7 +252,7 @@ class RigParameters(Answer, Rig, ResultFile):
             volume=None if volume is None else Volume.from_json(volume),
             **when,
             camera_names=None if named is None else (str(named[0]), str(named[1])),
-            **about,
+            **objects,
         )
 
 

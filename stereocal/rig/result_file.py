@@ -87,7 +87,7 @@ class ResultFile(ABC):
 
     @classmethod
     def loads(cls, text: str | bytes, source: str = "") -> Self:
-        """As `load`, from text; `source` names it in messages."""
+        """The result that a text holds, as `load` reads it; `source` names the text in messages."""
         source = source or cls.SOURCE
         if len(text) > cls.LARGEST:
             raise StereocalError(
@@ -97,13 +97,13 @@ class ResultFile(ABC):
         # Other programs write YAML, TOML or XML; a byte order mark may precede ours.
         ours = text.lstrip()[:1] in ("{", b"{", "\ufeff", b"\xef")
         data: Any = read_json(text, source) if ours else None
-        found = data.get("format") if isinstance(data, dict) else None
+        file_format = data.get("format") if isinstance(data, dict) else None
         with naming(source):
-            if found is None:
+            if file_format is None:
                 raise StereocalError(f"this is no {cls.CALLED}. {OF_OTHERS}")
             if any(data.get(key) != value for key, value in cls.READS.items()):
                 reads = " with the convention ".join(f'"{value}"' for value in cls.READS.values())
-                raise StereocalError(f"the format is {found!r}; this version reads {reads}.")
+                raise StereocalError(f"the format is {file_format!r}; this version reads {reads}.")
             try:
                 return cls._of_content(data)
             except StereocalError:
