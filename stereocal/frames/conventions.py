@@ -25,15 +25,15 @@ class NameReading:
     rank: int
     """The lowest of readings that pair as many wins."""
     found: Mapping[str, SideAndKey]
-    """By name; a name that identifies no camera is missing."""
+    """The camera and the key of each name; a name that identifies no camera is missing."""
     twin: Callable[[str, int], str]
     """From a name and its camera to the expected name of the other camera's photograph."""
 
     def exchanged(self) -> "NameReading":
         """With the other camera as the primary."""
         first, second = self.words
-        found = {name: (1 - side, key) for name, (side, key) in self.found.items()}
-        return NameReading((second, first), self.rank, found, lambda n, i: self.twin(n, 1 - i))
+        by_name = {name: (1 - side, key) for name, (side, key) in self.found.items()}
+        return NameReading((second, first), self.rank, by_name, lambda n, i: self.twin(n, 1 - i))
 
 
 FOLDERS, BEGINNINGS, NUMBERS = 4, 5, 6
@@ -104,16 +104,24 @@ def readings_by_words(names: Sequence[str]) -> list[NameReading]:
 
 
 def _by_words(names: Sequence[str], used: _Used) -> NameReading:
-    own = [convention for convention in used if convention]
-    one, other = (" with ".join(dict.fromkeys(each.words[i] for each in own)) for i in (0, 1))
+    conventions = [convention for convention in used if convention]
+    one, other = (
+        " with ".join(dict.fromkeys(convention.words[i] for convention in conventions))
+        for i in (0, 1)
+    )
     read = {name: _side_and_key(name, used) for name in names}
-    found = {name: known for name, known in read.items() if known is not None}
-    return NameReading((one, other), min(each.rank for each in own), found, partial(_twin_of, used))
+    by_name = {name: known for name, known in read.items() if known is not None}
+    return NameReading(
+        (one, other),
+        min(convention.rank for convention in conventions),
+        by_name,
+        partial(_twin_of, used),
+    )
 
 
 def _side_and_key(name: str, used: _Used) -> SideAndKey | None:
     """The camera and the name without its word; None if the name identifies no camera."""
-    found, blanked = [], []
+    sides, blanked = [], []
     for part, convention in zip(_split(name), used, strict=True):
         if convention is None:
             blanked.append(part)
@@ -126,12 +134,12 @@ def _side_and_key(name: str, used: _Used) -> SideAndKey | None:
         if not hits:
             return None
         # In a name with both words, as stereo_left_right_left7, the last one counts.
-        at, side = max(hits)
+        start, side = max(hits)
         mixed = len({side for _, side in hits}) > 1
-        begin, end = (part[:at], part[at:]) if mixed else ("", part)
+        begin, end = (part[:start], part[start:]) if mixed else ("", part)
         blanked.append(begin + convention.patterns[side].sub("*", end))
-        found.append(side)
-    return (found[0], _key("/".join(blanked))) if len(set(found)) == 1 else None
+        sides.append(side)
+    return (sides[0], _key("/".join(blanked))) if len(set(sides)) == 1 else None
 
 
 def _twin_of(used: _Used, name: str, side: int) -> str:
@@ -164,13 +172,15 @@ def readings_by_divisions(names: Sequence[str]) -> list[NameReading]:
     paths = {name: PurePosixPath(name.replace("\\", "/")) for name in names}
     depth = max((len(path.parts) for path in paths.values()), default=1) - 1
     levels = [
-        {n: p.parts[at] if at < len(p.parts) - 1 else "" for n, p in paths.items()}
-        for at in range(depth)
+        {n: p.parts[level] if level < len(p.parts) - 1 else "" for n, p in paths.items()}
+        for level in range(depth)
     ]
-    found = []
-    for at, folders in enumerate(levels):
-        rest = _joined([*levels[:at], *levels[at + 1 :], {n: p.stem for n, p in paths.items()}])
-        found += _divided(folders, rest, FOLDERS, "{}/", partial(_in_folder, at))
+    readings = []
+    for level, folders in enumerate(levels):
+        rest = _joined(
+            [*levels[:level], *levels[level + 1 :], {n: p.stem for n, p in paths.items()}]
+        )
+        readings += _divided(folders, rest, FOLDERS, "{}/", partial(_in_folder, level))
     digits = {name: re.findall("[0-9]+", path.stem) for name, path in paths.items()}
     forms = {name: re.sub("[0-9]+", "#", path.stem) for name, path in paths.items()}
 
@@ -179,17 +189,22 @@ def readings_by_divisions(names: Sequence[str]) -> list[NameReading]:
         others = [one for one in levels if len({(words[n], one[n]) for n in names}) > 2]
         return _divided(words, _joined([*others, rest]), rank, "{}", lambda *_: "")
 
-    found += divide(forms, {n: "_".join(own) for n, own in digits.items()}, BEGINNINGS)
+    readings += divide(forms, {n: "_".join(numbers) for n, numbers in digits.items()}, BEGINNINGS)
     if len({form.lower() for form in forms.values()}) == 1:
-        for at in range(min(map(len, digits.values()), default=0)):
-            rest = {n: "_".join([*own[:at], "*", *own[at + 1 :]]) for n, own in digits.items()}
-            found += divide({name: own[at] for name, own in digits.items()}, rest, NUMBERS)
-    return found
+        for place in range(min(map(len, digits.values()), default=0)):
+            rest = {
+                n: "_".join([*numbers[:place], "*", *numbers[place + 1 :]])
+                for n, numbers in digits.items()
+            }
+            readings += divide(
+                {name: numbers[place] for name, numbers in digits.items()}, rest, NUMBERS
+            )
+    return readings
 
 
 def _joined(parts: Sequence[Mapping[str, str]]) -> dict[str, str]:
-    """By name, the parts of its path."""
-    return {name: "/".join(own[name] for own in parts) for name in parts[0]}
+    """The parts of each name's path as one word."""
+    return {name: "/".join(part[name] for part in parts) for name in parts[0]}
 
 
 def _divided(
@@ -200,23 +215,23 @@ def _divided(
     twin: Callable[[str, str], str],
 ) -> list[NameReading]:
     """The reading by words, by name, if there are two of them."""
-    own = {word.lower(): word for word in words.values()}
-    if len(own) != 2:
+    spelling = {word.lower(): word for word in words.values()}
+    if len(spelling) != 2:
         return []
-    order = sorted(own, key=int) if rank == NUMBERS else list(own)
-    found = {name: (order.index(word.lower()), _key(keys[name])) for name, word in words.items()}
+    order = sorted(spelling, key=int) if rank == NUMBERS else list(spelling)
+    by_name = {name: (order.index(word.lower()), _key(keys[name])) for name, word in words.items()}
 
     def other(name: str, side: int) -> str:
-        return twin(name, own[order[1 - side]])
+        return twin(name, spelling[order[1 - side]])
 
-    one, two = (shown.format(own[word]).strip("#") or "no folder" for word in order)
-    return [NameReading((one, two), rank, found, other)]
+    one, two = (shown.format(spelling[word]).strip("#") or "no folder" for word in order)
+    return [NameReading((one, two), rank, by_name, other)]
 
 
 def _in_folder(level: int, name: str, folder: str) -> str:
     parts = [*PurePosixPath(name.replace("\\", "/")).parts]
-    own = [folder] if folder else []
-    return "/".join(parts[:level] + own + parts[level + (len(parts) - 1 > level) :])
+    inserted = [folder] if folder else []
+    return "/".join(parts[:level] + inserted + parts[level + (len(parts) - 1 > level) :])
 
 
 def _key(text: str) -> str:

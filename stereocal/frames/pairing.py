@@ -15,7 +15,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.system.numbers import count
 
 Moments = Mapping[int, Mapping[str, str]]
-"""By frame and camera, the photograph."""
+"""The photograph by frame and camera."""
 MAXIMUM_DIGITS = 15
 """The most digits of a frame number, which a table then stores exactly."""
 
@@ -68,9 +68,9 @@ class ByHand:
     by the motion."""
 
     counts: Mapping[str, Mapping[str, int]]
-    """Of each camera, the photographs with their numbers in its own count."""
+    """The photographs of each camera, with their numbers in its own count."""
     heard: Mapping[str, float] = field(default_factory=dict)
-    """Of cameras, which of the first's photographs their 0 is by the sound of both videos."""
+    """Which of the first camera's photographs the 0 of another is, by the sound of both videos."""
 
     def moments(self, later: Mapping[str, int]) -> Moments:
         """The photographs that belong together, numbered as the first camera's; where no other
@@ -79,11 +79,11 @@ class ByHand:
         Args:
             later: of each camera, which of the first's photographs its 0 is.
         """
-        found: dict[int, dict[str, str]] = {}
-        for camera, own in self.counts.items():
-            for name, number in own.items():
-                found.setdefault(number + later[camera], {})[camera] = name
-        return {frame: own for frame, own in sorted(found.items()) if len(own) > 1}
+        by_frame: dict[int, dict[str, str]] = {}
+        for camera, numbers in self.counts.items():
+            for name, number in numbers.items():
+                by_frame.setdefault(number + later[camera], {})[camera] = name
+        return {frame: files for frame, files in sorted(by_frame.items()) if len(files) > 1}
 
 
 @dataclass(frozen=True)
@@ -91,9 +91,9 @@ class Motion:
     """What the motion tells of cameras that were started by hand."""
 
     later: Mapping[str, int]
-    """Of each camera, which of the first's photographs its 0 is."""
+    """Which of the first camera's photographs the 0 of each is."""
     late: Mapping[str, float]
-    """By what part of a step its photographs are then later than the first's."""
+    """The part of a step by which the photographs of each are then later than the first's."""
     exchanged: frozenset[str]
     """Photographs in which the two targets have each other's names."""
     told: str
@@ -114,9 +114,9 @@ class Pairing:
     ambiguous: bool = False
     """Whether they can as well be paired differently in the same way."""
     by_hand: ByHand | None = None
-    """Of cameras that were started by hand: a search finds which moments are the true ones."""
+    """What is given of cameras that were started by hand: a search finds the true moments."""
     motion: Motion | None = None
-    """By which a search found them."""
+    """The motion by which a search found them."""
 
     @property
     def pairs(self) -> tuple[PhotographPair, ...]:
@@ -126,7 +126,7 @@ class Pairing:
     def names(self, cameras: Iterable[str]) -> dict[str, list[str]]:
         """The photographs of each camera that are searched, by frame."""
         if self.by_hand is not None:
-            return {camera: [*own] for camera, own in self.by_hand.counts.items()}
+            return {camera: [*numbers] for camera, numbers in self.by_hand.counts.items()}
         return {
             camera: [files[camera] for files in self.moments.values() if camera in files]
             for camera in cameras
@@ -232,7 +232,7 @@ def numbered(names: Iterable[str]) -> dict[str, int]:
         if len(set(numbers)) == len(keys):
             frames = numbers
             break
-    return dict(sorted(zip(keys, frames, strict=True), key=lambda each: each[1]))
+    return dict(sorted(zip(keys, frames, strict=True), key=lambda item: item[1]))
 
 
 def natural(name: str) -> tuple[tuple[int, int, str], ...]:
@@ -270,11 +270,11 @@ def _read(names: Sequence[str], reading: NameReading) -> _Read:
     sides: dict[str, tuple[list[str], list[str]]] = {}
     unknown = []
     for name in names:
-        found = reading.found.get(name)
-        if found is None:
+        side_and_key = reading.found.get(name)
+        if side_and_key is None:
             unknown.append(name)
         else:
-            side, key = found
+            side, key = side_and_key
             sides.setdefault(key, ([], []))[side].append(name)
     pairs, alone, rivals = {}, [], []
     for key, (first, second) in sides.items():

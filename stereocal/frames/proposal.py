@@ -58,7 +58,8 @@ class Choice:
     """Whether the other camera is the primary."""
     heard: Mapping[str, float] = field(default_factory=dict)
     later: Mapping[str, int] | None = None
-    """Of cameras started by hand, as in `ByHand` and, if the motion told it as `told`, `Motion`."""
+    """What is known of cameras started by hand: `heard` as in `ByHand` and, if the motion told
+    it in the sentence `told`, `later` as in `Motion`."""
     told: str = ""
 
 
@@ -75,7 +76,7 @@ class Proposal:
     slips: tuple[Alone, ...]
     """Photographs without a partner by the times, if these are sure."""
     named: Pairing
-    """By name, with or without pairs."""
+    """The pairing by name, with or without pairs."""
 
     @property
     def pairing(self) -> Pairing:
@@ -128,7 +129,8 @@ def _as_in(division: NameReading, words: Sequence[NameReading]) -> NameReading:
 def _by_name(
     names: Sequence[str], words: Sequence[NameReading], divisions: Sequence[NameReading]
 ) -> Pairing:
-    """By words and folders; else by two beginnings or numbers of names, if these pair all."""
+    """The pairing by words and folders; else by two beginnings or numbers of names, if these pair
+    all."""
     named = best_reading(names, [*words, *(one for one in divisions if one.rank <= FOLDERS)])
     rest = [one for one in divisions if one.rank > FOLDERS]
     if _mostly(named) or not rest:
@@ -159,8 +161,8 @@ def _best(ways: Mapping[Way, Pairing], sure: bool, by_cameras: bool) -> Way:
 def _by_time(sides: Sides, times: Sequence[Times], aligned: Alignment) -> Pairing:
     twos = [(times[0].names[i], times[1].names[j]) for i, j in aligned.pairs.tolist()]
     alone = tuple(_alone(sides, twos, {*times[0].names, *times[1].names}))
-    what = SOURCES[max((own.source for own in times), key=[*SOURCES].index)]
-    fine = max(own.step for own in times) < 1.0
+    what = SOURCES[max((clock.source for clock in times), key=[*SOURCES].index)]
+    fine = max(clock.step for clock in times) < 1.0
     apart = duration(abs(aligned.clocks_s), fine)
     sentences = [
         f"{count(len(twos), 'pair')} by {what}; the clocks are {apart} apart.",
@@ -192,29 +194,31 @@ def _in_order(sides: Sides) -> Pairing:
 
 
 def _by_motion(sides: Sides, choice: Choice) -> Pairing:
-    own = by_hand_of(dict(zip(CAMERAS, sides.cameras, strict=True)), choice.heard)
+    by_hand = by_hand_of(dict(zip(CAMERAS, sides.cameras, strict=True)), choice.heard)
     if choice.later is not None:
-        moments = own.moments(choice.later)
-        return Pairing(moments, (), sides.unknown, choice.told, by_hand=own)
+        moments = by_hand.moments(choice.later)
+        return Pairing(moments, (), sides.unknown, choice.told, by_hand=by_hand)
     sentence = (
         "Cameras that were started by hand: which photographs belong together is found with the "
         "targets. Until then, the first with the first."
     )
-    return replace(_in_order(sides), sentence=sentence, ambiguous=True, by_hand=own)
+    return replace(_in_order(sides), sentence=sentence, ambiguous=True, by_hand=by_hand)
 
 
 def by_hand_of(folders: Mapping[str, Sequence[str]], heard: Mapping[str, float]) -> ByHand:
     """The photographs of cameras that were started by hand, by camera and in order."""
-    counts = {camera: dict(zip(own, _numbers(own), strict=True)) for camera, own in folders.items()}
+    counts = {
+        camera: dict(zip(names, _numbers(names), strict=True)) for camera, names in folders.items()
+    }
     return ByHand(counts, heard)
 
 
 def _about(sides: Sides, alone: Sequence[Alone]) -> list[str]:
     """Whose photographs are whose, and which have no partner."""
-    about = [sides.sentence, *missing(alone)]
+    sentences = [sides.sentence, *missing(alone)]
     if sides.unknown:
-        about.append(f"These are of neither camera: {first_names(sides.unknown)}.")
-    return about
+        sentences.append(f"These are of neither camera: {first_names(sides.unknown)}.")
+    return sentences
 
 
 def _alone(

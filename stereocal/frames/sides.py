@@ -40,7 +40,7 @@ class Sides:
     def sentence(self) -> str:
         """Which photographs are whose."""
         first, second = (
-            f"{shown[0]} to {shown[-1]}" for shown in (short_names(own) for own in self.cameras)
+            f"{shown[0]} to {shown[-1]}" for shown in (short_names(names) for names in self.cameras)
         )
         return f"Primary: {first}; secondary: {second}."
 
@@ -58,30 +58,30 @@ def sides_of(taken: Mapping[str, Taken], readings: Sequence[NameReading]) -> Sid
     most = [one for one in readings if len(one.found) >= (1 - MOST_UNKNOWN) * len(taken)]
     for reading in sorted((one for one in whole if one.rank <= FOLDERS), key=lambda one: one.rank):
         return _divided({name: side for name, (side, _) in reading.found.items()}, taken)
-    if (found := _of_two({name: one.body for name, one in taken.items()})) is not None:
-        return _divided(found, taken)
+    if (by_body := _of_two({name: one.body for name, one in taken.items()})) is not None:
+        return _divided(by_body, taken)
     for reading in sorted((*whole, *most), key=lambda one: (-len(one.found), one.rank)):
         return _divided({name: side for name, (side, _) in reading.found.items()}, taken)
     sizes = _of_two({name: str(one.size or "") for name, one in taken.items()})
-    found = sizes if sizes is not None else _two_runs([*taken])
-    return None if found is None else _divided(found, taken)
+    sides = sizes if sizes is not None else _two_runs([*taken])
+    return None if sides is None else _divided(sides, taken)
 
 
 def in_order_taken(names: Sequence[str], taken: Mapping[str, Taken]) -> list[str]:
     """The photographs of one camera in the order taken: by their own clock, else by number."""
     ordered = _after_rollover(sorted(names, key=natural))
-    own = [taken[name] for name in ordered]
-    if all(one.source in ("camera", "name") for one in own) and len({o.source for o in own}) == 1:
+    said = [taken[name] for name in ordered]
+    if all(one.source in ("camera", "name") for one in said) and len({o.source for o in said}) == 1:
         return sorted(ordered, key=lambda name: taken[name].seconds or 0.0)
     return ordered
 
 
-def _divided(found: Mapping[str, int], taken: Mapping[str, Taken]) -> Sides | None:
+def _divided(side_of: Mapping[str, int], taken: Mapping[str, Taken]) -> Sides | None:
     first, second = (
-        tuple(in_order_taken([name for name, side in found.items() if side == camera], taken))
+        tuple(in_order_taken([name for name, side in side_of.items() if side == camera], taken))
         for camera in (0, 1)
     )
-    unknown = tuple(name for name in taken if name not in found)
+    unknown = tuple(name for name in taken if name not in side_of)
     return Sides((first, second), unknown) if first and second else None
 
 
@@ -95,10 +95,10 @@ def _of_two(values: Mapping[str, str]) -> dict[str, int] | None:
 
 def _numbers(names: Sequence[str]) -> list[int] | None:
     """The last number in each name, if all have one and the names are alike but for it."""
-    found = [re.fullmatch(r"(.*?)(\d{1,15})(\D*)", name) for name in names]
-    if not all(found) or len({(one[1], one[3]) for one in found if one}) != 1:
+    matches = [re.fullmatch(r"(.*?)(\d{1,15})(\D*)", name) for name in names]
+    if not all(matches) or len({(one[1], one[3]) for one in matches if one}) != 1:
         return None
-    return [int(one[2]) for one in found if one]
+    return [int(one[2]) for one in matches if one]
 
 
 def _after_rollover(ordered: list[str]) -> list[str]:
@@ -107,8 +107,8 @@ def _after_rollover(ordered: list[str]) -> list[str]:
     if numbers is None or len(numbers) < 2 or not COUNTER / 2 < numbers[-1] < COUNTER:
         return ordered
     gaps = [after - before for before, after in pairwise(numbers)]
-    at = gaps.index(max(gaps)) + 1
-    return ordered[at:] + ordered[:at] if gaps[at - 1] > COUNTER / 2 else ordered
+    start = gaps.index(max(gaps)) + 1
+    return ordered[start:] + ordered[:start] if gaps[start - 1] > COUNTER / 2 else ordered
 
 
 def _two_runs(names: Sequence[str]) -> dict[str, int] | None:
@@ -118,15 +118,15 @@ def _two_runs(names: Sequence[str]) -> dict[str, int] | None:
     if numbers is None or len(numbers) < 4:
         return None
     gaps = sorted(
-        ((after - before, at + 1) for at, (before, after) in enumerate(pairwise(numbers))),
+        ((after - before, k + 1) for k, (before, after) in enumerate(pairwise(numbers))),
         reverse=True,
     )
-    (largest, at), (next_largest, _) = gaps[:2]
-    lengths = sorted((at, len(ordered) - at))
+    (largest, split), (next_largest, _) = gaps[:2]
+    lengths = sorted((split, len(ordered) - split))
     if largest < LEAST_GAP * next_largest or lengths[1] > MOST_UNEQUAL * lengths[0]:
         return None
     if numbers[-1] - numbers[0] > COUNTER - LEAST_GAP * next_largest and numbers[-1] < COUNTER:
         return None  # one camera, whose counter began again
-    given = {name: at for at, name in enumerate(names)}
-    first = ordered[:at] if given[ordered[0]] < given[ordered[at]] else ordered[at:]
+    given = {name: k for k, name in enumerate(names)}
+    first = ordered[:split] if given[ordered[0]] < given[ordered[split]] else ordered[split:]
     return {name: int(name not in first) for name in names}

@@ -37,7 +37,7 @@ class Series:
     names: tuple[str, ...]
 
     def __str__(self) -> str:
-        first, last = (PurePosixPath(self.names[at]).stem for at in (0, -1))
+        first, last = (PurePosixPath(self.names[k]).stem for k in (0, -1))
         if len(self.names) == 1:
             return PurePosixPath(self.names[0]).name
         return f"{first} to {last} ({len(self.names)})"
@@ -69,34 +69,34 @@ def which_camera(
         taken: what photographs say of themselves, by name.
     """
     ordered, known = sorted(dict.fromkeys(names), key=natural), dict(known or {})
-    found = _by_words(ordered, known)
-    worded = {*found}
-    rest = [name for name in ordered if name not in found]
-    found |= _by_likeness(rest, {**known, **found})
-    rest = [name for name in rest if name not in found]
+    side_of = _by_words(ordered, known)
+    worded = {*side_of}
+    rest = [name for name in ordered if name not in side_of]
+    side_of |= _by_likeness(rest, {**known, **side_of})
+    rest = [name for name in rest if name not in side_of]
     series = tuple(Series((name,)) for name in rest) if each else _series(rest, taken)[0]
-    if (side := _other_side(series, {**known, **found})) is not None:
-        found |= dict.fromkeys(series[0].names, side)
+    if (side := _other_side(series, {**known, **side_of})) is not None:
+        side_of |= dict.fromkeys(series[0].names, side)
         series = ()
-    folders = {name: f"{side}/{name}" for name, side in found.items() if name not in worded}
-    return WhichCamera(found, series, folders)
+    folders = {name: f"{side}/{name}" for name, side in side_of.items() if name not in worded}
+    return WhichCamera(side_of, series, folders)
 
 
 def _by_words(names: Sequence[str], known: Mapping[str, CameraName]) -> dict[str, CameraName]:
     """From the words of both cameras (left and right), a last number, or a word alone."""
     every = [*names, *known]
-    found: dict[str, CameraName] = {}
+    side_of: dict[str, CameraName] = {}
     pairing = pair_names(every)
     for pair in pairing.pairs:
-        found |= {pair.primary: "primary", pair.secondary: "secondary"}
-    found |= {alone.name: CAMERAS[alone.camera] for alone in pairing.alone}
+        side_of |= {pair.primary: "primary", pair.secondary: "secondary"}
+    side_of |= {alone.name: CAMERAS[alone.camera] for alone in pairing.alone}
     # What is known decides: a reading that contradicts it is none.
-    if any(found.get(name, side) != side for name, side in known.items()):
-        found = {}
-    if len(found) < len(every):
-        found |= {name: side for name, side in _by_last_number(every).items() if not found}
-        found |= _by_words_alone([name for name in every if name not in found])
-    return {name: found[name] for name in names if name in found}
+    if any(side_of.get(name, side) != side for name, side in known.items()):
+        side_of = {}
+    if len(side_of) < len(every):
+        side_of |= {name: side for name, side in _by_last_number(every).items() if not side_of}
+        side_of |= _by_words_alone([name for name in every if name not in side_of])
+    return {name: side_of[name] for name in names if name in side_of}
 
 
 def _by_last_number(names: Sequence[str]) -> dict[str, CameraName]:
@@ -108,23 +108,26 @@ def _by_last_number(names: Sequence[str]) -> dict[str, CameraName]:
     if len(hits) < len(names) or len(numbers) != 2 or numbers[1] - numbers[0] != 1:
         return {}
     sides: dict[CameraName, set[str]] = {"primary": set(), "secondary": set()}
-    found = {n: CAMERAS[numbers.index(int(hit[1]))] for n, hit in hits.items()}
+    side_of = {n: CAMERAS[numbers.index(int(hit[1]))] for n, hit in hits.items()}
     for name, hit in hits.items():
-        sides[found[name]].add(f"{PurePosixPath(name).parent}/{hit.string[: hit.start()]}")
+        sides[side_of[name]].add(f"{PurePosixPath(name).parent}/{hit.string[: hit.start()]}")
     both = sides["primary"] & sides["secondary"]
-    return found if 2 * len(both) >= max(map(len, sides.values())) else {}
+    return side_of if 2 * len(both) >= max(map(len, sides.values())) else {}
 
 
 def _by_words_alone(names: Sequence[str]) -> dict[str, CameraName]:
     """From a word in each name. Where the names of one camera go on in two ways, as in `right
     wing/IMG_1` and `right wing/DSC_1`, the word means something else."""
-    found = {name: side for name in names if (side := _by_word_alone(name)) is not None}
-    told = set[CameraName]()
+    side_of = {name: side for name in names if (side := _by_word_alone(name)) is not None}
+    clear = set[CameraName]()
     for side in CAMERAS:
-        sizes = [len(lot) for lot in _lots(n for n, own in found.items() if own == side).values()]
+        sizes = [
+            len(lot)
+            for lot in _lots(n for n, its_side in side_of.items() if its_side == side).values()
+        ]
         if sum(size > 1 and size >= SMALL * max(sizes) for size in sizes) < 2:
-            told.add(side)
-    return {name: side for name, side in found.items() if side in told}
+            clear.add(side)
+    return {name: side for name, side in side_of.items() if side in clear}
 
 
 def _by_word_alone(name: str) -> CameraName | None:
@@ -143,24 +146,25 @@ def _by_likeness(names: Sequence[str], known: Mapping[str, CameraName]) -> dict[
     first, second = _first_words(known)
     if not first or not second:
         return {}
-    own: dict[CameraName, set[str]] = {"primary": first - second, "secondary": second - first}
-    return {n: side for n in names for side, words in own.items() if _first_word(n) in words}
+    words_of: dict[CameraName, set[str]] = {"primary": first - second, "secondary": second - first}
+    return {n: side for n in names for side, words in words_of.items() if _first_word(n) in words}
 
 
 def _other_side(series: Sequence[Series], known: Mapping[str, CameraName]) -> CameraName | None:
     """The camera of the only series: that which has no files yet, if the other's are called
     otherwise."""
     words = _first_words(known)
-    given = [side for side, own in zip(CAMERAS, words, strict=True) if own]
+    given = [side for side, first_words in zip(CAMERAS, words, strict=True) if first_words]
     if len(series) != 1 or len(given) != 1 or len({*known.values()}) != 1:
         return None
-    own = {_first_word(name) for name in series[0].names}
+    series_words = {_first_word(name) for name in series[0].names}
     taken = words[CAMERAS.index(given[0])]
-    return CAMERAS[1 - CAMERAS.index(given[0])] if own - {""} and not own & taken else None
+    other = CAMERAS[1 - CAMERAS.index(given[0])]
+    return other if series_words - {""} and not series_words & taken else None
 
 
 def _first_words(known: Mapping[str, CameraName]) -> tuple[set[str], set[str]]:
-    first, second = ({_first_word(n) for n, own in known.items() if own == s} for s in CAMERAS)
+    first, second = ({_first_word(n) for n, side in known.items() if side == s} for s in CAMERAS)
     return first - {""}, second - {""}
 
 
@@ -188,8 +192,8 @@ def _series(
     most = max(map(len, lots), default=0)
     kept = [tuple(name for _, name in lot) for lot in lots if len(lot) >= SMALL * most]
     if len(kept) == 1:
-        own = {name: taken.get(name, Taken()) for name in kept[0]}
-        sides = sides_of(own, ())
+        said = {name: taken.get(name, Taken()) for name in kept[0]}
+        sides = sides_of(said, ())
         if sides is not None and min(map(len, sides.cameras)) >= ALIKE * len(kept[0]):
             kept = [*sides.cameras]
     odd = {*names} - {name for lot in kept for name in lot}
@@ -202,9 +206,11 @@ def _lots(names: Iterable[str]) -> dict[str, list[tuple[int, str]]]:
     for name in names:
         path = PurePosixPath(name)
         hits = [*re.finditer("[0-9]+", path.stem)]
-        at = hits[-1] if hits else None
-        blanked = path.stem if at is None else f"{path.stem[: at.start()]}#{path.stem[at.end() :]}"
-        number = 0 if at is None else int(at[0][-15:])
+        hit = hits[-1] if hits else None
+        blanked = (
+            path.stem if hit is None else f"{path.stem[: hit.start()]}#{path.stem[hit.end() :]}"
+        )
+        number = 0 if hit is None else int(hit[0][-15:])
         lots.setdefault(f"{path.parent}/{blanked}".lower(), []).append((number, name))
     return lots
 
@@ -214,18 +220,20 @@ def numbered_cameras(names: Iterable[str]) -> dict[str, list[str]]:
 
     Empty if a name has no number, there are fewer cameras, or the number counts the files.
     """
-    found: dict[int, dict[str, str]] = {}
+    by_number: dict[int, dict[str, str]] = {}
     for name in names:
         path = PurePosixPath(name.replace("\\", "/").lower())
         hits = (_NUMBERED.search(part) for part in (path.stem, *reversed(path.parent.parts)))
         hit = next((hit for hit in hits if hit), None)
         if hit is None:
             return {}
-        found.setdefault(int(hit[1]), {})[name] = hit[0]
-    counts = [len(of_camera) for of_camera in found.values()]
-    if len(found) < 3 or min(counts) < max(2, SMALL * max(counts)):
+        by_number.setdefault(int(hit[1]), {})[name] = hit[0]
+    counts = [len(of_camera) for of_camera in by_number.values()]
+    if len(by_number) < 3 or min(counts) < max(2, SMALL * max(counts)):
         return {}
-    return {next(iter(found[number].values())): [*found[number]] for number in sorted(found)}
+    return {
+        next(iter(by_number[number].values())): [*by_number[number]] for number in sorted(by_number)
+    }
 
 
 def which_of(names: Iterable[str], cameras: Sequence[str]) -> dict[str, str]:
@@ -233,15 +241,15 @@ def which_of(names: Iterable[str], cameras: Sequence[str]) -> dict[str, str]:
 
     Files whose names tell none or several are not in it.
     """
-    found = {}
+    camera_of = {}
     for name in names:
         path = PurePosixPath(name.replace("\\", "/").lower())
         for part in (*reversed(path.parent.parts), path.stem):
             hits = [camera for camera in cameras if names_camera(part, camera)]
             if len(hits) == 1:
-                found[name] = hits[0]
+                camera_of[name] = hits[0]
                 break
-    return found
+    return camera_of
 
 
 def plain_name(camera: str) -> str:
@@ -251,10 +259,10 @@ def plain_name(camera: str) -> str:
 
 def names_camera(part: str, camera: str) -> bool:
     """Whether a folder or stem is or contains a camera's name; `cam1` names camera `1`."""
-    own, plain = camera.lower(), plain_name(camera)
-    if part == own or plain_name(part) == own:
+    name, plain = camera.lower(), plain_name(camera)
+    if part == name or plain_name(part) == name:
         return True
-    word = rf"cam(?:era)?[\s_.-]*0*{plain}" if plain.isdigit() else re.escape(own)
+    word = rf"cam(?:era)?[\s_.-]*0*{plain}" if plain.isdigit() else re.escape(name)
     return re.search(rf"(?<![a-z0-9]){word}(?![a-z0-9])", part) is not None or (
-        not plain.isdigit() and re.match(rf"{re.escape(own)}(?![a-z])", part) is not None
+        not plain.isdigit() and re.match(rf"{re.escape(name)}(?![a-z])", part) is not None
     )
