@@ -27,8 +27,8 @@ from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.taken import Taken
 
 PairPoints = Mapping[tuple[str, str], Mapping[int, tuple[FloatArray, FloatArray]]]
-"""By pair of cameras and frame, u, v and their standard error of every target (n, 3) in both; NaN
-if not seen."""
+"""The u, v and standard error (n, 3) of every target in both cameras, by pair of cameras and frame;
+NaN if not seen."""
 UNFIT = "no other camera sees its targets, or they do not fit together."
 BY_MOTION = "Which photographs belong together is found with the targets, by their motion."
 DISAGREE = "the pairs of cameras name the targets differently; the frame is left out."
@@ -39,7 +39,7 @@ class Found:
     """What the photographs of all cameras show of an object, found pair by pair."""
 
     pairing: Pairing
-    """Of cameras that were started by hand as the motion tells."""
+    """How the photographs belong together; of cameras started by hand, as the motion tells."""
     cameras: Mapping[str, Camera]
     object: RigidObject
     """Whose targets these are; a bar is one of 1 m."""
@@ -47,13 +47,13 @@ class Found:
     """Orders of the targets, each (n,), in which the object looks the same."""
     points: PairPoints
     why: Mapping[str, str]
-    """By photograph, what was wrong with it; empty if nothing."""
+    """What was wrong with each photograph; empty if nothing."""
     frames: list[Frame] = field(default_factory=list)
-    """Of a bar and two cameras, in order, also those that are not used."""
+    """The frames of a bar and two cameras, in order, also those that are not used."""
     sentence: str = ""
     """What was found in the photographs of two cameras, for the user."""
     doubtful: Mapping[int, str] = field(default_factory=dict)
-    """Of a board, why frames are not used or do not fit well."""
+    """Why frames of a board are not used or do not fit well."""
 
     @cached_property
     def _sorted(self) -> tuple[list[tuple[int, int, int, FloatArray]], list[str]]:
@@ -61,8 +61,8 @@ class Found:
         rows: list[tuple[int, int, int, FloatArray]] = []
         unused = []
         for frame, files in self.pairing.moments.items():
-            own = {pair: its[frame] for pair, its in self.points.items() if frame in its}
-            points, agree = in_one_order(own, self.orders)
+            by_pair = {pair: its[frame] for pair, its in self.points.items() if frame in its}
+            points, agree = in_one_order(by_pair, self.orders)
             for number, (camera, name) in enumerate((k, files.get(k)) for k in self.cameras):
                 if name is None:
                     continue
@@ -88,8 +88,9 @@ class Found:
             )
         frame, camera, target = np.array([row[:3] for row in rows], dtype=np.int64).T
         values = np.array([row[3] for row in rows])
-        about = "", dict(self.cameras), self.object, frame, camera, target
-        return Recording(*about, values[:, :2], values[:, 2]).within_view()
+        return Recording(
+            "", dict(self.cameras), self.object, frame, camera, target, values[:, :2], values[:, 2]
+        ).within_view()
 
     @property
     def beyond(self) -> str:
@@ -104,12 +105,13 @@ class Found:
 
 def by_folder(names: Iterable[str], cameras: Iterable[str]) -> dict[str, list[str]]:
     """The photographs in the folder of each camera, which has the camera's name."""
-    found: dict[str, list[str]] = {camera: [] for camera in cameras}
+    by_camera: dict[str, list[str]] = {camera: [] for camera in cameras}
     for name in names:
         folders = PurePosixPath(name).parent.parts
-        if (camera := next((each for each in folders if each in found), None)) is not None:
-            found[camera].append(name)
-    return found
+        camera = next((folder for folder in folders if folder in by_camera), None)
+        if camera is not None:
+            by_camera[camera].append(name)
+    return by_camera
 
 
 def pair_folders(taken: Mapping[str, Taken], cameras: Iterable[str], choice: Choice) -> Pairing:
@@ -125,8 +127,8 @@ def pair_folders(taken: Mapping[str, Taken], cameras: Iterable[str], choice: Cho
     folders = by_folder(sorted(taken, key=natural), cameras)
     if choice.way != "motion":
         return Pairing(match_names(folders, taken))
-    own = by_hand_of(folders, choice.heard)
-    return Pairing(own.moments(dict.fromkeys(folders, 0)), sentence=BY_MOTION, by_hand=own)
+    by_hand = by_hand_of(folders, choice.heard)
+    return Pairing(by_hand.moments(dict.fromkeys(folders, 0)), sentence=BY_MOTION, by_hand=by_hand)
 
 
 def match_names(
@@ -140,11 +142,11 @@ def match_names(
     """
     named, timed = _by_name(folders), _by_time(folders, taken)
     moment_of = {name: frame for frame, files in timed.items() for name in files.values()}
-    at = [
+    timed_moments = [
         {moment_of[name] for name in files.values() if name in moment_of}
         for files in named.values()
     ]
-    if timed and (not named or sum(len(moments) > 1 for moments in at) >= CONTRADICTED):
+    if timed and (not named or sum(len(moments) > 1 for moments in timed_moments) >= CONTRADICTED):
         return timed
     if not named:
         raise StereocalError(
@@ -158,22 +160,22 @@ def _by_name(folders: Mapping[str, Sequence[str]]) -> Moments:
     by_stem: dict[str, dict[str, str]] = {}
     by_number: dict[int, dict[str, str]] = {}
     for camera, names in folders.items():
-        own = {PurePosixPath(name).stem.lower(): name for name in names}
-        if len(own) < len(names):
+        of_camera = {PurePosixPath(name).stem.lower(): name for name in names}
+        if len(of_camera) < len(names):
             raise StereocalError(f"Two photographs of {camera} have the same name: remove one.")
-        for stem, frame in numbered(own).items():
-            by_stem.setdefault(stem, {})[camera] = own[stem]
+        for stem, frame in numbered(of_camera).items():
+            by_stem.setdefault(stem, {})[camera] = of_camera[stem]
             if re.search(rf"(?<![0-9])0*{frame}(?![0-9])", stem):  # else it was counted
-                by_number.setdefault(frame, {})[camera] = own[stem]
-    alike = {stem: own for stem, own in by_stem.items() if len(own) > 1}
+                by_number.setdefault(frame, {})[camera] = of_camera[stem]
+    alike = {stem: files for stem, files in by_stem.items() if len(files) > 1}
     if alike:
         by_number = {frame: alike[stem] for stem, frame in numbered(alike).items()}
-    return {frame: own for frame, own in sorted(by_number.items()) if len(own) > 1}
+    return {frame: files for frame, files in sorted(by_number.items()) if len(files) > 1}
 
 
 def _by_time(folders: Mapping[str, Sequence[str]], taken: Mapping[str, Taken]) -> Moments:
-    """By the clocks of the cameras, each compared with that of most photographs; empty if one of
-    them is not sure."""
+    """The photographs of one moment by the clocks of the cameras, each compared with that of most
+    photographs; empty if one of them is not sure."""
     known = {
         camera: times_of(in_order_taken([n for n in names if n in taken], taken), taken)
         for camera, names in folders.items()
@@ -189,9 +191,9 @@ def _by_time(folders: Mapping[str, Sequence[str]], taken: Mapping[str, Taken]) -
             moments.setdefault(name, {most: name})[camera] = times.names[j]
     stems = dict(zip(short_names([*moments]), moments, strict=True))
     return {
-        frame: {camera: own[camera] for camera in folders if camera in own}
+        frame: {camera: files[camera] for camera in folders if camera in files}
         for stem, frame in numbered(stems).items()
-        if (own := moments[stems[stem]])
+        if (files := moments[stems[stem]])
     }
 
 
@@ -208,7 +210,10 @@ def in_one_order(
         fitting = (
             way
             for way in ways
-            if all(np.array_equal(both[each][way], points[each], equal_nan=True) for each in known)
+            if all(
+                np.array_equal(both[camera][way], points[camera], equal_nan=True)
+                for camera in known
+            )
         )
         if (way := next(fitting, None)) is None:
             return {}, False

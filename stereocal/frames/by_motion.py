@@ -41,38 +41,40 @@ def found_by_motion(
     Raises:
         StereocalError: the photographs do not tell it.
     """
-    followed = {name: _Followed.of(own, points, orders) for name, own in by_hand.counts.items()}
-    for name, own in followed.items():
-        if not own.names:
+    followed = {
+        name: _Followed.of(numbers, points, orders) for name, numbers in by_hand.counts.items()
+    }
+    for name, side in followed.items():
+        if not side.names:
             raise StereocalError(
                 f"In none of the {len(by_hand.counts[name])} photographs of "
                 f"{camera_in_words(name)} was a target found. Is the kind of target the one that "
                 "was filmed?"
             )
-    recording, heard, told = _recording(followed, cameras, held), by_hand.heard, list[str]()
+    recording, heard, by_sound = _recording(followed, cameras, held), by_hand.heard, list[str]()
     try:
-        found = bring_into_step(recording, orders=orders)
+        in_step = bring_into_step(recording, orders=orders)
     except StereocalError:
         if not heard:
             raise
-        found = bring_into_step(recording, {next(iter(followed)): 0.0, **heard}, orders)
-        if any(abs(found.offsets[name][0] - said) > ALIKE for name, said in heard.items()):
+        in_step = bring_into_step(recording, {next(iter(followed)): 0.0, **heard}, orders)
+        if any(abs(in_step.offsets[name][0] - said) > ALIKE for name, said in heard.items()):
             raise
-        told = ["Of several offsets that fit, it is the one that the sound of all says."]
-    for name, said in {} if told else heard.items():
-        apart = abs(said - found.offsets[name][0])
+        by_sound = ["Of several offsets that fit, it is the one that the sound of all says."]
+    for name, said in {} if by_sound else heard.items():
+        apart = abs(said - in_step.offsets[name][0])
         of = f" of {name}" * (len(followed) > 2)
         contradicted = f"The sound{of} says {said:.1f}, which the images contradict."
         agrees = f"The sound{of} agrees: {said:.1f} photographs, {rounded(apart)} from that."
-        told.append(contradicted if apart > ALIKE else agrees)
-    later = found.recording.start_frames
+        by_sound.append(contradicted if apart > ALIKE else agrees)
+    later = in_step.recording.start_frames
     exchanged = frozenset(
         name
-        for camera, own in followed.items()
-        for name, first in zip(own.names, own.orders[:, found.orders[camera][0]], strict=True)
+        for camera, side in followed.items()
+        for name, first in zip(side.names, side.orders[:, in_step.orders[camera][0]], strict=True)
         if first
     )
-    return Motion(later, found.late, exchanged, " ".join([*found.answer, *told]))
+    return Motion(later, in_step.late, exchanged, " ".join([*in_step.answer, *by_sound]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +82,7 @@ class _Followed:
     """The targets that a camera saw, followed from photograph to photograph."""
 
     names: list[str]
-    """Of the n photographs with targets."""
+    """The n photographs with targets."""
     numbers: IntArray
     """(n,)."""
     points: FloatArray
@@ -110,10 +112,10 @@ def _recording(
 ) -> Recording:
     """What each camera saw, by its own count."""
     parts = []
-    for camera, own in enumerate(sides.values()):
-        found = np.take_along_axis(own.points, own.orders[:, :, None], axis=1)
-        at, target = np.nonzero(np.isfinite(found).all(axis=2))
-        parts.append((own.numbers[at], np.full(len(at), camera), target, found[at, target]))
+    for camera, side in enumerate(sides.values()):
+        ordered = np.take_along_axis(side.points, side.orders[:, :, None], axis=1)
+        row, target = np.nonzero(np.isfinite(ordered).all(axis=2))
+        parts.append((side.numbers[row], np.full(len(row), camera), target, ordered[row, target]))
     frame, camera_of, target_of, points = map(np.concatenate, zip(*parts, strict=True))
     named = {name: cameras[name] for name in sides}
     unknown = np.full(len(frame), np.nan)

@@ -27,7 +27,7 @@ CANDIDATES = 40
 LEAST_PAIRS, LEAST_SHARE = 3, 0.7
 """Fewer pairs, or a smaller share of the camera with fewer photographs, may be chance."""
 MARGIN = 8.0
-"""By how much the next best difference of the clocks must cost more."""
+"""How much more the next best difference of the clocks must cost."""
 MOST_EXACT = 200
 """Photographs that follow each other closer than can be told apart are solved together, up to this
 number; above it each takes its nearest."""
@@ -55,7 +55,7 @@ class Alignment:
     pairs: IntArray
     """(k, 2): rows of the two cameras, in order of time."""
     clocks_s: float
-    """By how much the clock of the second camera is ahead."""
+    """How much the clock of the second camera is ahead."""
     cost: float
     sure: bool = False
     """Whether every other difference of the clocks fits clearly worse."""
@@ -93,7 +93,7 @@ def _pause(seconds: FloatArray) -> float:
 
 
 def align(first: FloatArray, second: FloatArray, steps: tuple[float, float]) -> Alignment | None:
-    """Pair two cameras by time.
+    """Pair two cameras by time: the difference of the clocks of least cost, as said above.
 
     Args:
         first, second: (n,) and (m,), in s; equal times are in the order of the photographs.
@@ -105,16 +105,18 @@ def align(first: FloatArray, second: FloatArray, steps: tuple[float, float]) -> 
     smaller = min(len(first), len(second))
     if smaller < LEAST_PAIRS:
         return None
+    # A time told to a step is uniform over it, with a standard deviation of step / sqrt(12).
     least = float(np.hypot(LEAST_SCATTER_S, np.hypot(*steps) / np.sqrt(12)))
     scatter = float(np.hypot(TRIGGER_S, least))
     clocks = _candidates(first, second, REACH * scatter)
-    tried = [_try(first, second, each, scatter) for each in clocks]
+    tried = [_try(first, second, clock, scatter) for clock in clocks]
     for _ in range(2):  # the scatter is that of the best; then all are judged by it
         best = min(tried, key=lambda one: one.cost)
         if len(best.pairs) < LEAST_PAIRS:
             return None
-        scatter = min(scatter, max(least, _rms(first, second, best)))
-        tried = [_try(first, second, each.clocks_s, scatter) for each in tried]
+        apart = second[best.pairs[:, 1]] - first[best.pairs[:, 0]] - best.clocks_s
+        scatter = min(scatter, max(least, float(np.sqrt(np.mean(apart**2)))))
+        tried = [_try(first, second, alignment.clocks_s, scatter) for alignment in tried]
     best = min(tried, key=lambda one: one.cost)
     if len(best.pairs) < LEAST_PAIRS:
         return None
@@ -130,13 +132,13 @@ def _candidates(first: FloatArray, second: FloatArray, reach: float) -> list[flo
     differences = np.sort((second[None, :] - first[:, None]).ravel())
     low = np.searchsorted(differences, differences - reach)
     counts = np.searchsorted(differences, differences + reach, side="right") - low
-    found = list[float]()
-    for at in np.argsort(-counts, kind="stable"):
-        if all(abs(differences[at] - each) > reach / 2 for each in found):
-            found.append(float(differences[at]))
-            if len(found) == CANDIDATES:
+    clocks = list[float]()
+    for k in np.argsort(-counts, kind="stable"):
+        if all(abs(differences[k] - clock) > reach / 2 for clock in clocks):
+            clocks.append(float(differences[k]))
+            if len(clocks) == CANDIDATES:
                 break
-    return found
+    return clocks
 
 
 def _try(first: FloatArray, second: FloatArray, clocks: float, scatter: float) -> Alignment:
@@ -161,13 +163,13 @@ def _pairs(first: FloatArray, second: FloatArray, scatter: float) -> IntArray:
     ends = np.append(starts[1:], len(order))
     of_first = np.add.reduceat(order < len(first), starts, dtype=np.int64)
     shared = (of_first > 0) & (of_first < ends - starts)
-    found = []
+    pairs = []
     for start, end in zip(starts[shared], ends[shared], strict=True):
         group = order[start:end]
         rows, columns = group[group < len(first)], group[group >= len(first)] - len(first)
         apart = (second[columns][None, :] - first[rows][:, None]) / scatter
-        found.append(_solve(apart, rows, columns))
-    return np.concatenate(found) if found else np.empty((0, 2), np.int64)
+        pairs.append(_solve(apart, rows, columns))
+    return np.concatenate(pairs) if pairs else np.empty((0, 2), np.int64)
 
 
 def _solve(apart: FloatArray, rows: IntArray, columns: IntArray) -> IntArray:
@@ -181,8 +183,3 @@ def _solve(apart: FloatArray, rows: IntArray, columns: IntArray) -> IntArray:
     near = cost[i, j] < 2 * ALONE
     # Sorted, because equal times are in the order of the photographs; it costs no more.
     return np.column_stack([rows[i[near]], columns[np.sort(j[near])]])
-
-
-def _rms(first: FloatArray, second: FloatArray, one: Alignment) -> float:
-    apart = second[one.pairs[:, 1]] - first[one.pairs[:, 0]] - one.clocks_s
-    return float(np.sqrt(np.mean(apart**2)))
