@@ -29,14 +29,17 @@ from stereocal.system.array_types import FloatArray
 SIGMAS = 4.0
 """A point agrees within this many standard deviations of its distance from its line."""
 LARGEST_SIGMA_PX = 1.0
-"""Of a point's stated standard error, no more is allowed for: what is located worse is not used."""
+"""The most of a point's stated standard error that is allowed for: what is located worse is not
+used."""
 PARAMETERS = 5
+"""The angles of a pose: each point of the known frames gives one equation."""
 
 
 def agreeing(
     sure: Sequence[Frame], doubtful: Sequence[Frame], cameras: tuple[Camera, Camera]
 ) -> list[int]:
-    """The numbers of the doubtful frames that agree with the sure ones.
+    """The numbers of the doubtful frames that agree with the sure ones: with their labels, and not
+    with A and B exchanged in one photograph.
 
     Args:
         sure, doubtful: of these, those with both targets in both photographs count.
@@ -51,8 +54,8 @@ def agreeing(
             f"{len(known)} frames with both targets are used; at least {MINIMUM_FRAMES} are needed "
             "to judge the doubtful ones by their epipolar lines. Look at these one by one."
         )
-    own, others = (_rays(frames, cameras) for frames in (known, asked))
-    pose = calibrate_essential(_columns(own[0]), 1.0).pose
+    known_rays, asked_rays = (_rays(frames, cameras) for frames in (known, asked))
+    pose = calibrate_essential(_columns(known_rays[0]), 1.0).pose
 
     def away_px(rays: FloatArray, frames: Sequence[Frame]) -> FloatArray:
         """(2, f, 2): distance from the line by labelling, frame and target."""
@@ -60,18 +63,22 @@ def agreeing(
         assert len(focal) == len(frames)
         return np.asarray(np.abs(focal[:, None] * sampson(pose.essential, rays)))
 
-    noise_px = MAD_TO_SIGMA * float(np.median(away_px(own, known)[0]))
+    noise_px = MAD_TO_SIGMA * float(np.median(away_px(known_rays, known)[0]))
     points = 2 * len(known)
     noise_px *= float(np.sqrt(points / (points - PARAMETERS)))
-    lengths = [_lengths(pose.R, pose.T, way) for way in (own[0], *others)]
+    lengths = [_lengths(pose.R, pose.T, way) for way in (known_rays[0], *asked_rays)]
     usual = float(np.nanmedian(lengths[0]))
-    off = [np.abs(np.log(each / usual)) for each in lengths]
+    off = [np.abs(np.log(bar_lengths / usual)) for bar_lengths in lengths]
     spread = SIGMAS * MAD_TO_SIGMA * float(np.nanmedian(off[0]))
     stated = np.minimum([_sigma_px(frame) for frame in asked], LARGEST_SIGMA_PX)
     limit = np.maximum(SIGMAS * np.hypot(noise_px, stated), SMALLEST_EXCESS_PX)
-    fits = away_px(others, asked).max(axis=2) <= limit
+    fits = away_px(asked_rays, asked).max(axis=2) <= limit
     fits &= np.array(off[1:]) <= max(SAME_LENGTH, spread)
-    return [frame.frame for frame, (own, other) in zip(asked, fits.T, strict=True) if own > other]
+    return [
+        frame.frame
+        for frame, (as_labelled, other) in zip(asked, fits.T, strict=True)
+        if as_labelled > other
+    ]
 
 
 def _rays(frames: Sequence[Frame], cameras: tuple[Camera, Camera]) -> FloatArray:

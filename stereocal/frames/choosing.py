@@ -28,7 +28,7 @@ FITS = 4.0
 CLEARLY_OFF = 2.0
 """Every other choice must deviate by more than this multiple of the limit for the right one."""
 SMALLEST_LENGTH = 0.005
-"""As `SMALLEST_EXCESS_PX` for lengths, as a fraction."""
+"""What `SMALLEST_EXCESS_PX` is for lengths, as a fraction."""
 LARGEST_PX, LARGEST_LENGTH = 1.0, 0.05
 """With larger limits (sure frames too similar to each other) wrong choices fit by chance."""
 SAME_POSITION_PX = 3.0
@@ -165,8 +165,8 @@ def _choose(
             *both, f"The sure frames do not determine which boards are the targets{few}."
         )
     ends = [
-        _undistorted(camera, np.array([_centres(pair) for pair in own]))
-        for camera, own in zip(cameras, pairs, strict=True)
+        _undistorted(camera, np.array([_centres(pair) for pair in of_camera]))
+        for camera, of_camera in zip(cameras, pairs, strict=True)
     ]
     choices = [*itertools.product(range(len(pairs[0])), range(len(pairs[1])), (1, -1))]
     rays = np.array([np.hstack([ends[0][i], ends[1][j][::way]]) for i, j, way in choices])
@@ -212,8 +212,8 @@ def _left_over(
 ) -> list[FloatArray]:
     """For each camera, the moving boards (m, 2) that were not chosen, normalised."""
     left = []
-    for found, kept, others, camera in zip(both, chosen, elsewhere, cameras, strict=True):
-        centres, known = _all_centres(found), np.vstack([_centres(kept), others])
+    for seen, kept, others, camera in zip(both, chosen, elsewhere, cameras, strict=True):
+        centres, known = _all_centres(seen), np.vstack([_centres(kept), others])
         left.append(_undistorted(camera, centres[~_is_still(centres, known)]))
     return left
 
@@ -226,8 +226,8 @@ def _is_still(centres: FloatArray, elsewhere: FloatArray) -> BoolArray:
 
 def _all_centres(seen: Sighting) -> FloatArray:
     """(m, 2): raw pixels of all boards that may be targets."""
-    found = [_centres(one) for one in (seen, *seen.alternatives)]
-    return np.unique(np.concatenate(found), axis=0)
+    centres = [_centres(one) for one in (seen, *seen.alternatives)]
+    return np.unique(np.concatenate(centres), axis=0)
 
 
 def _centres(pair: Sighting) -> FloatArray:
@@ -253,5 +253,5 @@ def _derivatives(function: Callable[[FloatArray], FloatArray], unknowns: int) ->
     """(k, 3, unknowns): central differences of a function that returns (k, 3)."""
     steps = STEP * np.eye(unknowns)
     with np.errstate(invalid="ignore"):
-        each = [(function(step) - function(-step)) / (2 * STEP) for step in steps]
-    return np.stack(each, axis=-1)
+        slopes = [(function(step) - function(-step)) / (2 * STEP) for step in steps]
+    return np.stack(slopes, axis=-1)

@@ -71,7 +71,7 @@ class FrameLabels:
 def decide_labels(
     centres: Mapping[int, FloatArray], cameras: tuple[Camera, Camera], seed: int = 0
 ) -> dict[int, tuple[bool, FrameLabels]]:
-    """By frame, whether to exchange the secondary's targets, and the report.
+    """Whether to exchange the secondary's targets, and the report, by frame.
 
     Args:
         centres: by frame (2, 2, 2): raw pixels by camera, target, (u, v).
@@ -165,7 +165,7 @@ def _compare(
         poses.append((float(np.median(residual.min(axis=0))), pose, residual))
     if not poses:
         return None
-    poses.sort(key=lambda found: found[0])
+    poses.sort(key=lambda scored: scored[0])
     least, pose, residual = poses[0]
     swapped = residual[1] < residual[0]
     unique = True
@@ -194,23 +194,25 @@ def fitting_poses(rays: FloatArray, rng: np.random.Generator) -> list[Pose]:
 
 def frame_focal_px(cameras: Sequence[Camera], rays: Sequence[FloatArray]) -> FloatArray:
     """(f,): pixels per unit of the plane z = 1 around the points (f, 2, 2) of both cameras."""
-    found = [
+    focal_px = [
         camera.local_focal_px(points.reshape(-1, 2)).reshape(-1, 2)
         for camera, points in zip(cameras, rays, strict=True)
     ]
-    return np.asarray(np.concatenate(found, axis=1).mean(axis=1))
+    return np.asarray(np.concatenate(focal_px, axis=1).mean(axis=1))
 
 
 def _samples(rays: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
     """Essential matrices of the samples with the least median residual, best first."""
     frames = rays.shape[1]
     scored = rays[:, rng.permutation(frames)[:MAXIMUM_SCORED]]
-    found = []
+    matrices = []
     ways = [np.array(way) for way in itertools.product((0, 1), repeat=SAMPLED_FRAMES)]
     for _ in range(SAMPLES):
         chosen = rng.permutation(frames)[:SAMPLED_FRAMES]
-        found += [linear_essential(contiguous(rays[way, chosen].reshape(-1, 4).T)) for way in ways]
-    sampled = np.array([E for E in found if np.isfinite(E).all()]).reshape(-1, 3, 3)
+        matrices += [
+            linear_essential(contiguous(rays[way, chosen].reshape(-1, 4).T)) for way in ways
+        ]
+    sampled = np.array([E for E in matrices if np.isfinite(E).all()]).reshape(-1, 3, 3)
     # All at once, which takes a tenth of the time.
     medians = np.median(distances(sampled, scored).min(axis=-2), axis=-1)
     return list(sampled[np.argsort(medians, kind="stable")[:REFINED]])

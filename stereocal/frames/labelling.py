@@ -40,11 +40,11 @@ def points_by_photograph(
     """(2, 2) pixels of A and B in each photograph of all cameras, NaN where not seen."""
     points = dict[str, FloatArray]()
     for of_camera in names.values():
-        found = [seen[name] for name in of_camera]
+        sightings = [seen[name] for name in of_camera]
         if isinstance(target, Balls):
-            found = without_still(found)
-        for name, own in zip(of_camera, found, strict=True):
-            places = [one.centre if one else (np.nan, np.nan) for one in own.spots]
+            sightings = without_still(sightings)
+        for name, sighting in zip(of_camera, sightings, strict=True):
+            places = [one.centre if one else (np.nan, np.nan) for one in sighting.spots]
             points[name] = np.array(places)
     return points
 
@@ -97,7 +97,7 @@ def _labelled(
     """The frames, without a choice among more than two boards."""
     sides = [[seen[getattr(pair, which)] for pair in pairs] for which in CAMERAS]
     if isinstance(target, Balls):
-        sides = [without_still(found) for found in sides]
+        sides = [without_still(sightings) for sightings in sides]
     both = {
         pair.frame: (
             first.turned(pair.primary in exchanged),
@@ -106,9 +106,9 @@ def _labelled(
         for pair, first, second in zip(pairs, *sides, strict=True)
     }
     centres = {
-        frame: np.array([[one.centre for one in own.spots if one] for own in found])
-        for frame, found in sorted(both.items())
-        if all(all(own.spots) for own in found)
+        frame: np.array([[one.centre for one in sighting.spots if one] for sighting in sightings])
+        for frame, sightings in sorted(both.items())
+        if all(all(sighting.spots) for sighting in sightings)
     }
     if late and centres:
         centres = _at_primary(centres, late)
@@ -120,12 +120,12 @@ def _labelled(
 def _at_primary(centres: Mapping[int, FloatArray], late: float) -> dict[int, FloatArray]:
     """The centres with those of the secondary at the instants of the primary's frames; where they
     have no neighbours, as they are."""
-    found = np.array([*centres.values()])
-    frames, targets = np.repeat([*centres], 2), np.tile([0, 1], len(found))
-    seen = found[:, 1].reshape(-1, 2)
+    pixels = np.array([*centres.values()])
+    frames, targets = np.repeat([*centres], 2), np.tile([0, 1], len(pixels))
+    seen = pixels[:, 1].reshape(-1, 2)
     moved = interpolate(targets, frames, seen, np.full(len(seen), late))
-    found[:, 1] = np.where(moved.known[:, None], moved.positions, seen).reshape(-1, 2, 2)
-    return dict(zip(centres, found, strict=True))
+    pixels[:, 1] = np.where(moved.known[:, None], moved.positions, seen).reshape(-1, 2, 2)
+    return dict(zip(centres, pixels, strict=True))
 
 
 def _frame(
@@ -136,9 +136,9 @@ def _frame(
 ) -> Frame:
     first, second = both
     reasons = [
-        found.missing if found.unreadable else f"{camera.capitalize()}: {found.missing}"
-        for found, camera in zip(both, CAMERAS, strict=True)
-        if found.missing
+        sighting.missing if sighting.unreadable else f"{camera.capitalize()}: {sighting.missing}"
+        for sighting, camera in zip(both, CAMERAS, strict=True)
+        if sighting.missing
     ]
     sure = decided is not None
     if decided is not None:
@@ -156,8 +156,8 @@ def _frame(
                 reasons.append(EXCHANGED if exchange else report.sentence)
     doubts = [
         f"In the {camera}: {doubt}"
-        for found, camera in zip((first, second), CAMERAS, strict=True)
-        for doubt in found.doubts
+        for sighting, camera in zip((first, second), CAMERAS, strict=True)
+        for doubt in sighting.doubts
     ]
     shared = [a and b for a, b in zip(first.spots, second.spots, strict=True)]
     state: State = "found" if sure and not doubts else "doubtful"
@@ -195,28 +195,28 @@ def without_still(seen: Sequence[Sighting]) -> list[Sighting]:
         for k in range(max(len(one.candidates) for one in seen))
     ]
     chosen = []
-    for at, one in enumerate(seen):
-        left = [moving[k][at] for k in range(len(one.candidates))]
+    for row, one in enumerate(seen):
+        left = [moving[k][row] for k in range(len(one.candidates))]
         enough = 1 if len(left) == 2 else 2
         kept = tuple(
-            its if sum(spot.score >= CERTAIN for spot in its) >= enough else own
-            for own, its in zip(one.candidates, left, strict=True)
+            its if sum(spot.score >= CERTAIN for spot in its) >= enough else candidates
+            for candidates, its in zip(one.candidates, left, strict=True)
         )
         chosen.append(choose_balls(kept) if one.candidates else one)
     return chosen
 
 
 def _moving(candidates: list[tuple[Spot, ...]]) -> list[tuple[Spot, ...]]:
-    """Of each photograph, the candidates at whose place others have none."""
-    every = [(at, spot) for at, own in enumerate(candidates) for spot in own]
+    """The candidates of each photograph at whose place others have none."""
+    every = [(row, spot) for row, spots in enumerate(candidates) for spot in spots]
     if not every:
         return candidates
     places = np.array([(spot.u, spot.v) for _, spot in every])
     reach = [max(SAME_PX, SAME_RADII * spot.radius_px) for _, spot in every]
     near = cKDTree(places).query_ball_point(places, reach)
     least = max(LEAST, SHARE * len(candidates))
-    found: list[tuple[Spot, ...]] = [() for _ in candidates]
-    for (at, spot), own in zip(every, near, strict=True):
-        if len({every[k][0] for k in own}) - 1 < least:
-            found[at] += (spot,)
-    return found
+    moving: list[tuple[Spot, ...]] = [() for _ in candidates]
+    for (row, spot), close in zip(every, near, strict=True):
+        if len({every[k][0] for k in close}) - 1 < least:
+            moving[row] += (spot,)
+    return moving

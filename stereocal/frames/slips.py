@@ -26,7 +26,7 @@ from stereocal.system.array_types import FloatArray
 LEAST_AFTER = 3
 """Frames that must fit after the slip, and as many that must not fit as they are."""
 LEAST_SHARE = 0.8
-"""Of the frames with targets, those that must fit with the slip mended."""
+"""The share of the frames with targets that must fit with the slip mended."""
 MOST_PX = 20.0
 """A frame farther from its epipolar lines is wrong, however wrong."""
 
@@ -55,7 +55,7 @@ def find_slip(frames: Sequence[Frame], cameras: tuple[Camera, Camera]) -> Alone 
             apart = np.stack(
                 [_apart(pose.essential, *_shifted(rays, k), cameras) for k in (0, 1, -1)]
             )
-            best = min(best, _judged(frames, apart), key=lambda found: found[0])
+            best = min(best, _judged(frames, apart), key=lambda judged: judged[0])
     return best[1]
 
 
@@ -67,18 +67,18 @@ def _judged(frames: Sequence[Frame], apart: FloatArray) -> tuple[float, Alone | 
     """
     cost = np.where(np.isnan(apart), 0.0, np.minimum(apart, MOST_PX))
     before = np.concatenate([[0.0], np.cumsum(cost[0])])
-    found: tuple[float, Alone | None] = (float(before[-1]), None)
+    best: tuple[float, Alone | None] = (float(before[-1]), None)
     for row in (1, 2):
         after = np.concatenate([np.cumsum(cost[row][::-1])[::-1], [0.0]])
-        at = int(np.argmin(before + after))
-        total = float((before + after)[at])
-        if total >= found[0]:
+        place = int(np.argmin(before + after))
+        total = float((before + after)[place])
+        if total >= best[0]:
             continue
-        mended = np.concatenate([apart[0, :at], apart[row, at:]])
+        mended = np.concatenate([apart[0, :place], apart[row, place:]])
         known = np.isfinite(mended)
         fits = known.copy()
         fits[known] = ~outlying(mended[known], SMALLEST_EXCESS_PX)
-        changed = np.arange(len(mended)) >= at
+        changed = np.arange(len(mended)) >= place
         limit = float(mended[fits].max(initial=0.0)) + SMALLEST_EXCESS_PX
         wrong = int(((apart[0] > 2 * limit) & changed & fits).sum())
         enough = fits.sum() >= LEAST_SHARE * known.sum() and wrong >= LEAST_AFTER
@@ -87,9 +87,9 @@ def _judged(frames: Sequence[Frame], apart: FloatArray) -> tuple[float, Alone | 
             f"{fits.sum()} frames lie on their epipolar lines."
         )
         camera = int(row == 1)
-        slip = Alone(frames[at].files[camera], camera, where=why)
-        found = total, slip if enough else None
-    return found
+        slip = Alone(frames[place].files[camera], camera, where=why)
+        best = total, slip if enough else None
+    return best
 
 
 def _rays(frames: Sequence[Frame], which: int, camera: Camera) -> FloatArray:
