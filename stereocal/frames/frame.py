@@ -49,7 +49,7 @@ class Frame:
     files: tuple[str, str]
     """Names of the photographs, primary and secondary."""
     centres: tuple[CentrePair, CentrePair]
-    """By camera, then by target."""
+    """The centres by camera, then by target."""
     state: State
     reason: str = ""
     """Why it is doubtful or refused, or what was changed, for example a swap."""

@@ -24,18 +24,18 @@ def shared_reasons(reasons: Mapping[int, str]) -> tuple[list[str], dict[int, str
         A sentence for each shared reason, that of the most frames first; and what else there is to
         say of each frame.
     """
-    sentences = {frame: _BETWEEN.split(own) for frame, own in reasons.items() if own}
+    sentences = {frame: _BETWEEN.split(reason) for frame, reason in reasons.items() if reason}
     frames: dict[str, dict[int, None]] = {}
-    for frame, own in sentences.items():
-        for sentence in own:
+    for frame, said in sentences.items():
+        for sentence in said:
             frames.setdefault(_gist(sentence), {})[frame] = None
-    shared = {gist: [*own] for gist, own in frames.items() if len(own) > 1}
+    shared = {gist: [*numbers] for gist, numbers in frames.items() if len(numbers) > 1}
     rest = {
-        frame: " ".join(sentence for sentence in own if _gist(sentence) not in shared)
-        for frame, own in sentences.items()
+        frame: " ".join(sentence for sentence in said if _gist(sentence) not in shared)
+        for frame, said in sentences.items()
     }
-    by_number = sorted(shared.items(), key=lambda each: -len(each[1]))
-    return [_in_words(gist, own) for gist, own in by_number], rest
+    by_number = sorted(shared.items(), key=lambda item: -len(item[1]))
+    return [_in_words(gist, numbers) for gist, numbers in by_number], rest
 
 
 def without_names(why: str, names: tuple[str, str]) -> str:

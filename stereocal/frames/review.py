@@ -110,10 +110,10 @@ def _spot_at(
 ) -> Centre:
     """The centre of the ball or tag near a click."""
     if isinstance(target, Tags):
-        what, found = "tag", find_tags(image, target, camera)
+        what, sighting = "tag", find_tags(image, target, camera)
     else:
-        what, found = "ball", find_balls(image, target, camera)
-    every = [spot for own in (found.spots, *found.candidates) for spot in own if spot]
+        what, sighting = "ball", find_balls(image, target, camera)
+    every = [spot for spots in (sighting.spots, *sighting.candidates) for spot in spots if spot]
     near = min(every, key=lambda spot: math.dist(spot.centre, point), default=None)
     if near is None or math.dist(near.centre, point) > max(SPOT_REACH_PX, near.radius_px):
         raise StereocalError(
@@ -133,7 +133,7 @@ def target_meant(frame: Frame, camera: int, centre: Centre) -> int:
             f"Neither A nor B is placed in {name_in(camera, frame)}: choose one of them above, and "
             "click again."
         )
-    distances = [_distance(found, centre) for found in frame.centres[camera]]
+    distances = [_distance(placed, centre) for placed in frame.centres[camera]]
     # The missing one is infinitely far.
     far = min(distances) > SAME_TARGET_PX and math.inf in distances
     return distances.index(math.inf if far else min(distances))
@@ -175,17 +175,17 @@ def use_agreeing(review: Review, cameras: tuple[Camera, Camera]) -> tuple[Review
         StereocalError: as of `agreeing`.
     """
     doubtful = [f for f in review.frames if is_undecided(f) and len(f.targets_in_both) == 2]
-    found = agreeing([f for f in review.frames if f.use], doubtful, cameras)
+    agreed = agreeing([f for f in review.frames if f.use], doubtful, cameras)
     act = 1 + max((edit.act or 0 for edit in review.edits), default=0)
     before = len(review.edits)
-    for number in found:
+    for number in agreed:
         review = use_frame(review, number, True)
     edits = [replace(edit, act=act) for edit in review.edits[before:]]
     review = replace(review, edits=(*review.edits[:before], *edits))
-    left = len(doubtful) - len(found)
+    left = len(doubtful) - len(agreed)
     rest = f" The other {left} {'does' if left == 1 else 'do'} not: look at them." if left else ""
-    are = "is now used: it agrees" if len(found) == 1 else "are now used: they agree"
-    of = f"{len(found)} of {count(len(doubtful), 'doubtful frame')}"
+    are = "is now used: it agrees" if len(agreed) == 1 else "are now used: they agree"
+    of = f"{len(agreed)} of {count(len(doubtful), 'doubtful frame')}"
     return review, f"{of} {are} with the epipolar lines and the bar's length of the others.{rest}"
 
 
@@ -245,9 +245,9 @@ def _edited(review: Review, before: Frame, after: Frame) -> Review:
     return Review(frames, (*review.edits, Edit(before, after)))
 
 
-def _distance(found: Centre | None, centre: Centre) -> float:
+def _distance(placed: Centre | None, centre: Centre) -> float:
     """Distance in px; infinite if the target is not placed."""
-    return math.inf if found is None else math.dist((found.u, found.v), (centre.u, centre.v))
+    return math.inf if placed is None else math.dist((placed.u, placed.v), (centre.u, centre.v))
 
 
 def describe_use(frame: Frame) -> str:
@@ -276,13 +276,13 @@ def describe_residuals(
     if primary is None or secondary is None:
         return "Both camera files are needed to compare this frame with the others."
     try:
-        found = epipolar_residuals_px(frames, frame.frame, (primary, secondary))
+        residuals_px = epipolar_residuals_px(frames, frame.frame, (primary, secondary))
     except StereocalError as error:
         return str(error)
-    if not found:
+    if not residuals_px:
         return "Place a target in both photographs to compare this frame with the others."
-    each = ", ".join(f"{TARGETS[target]} {away:.2f} px" for target, away in found.items())
-    return f"Distance from the epipolar lines of the other frames: {each}."
+    listed = ", ".join(f"{TARGETS[target]} {away:.2f} px" for target, away in residuals_px.items())
+    return f"Distance from the epipolar lines of the other frames: {listed}."
 
 
 def epipolar_residuals_px(

@@ -60,8 +60,9 @@ def detect_frames(
         user decides.
     """
     names, ways, bar = pairing.names(cameras), ways_of(target), RigidObject.bar(1.0)
-    control = executor, begin, progress, earlier
-    seen = search_photographs(names, photographs, cameras, target, *control)
+    seen = search_photographs(
+        names, photographs, cameras, target, executor, begin, progress, earlier
+    )
     exchanged, late = frozenset[str](), dict.fromkeys(cameras, 0.0)
     if pairing.by_hand is not None:
         places = points_by_photograph(names, seen, target)
@@ -79,8 +80,8 @@ def detect_frames(
         for one, other in combinations(cameras, 2)
     }
     points = {
-        pair: {frame.frame: _points(frame) for frame in own if frame.use}
-        for pair, own in labelled.items()
+        pair: {frame.frame: _points(frame) for frame in of_pair if frame.use}
+        for pair, of_pair in labelled.items()
     }
     why = {name: one.missing or " ".join(one.doubts) for name, one in seen.items()}
     frames = next(iter(labelled.values())) if len(cameras) == 2 else []
@@ -103,7 +104,11 @@ def search_photographs(
     progress: Progress,
     earlier: Earlier[Sighting] | None,
 ) -> dict[str, Sighting]:
-    """As `detect_frames`, in the photographs (`names`) of each camera, without the labels."""
+    """What each photograph shows, by name: `detect_frames` without the labels.
+
+    Args:
+        names: the photographs of each camera.
+    """
     begin(STAGES[0])
     camera_of = {name: camera for camera, of_camera in names.items() for name in of_camera}
     there = {name: photographs[name] for name in camera_of if name in photographs}
@@ -136,8 +141,8 @@ def search_photographs(
     )
     every = run_tasks(tasks, executor, len(searched), progress, earlier)
     with closing(every) as finished:
-        found = dict(zip(searched, (found for _, found in finished), strict=True))
-    return found | {name: _unreadable(why) for name, why in problems.items()}
+        sightings = dict(zip(searched, (sighting for _, sighting in finished), strict=True))
+    return sightings | {name: _unreadable(why) for name, why in problems.items()}
 
 
 def _search(target: Target, camera: Camera, photograph: PhotographFile, name: str) -> Sighting:
@@ -167,12 +172,12 @@ def _points(frame: Frame) -> tuple[FloatArray, FloatArray]:
     return first, second
 
 
-def keep_corrections(found: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:
+def keep_corrections(frames: Sequence[Frame], before: Sequence[Frame]) -> list[Frame]:
     """The new frames, but as they were where the user reviewed, corrected or placed something; of
     the others, `use` is kept if the state is unchanged."""
     old = {(frame.frame, frame.files): frame for frame in before}
     kept = []
-    for frame in found:
+    for frame in frames:
         last = old.get((frame.frame, frame.files), frame)
         placed = any(c and c.source != "detected" for pair in last.centres for c in pair)
         if last.reviewed or last.corrected or placed:

@@ -33,7 +33,7 @@ def tile(image: GreyImage | None, centres: CentrePair) -> Tile:
         if centre:
             # Pixel centres are at integers.
             corner = ((centre.u, left), (centre.v, top))
-            x, y = (round((at - first + 0.5) * scale - 0.5) for at, first in corner)
+            x, y = (round((coordinate - first + 0.5) * scale - 0.5) for coordinate, first in corner)
             for ink, width in (((0, 0, 0), 4), (colour, 2)):  # an outline, visible on white too
                 cv2.drawMarker(drawn, (x, y), ink, cv2.MARKER_CROSS, 15, width)
                 font = cv2.FONT_HERSHEY_SIMPLEX
@@ -52,8 +52,8 @@ def board_tile(image: GreyImage | None, corners: FloatArray) -> Tile:
         return drawn
     scale = min(WIDTH / image.shape[1], HEIGHT / image.shape[0])
     margin = np.array([WIDTH, HEIGHT]) - scale * np.array(image.shape[::-1])
-    for number, at in enumerate((corners + 0.5) * scale + 0.5 * margin):
-        where, colour = tuple(np.round(16 * at).astype(int).tolist()), COLOURS[number == 0]
+    for number, corner in enumerate((corners + 0.5) * scale + 0.5 * margin):
+        where, colour = tuple(np.round(16 * corner).astype(int).tolist()), COLOURS[number == 0]
         cv2.circle(drawn, where, 24, colour, -1, cv2.LINE_AA, 4)
         if number == 0:
             cv2.circle(drawn, where, 80, colour, 1, cv2.LINE_AA, 4)
