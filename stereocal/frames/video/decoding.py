@@ -45,7 +45,7 @@ class VideoTimes:
 def read_times(path: Path) -> VideoTimes:
     """The time stamps of all frames; nothing is decoded."""
     with opened(path) as (container, stream):
-        found: list[float] = []
+        stamps: list[float] = []
         for packet in container.demux(stream):
             if packet.size == 0 or packet.is_discard:  # a dropped frame of an AVI; the end
                 continue
@@ -54,10 +54,10 @@ def read_times(path: Path) -> VideoTimes:
                 raise StereocalError(
                     f"{path.name}: its frames have no time stamps; convert it to MP4 or MKV."
                 )
-            found.append(float(stamp * stream.time_base))
-            if len(found) > MOST_FRAMES:
+            stamps.append(float(stamp * stream.time_base))
+            if len(stamps) > MOST_FRAMES:
                 raise StereocalError(f"{path.name}: it has more than {MOST_FRAMES} frames.")
-        seconds = np.unique(np.array(found))
+        seconds = np.unique(np.array(stamps))
         if len(seconds) < 2:
             raise StereocalError(f"{path.name}: it has {len(seconds)} frames, two are needed.")
         return VideoTimes(seconds, stream.codec_context.width, stream.codec_context.height)
@@ -90,17 +90,17 @@ def encoded_frames(
 
     None for a frame that cannot be decoded.
     """
-    found: list[bytes | None] = [None] * len(seconds)
+    encoded: list[bytes | None] = [None] * len(seconds)
     with opened(path) as (container, stream):
         # Over larger steps, the file is searched again.
         steps = np.flatnonzero(np.diff(np.asarray(seconds)) > APART_S) + 1
         for start, stop in pairwise([0, *steps.tolist(), len(seconds)]):
             wanted = np.array(seconds[start:stop])
             for time, image in _frames(container, stream, wanted[0], wanted[-1], coloured):
-                at = int(np.abs(wanted - time).argmin())
-                if abs(wanted[at] - time) < 1e-6:
-                    found[start + at] = _encoded(image, lossless)
-    return found
+                k = int(np.abs(wanted - time).argmin())
+                if abs(wanted[k] - time) < 1e-6:
+                    encoded[start + k] = _encoded(image, lossless)
+    return encoded
 
 
 @contextmanager

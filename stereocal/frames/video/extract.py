@@ -62,7 +62,7 @@ class VideoSettings:
     """`every` n-th frame, or in each second the sharpest of the still ones (`stillest`)."""
     n: int = 30
     later_s: float | None = None
-    """As for `pair_times`."""
+    """How much the clock of the secondary is ahead of the primary's, as `pair_times` takes it."""
     by_hand: bool = False
     """The cameras were started by hand: frames are taken of each video by itself, every n-th of
     `every`, else at most `DENSE` a second."""
@@ -80,7 +80,7 @@ class VideoReport:
     frames_missing: bool
     """Whether frames are missing within a video, by its time stamps."""
     heard: Mapping[str, float] = field(default_factory=dict)
-    """Of cameras started by hand, as in `ByHand`."""
+    """What the sound says of cameras started by hand, as in `ByHand`."""
 
 
 def extract(
@@ -112,9 +112,9 @@ def extract(
     guard = Guard((read_times, score_frames, encoded_frames, read_rises), CHILDREN, LEAST_SECONDS)
     step_s, rises = None, list[FloatArray]()
     try:
-        files, look = [(each, each.name) for each in paths], partial(progress, 0, 1)
+        files, look = [(path, path.name) for path in paths], partial(progress, 0, 1)
         times: list[VideoTimes] = guard.read_all(read_times, files, look)
-        seconds = [each.seconds for each in times]
+        seconds = [video.seconds for video in times]
         n = settings.n if settings.choice == "every" else None
         with suppress(StereocalError):  # no sound that can be read
             rises = guard.read_all(read_rises, files, look) if len(files) > 1 else []
@@ -140,14 +140,14 @@ def extract(
     pairs_of = "pairs of " * (len(names) > 1)
     taken = f"{len(chosen) - lost:,} {pairs_of}frames were taken."
     if step_s is not None:
-        each = " and ".join(f"{count:,}" for count in (pairs.frames >= 0).sum(axis=0))
-        taken = f"Of each by itself, a frame every {rounded(step_s)} s was taken: {each}."
+        counts = " and ".join(f"{count:,}" for count in (pairs.frames >= 0).sum(axis=0))
+        taken = f"Of each by itself, a frame every {rounded(step_s)} s was taken: {counts}."
     sentences.append(taken)
     heard, by_sound = _heard(by_name, rises, settings, step_s)
     sentences += by_sound
     if lost:
         sentences.append(f"{lost} could not be decoded.")
-    missing = any(gaps_of(each.seconds) for each in times)
+    missing = any(gaps_of(video.seconds) for video in times)
     return VideoReport(tuple(sentences), len(chosen) - lost, missing, heard)
 
 
@@ -165,7 +165,7 @@ def with_frames(
         begin, progress: as of `extract`.
     """
     sources = list(sources)
-    videos = [each for each in sources if each.suffix.lower() in SUFFIXES]
+    videos = [source for source in sources if source.suffix.lower() in SUFFIXES]
     if len(videos) > 1:
         raise StereocalError(
             f"{videos[0]} and {videos[1]}: photographs of one camera come from one video. A board "
@@ -177,7 +177,7 @@ def with_frames(
 
     for video in videos:
         extract({video.stem: video}, VideoSettings(), write, begin, progress)
-    return [store / each.stem if each in videos else each for each in sources]
+    return [store / source.stem if source in videos else source for source in sources]
 
 
 def _heard(
@@ -186,7 +186,7 @@ def _heard(
     settings: VideoSettings,
     step_s: float | None,
 ) -> tuple[dict[str, float], list[str]]:
-    """By how many steps each video was started later by its sound, and what the sound says.
+    """How many steps later each video was started by its sound, and what the sound says.
 
     Args:
         times: time stamps of each video, in seconds.
@@ -195,11 +195,11 @@ def _heard(
     """
     (first, began), *others = times.items()
     heard, sentences = dict[str, float](), list[str]()
-    for (name, own), rise in zip(others, rises[1:], strict=False):
+    for (name, seconds), rise in zip(others, rises[1:], strict=False):
         if (heard_s := heard_later(rises[0], rise)) is None:
             continue
         together = settings.by_hand or settings.later_s is None
-        heard_s += own[0] - began[0] if together else settings.later_s or 0.0
+        heard_s += seconds[0] - began[0] if together else settings.later_s or 0.0
         if step_s is not None:
             heard[name] = heard_s / step_s
             both = f"{first} and {name}" if len(times) > 2 else "they"
@@ -226,26 +226,26 @@ class _Work:
     def stillest(self) -> IntArray:
         """Look at all frames that are paired."""
         self.begin(STAGES[0])
-        total = sum(len(each.seconds) for each in self.times)
+        total = sum(len(video.seconds) for video in self.times)
         segments = [
-            (which, seconds[max(at - 1, 0) : at + SEGMENT + 1])  # neighbours for the motion
-            for which, seconds in enumerate(each.seconds for each in self.times)
-            for at in range(0, len(seconds), SEGMENT)
+            (which, seconds[max(start - 1, 0) : start + SEGMENT + 1])  # neighbours for the motion
+            for which, seconds in enumerate(video.seconds for video in self.times)
+            for start in range(0, len(seconds), SEGMENT)
         ]
         scores: list[list[FloatArray]] = [[] for _ in self.names]
         done = 0
-        for at in range(0, len(segments), CHILDREN):
-            some = segments[at : at + CHILDREN]
+        for start in range(0, len(segments), CHILDREN):
+            some = segments[start : start + CHILDREN]
             calls = [self._call(which, *seconds[[0, -1]].tolist()) for which, seconds in some]
             look = partial(self.progress, min(done, total), total)
             every = self.guard.read_all(score_frames, calls, look)
-            for (which, _), found in zip(some, every, strict=True):
-                scores[which].append(found)
-                done += len(found)
+            for (which, _), segment_scores in zip(some, every, strict=True):
+                scores[which].append(segment_scores)
+                done += len(segment_scores)
             self.progress(min(done, total), total)
         sides = [
-            _at(np.concatenate(own), each.seconds)[self.pairs.frames[:, k]]
-            for k, (own, each) in enumerate(zip(scores, self.times, strict=True))
+            _at(np.concatenate(parts), video.seconds)[self.pairs.frames[:, k]]
+            for k, (parts, video) in enumerate(zip(scores, self.times, strict=True))
         ]
         sharpness, motion = (np.column_stack([side[:, k] for side in sides]) for k in (0, 1))
         return stillest(self.pairs, self.times[0].seconds, sharpness, motion)
@@ -253,7 +253,7 @@ class _Work:
     def take(self, chosen: IntArray, keep: Callable[[str, bytes], object]) -> int:
         """Decode and keep the chosen pairs: how many cannot be decoded."""
         self.begin(STAGES[1])
-        pixels = sum(each.width * each.height for each in self.times) * len(chosen)
+        pixels = sum(video.width * video.height for video in self.times) * len(chosen)
         pixels *= 3 if self.coloured else 1
         lossless = pixels <= LOSSLESS_BYTES
         lost = 0
@@ -278,17 +278,17 @@ class _Work:
         self, frames: IntArray, lossless: bool, look: Callable[[], object]
     ) -> npt.NDArray[np.object_]:
         """The frames (n, c) of each camera as bytes; None where there is none."""
-        found = np.full(frames.shape, None, dtype=object)
-        own = [at[at >= 0] for at in frames.T]
-        some = [which for which, at in enumerate(own) if len(at)]
+        encoded = np.full(frames.shape, None, dtype=object)
+        wanted = [column[column >= 0] for column in frames.T]
+        some = [which for which, column in enumerate(wanted) if len(column)]
         calls = [
-            self._call(k, self.times[k].seconds[own[k]].tolist(), lossless, self.coloured)
+            self._call(k, self.times[k].seconds[wanted[k]].tolist(), lossless, self.coloured)
             for k in some
         ]
         every = self.guard.read_all(encoded_frames, calls, look)
         for which, contents in zip(some, every, strict=True):
-            found[frames[:, which] >= 0, which] = contents
-        return found
+            encoded[frames[:, which] >= 0, which] = contents
+        return encoded
 
     def _call(self, which: int, *arguments: Any) -> tuple[Path, str, *tuple[Any, ...]]:
         return self.paths[which], self.paths[which].name, *arguments
@@ -296,16 +296,16 @@ class _Work:
 
 def _at(scores: FloatArray, seconds: FloatArray) -> FloatArray:
     """(n, 2): sharpness and motion at the time stamps; neither sharp nor still where missing."""
-    found = np.column_stack([np.zeros(len(seconds)), np.full(len(seconds), np.inf)])
+    values = np.column_stack([np.zeros(len(seconds)), np.full(len(seconds), np.inf)])
     if len(scores):
-        at = np.clip(np.searchsorted(seconds, scores[:, 0] - 1e-6), 0, len(seconds) - 1)
-        exact = np.abs(seconds[at] - scores[:, 0]) < 1e-6
-        found[at[exact], 0] = scores[exact, 1]
+        row = np.clip(np.searchsorted(seconds, scores[:, 0] - 1e-6), 0, len(seconds) - 1)
+        exact = np.abs(seconds[row] - scores[:, 0]) < 1e-6
+        values[row[exact], 0] = scores[exact, 1]
         # Of two segments, that with both neighbours saw the larger motion.
         known = np.full(len(seconds), -np.inf)
-        np.maximum.at(known, at[exact], scores[exact, 2])
-        found[known >= 0, 1] = known[known >= 0]
-    return found
+        np.maximum.at(known, row[exact], scores[exact, 2])
+        values[known >= 0, 1] = known[known >= 0]
+    return values
 
 
 def _period(seconds: FloatArray) -> float:
@@ -382,7 +382,7 @@ def _numbered(seconds: FloatArray, chosen: IntArray) -> IntArray:
 
 
 def _nearest(seconds: FloatArray, wanted: FloatArray) -> IntArray:
-    """Of each time, which of ascending ones is the nearest."""
+    """Which of ascending times is the nearest to each wanted one."""
     after = np.clip(np.searchsorted(seconds, wanted), 1, len(seconds) - 1)
     return np.asarray(after - (wanted - seconds[after - 1] < seconds[after] - wanted))
 
@@ -397,14 +397,14 @@ def by_themselves(times: Sequence[FloatArray], n: int | None) -> tuple[VideoPair
     """
     slowest = max(map(_period, times))
     step_s = slowest * (n or int(np.ceil(1.0 / (DENSE * slowest) - 0.01)))
-    found = []
+    columns = []
     for seconds in times:
         wanted = np.arange(seconds[0], seconds[-1] + 0.1 * slowest, step_s)
-        at = _nearest(seconds, wanted)
-        near = np.abs(seconds[at] - wanted) <= NEAREST * slowest
-        found.append(np.where(near, at, -1))
-    most = max(map(len, found))
-    frames = [np.pad(own, (0, most - len(own)), constant_values=-1) for own in found]
+        nearest = _nearest(seconds, wanted)
+        near = np.abs(seconds[nearest] - wanted) <= NEAREST * slowest
+        columns.append(np.where(near, nearest, -1))
+    most = max(map(len, columns))
+    frames = [np.pad(column, (0, most - len(column)), constant_values=-1) for column in columns]
     return VideoPairs(np.column_stack(frames), np.empty(0), np.arange(1, most + 1)), step_s
 
 
@@ -435,8 +435,8 @@ def stillest(
     bins = np.floor((times - times[0]) / part_s + 1e-9).astype(np.int64)
     chosen = []
     for second in np.unique(bins):
-        own = np.flatnonzero(bins == second)
-        calm = own[still[own] <= np.median(still[own])]
+        rows = np.flatnonzero(bins == second)
+        calm = rows[still[rows] <= np.median(still[rows])]
         chosen.append(calm[np.argmax(sharp[calm])])
     return np.array(chosen, dtype=np.int64)
 

@@ -23,12 +23,12 @@ AHEAD = 6
 KEPT, GREY_KEPT = 60, 8
 JPEG_QUALITY = 92
 _GUARD = Guard([read_times, encoded_frames], least_seconds=LEAST_SECONDS)
-"""Of all videos; its processes start with the first."""
+"""The guard of all videos; its processes start with the first."""
 atexit.register(_GUARD.close)
 
 
 Pictures = Mapping[tuple[str, int], bytes]
-"""By camera and frame, as JPEG."""
+"""Pictures by camera and frame, as JPEG."""
 
 
 @dataclass(eq=False)
@@ -38,7 +38,7 @@ class Footage:
     labels: Mapping[str, str]
     """What the pictures of each camera are called."""
     numbers: list[int]
-    """Of the frames that all have, ascending."""
+    """The numbers of the frames that all have, ascending."""
     decode: Callable[[str, int], Pictures]
     """The picture of a frame, and others that were decoded with it."""
     _pictures: Latest[bytes] = field(default_factory=lambda: Latest(KEPT))
@@ -48,10 +48,10 @@ class Footage:
         """The picture of a frame as JPEG, in colours if it has any."""
         kept = self._pictures.get(f"{camera} {number}")
         if kept is None:
-            found = self.decode(camera, number)
-            for (which, each), content in found.items():
-                self._pictures.keep(f"{which} {each}", content)
-            kept = found.get((camera, number), b"")
+            pictures = self.decode(camera, number)
+            for (which, frame_number), content in pictures.items():
+                self._pictures.keep(f"{which} {frame_number}", content)
+            kept = pictures.get((camera, number), b"")
         if not kept:
             raise StereocalError(f"{self.labels[camera]}: frame {number} cannot be decoded.")
         return kept
@@ -76,21 +76,26 @@ def of_videos(
     Args:
         later_frames: by how many frames of the first each other video was started later.
     """
-    read = _GUARD.read_all(read_times, [(path, labels[each]) for each, path in paths.items()])
-    times = {each: own.seconds for each, own in zip(paths, read, strict=True)}
+    read = _GUARD.read_all(read_times, [(path, labels[camera]) for camera, path in paths.items()])
+    times = {camera: video.seconds for camera, video in zip(paths, read, strict=True)}
     first, *others = paths
     step_s, pairs = float(np.median(np.diff(times[first]))), {}
-    for each in others:
-        later_s = times[each][0] - times[first][0] - later_frames.get(each, 0.0) * step_s
-        pairs[each] = pair_times(times[first], times[each], later_s)
-    partners = {each: dict(own.frames.tolist()) for each, own in pairs.items()}
+    for camera in others:
+        later_s = times[camera][0] - times[first][0] - later_frames.get(camera, 0.0) * step_s
+        pairs[camera] = pair_times(times[first], times[camera], later_s)
+    partners = {camera: dict(paired.frames.tolist()) for camera, paired in pairs.items()}
     counted = pairs[others[0]]
     numbered = dict(zip(counted.frames[:, 0].tolist(), counted.numbers.tolist(), strict=True))
-    common = [at for at in numbered if all(at in own for own in partners.values())]
+    common = [
+        frame for frame in numbered if all(frame in partner_of for partner_of in partners.values())
+    ]
     if not common:
         raise StereocalError("The videos have no frames of the same moment.")
-    numbers = [numbered[at] for at in common]
-    frames = {first: common, **{e: [own[at] for at in common] for e, own in partners.items()}}
+    numbers = [numbered[frame] for frame in common]
+    frames = {
+        first: common,
+        **{e: [partner_of[frame] for frame in common] for e, partner_of in partners.items()},
+    }
 
     def decode(_: str, number: int) -> Pictures:
         start = numbers.index(number)
@@ -100,9 +105,9 @@ def of_videos(
             for camera, path in paths.items()
         ]
         return {
-            (camera, each): content or b""
-            for camera, found in zip(paths, _GUARD.read_all(encoded_frames, calls), strict=True)
-            for each, content in zip(numbers[rows], found, strict=True)
+            (camera, frame_number): content or b""
+            for camera, contents in zip(paths, _GUARD.read_all(encoded_frames, calls), strict=True)
+            for frame_number, content in zip(numbers[rows], contents, strict=True)
         }
 
     return Footage(labels, numbers, decode)
@@ -118,5 +123,5 @@ def of_photographs(
         content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
         return {(camera, number): content.tobytes()}
 
-    whole = sorted(number for number, own in files.items() if {*labels} <= {*own})
+    whole = sorted(number for number, by_camera in files.items() if {*labels} <= {*by_camera})
     return Footage(labels, whole, decode)

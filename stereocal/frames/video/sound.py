@@ -1,4 +1,4 @@
-"""By how much later one of two cameras was started, by what both microphones heard.
+"""How much later one of two cameras was started, by what both microphones heard.
 
 The envelopes of both sounds, as their rises, are compared at every offset. Sound is heard late by
 3 ms a metre, and cameras store it some hundredths of a second early or late: images decide.
@@ -19,7 +19,7 @@ that have nothing in common, 1 in 100 do."""
 LOUD = 1.5
 """A rise by this logarithm is as good as any."""
 LEAST_S = 1.0
-"""Of the sound of both that is compared."""
+"""The shortest sound of both that is compared."""
 
 
 def read_rises(path: Path) -> FloatArray:
@@ -35,7 +35,7 @@ def read_rises(path: Path) -> FloatArray:
         start: float | None = None
         for frame in container.decode(stream):
             start = float(frame.time or 0.0) if start is None else start
-            parts += [each.to_ndarray().ravel() for each in mono.resample(frame)]
+            parts += [part.to_ndarray().ravel() for part in mono.resample(frame)]
             if len(parts) > MOST_FRAMES:
                 break
     width = int(BIN_S * SAMPLES_S)
@@ -56,11 +56,11 @@ def heard_later(primary: FloatArray, secondary: FloatArray) -> float | None:
     if min(n, m) < least:
         return None
     # Squared, so that noise counts less, but no rise for many; it may fall between two bins.
-    squares = (np.minimum(each, LOUD) ** 2 for each in (primary, secondary))
-    sharp = [np.convolve(each, (0.5, 1.0, 0.5), "same") for each in squares]
-    first, second = (each - each.mean() for each in sharp)
+    squares = (np.minimum(rises, LOUD) ** 2 for rises in (primary, secondary))
+    sharp = [np.convolve(squared, (0.5, 1.0, 0.5), "same") for squared in squares]
+    first, second = (smoothed - smoothed.mean() for smoothed in sharp)
     lags = np.arange(1 - m, n)
-    spectra = (np.fft.rfft(each, len(lags)) for each in (first, second[::-1]))
+    spectra = (np.fft.rfft(sound, len(lags)) for sound in (first, second[::-1]))
     score = np.fft.irfft(np.multiply(*spectra), len(lags))
     common = np.minimum(n, lags + m) - np.maximum(0, lags)
     score = np.where(common < least, 0.0, score / np.sqrt(common))
