@@ -87,7 +87,7 @@ def find_chessboard(
 def _find_chessboard(
     grey: npt.NDArray[np.uint8], columns: int, rows: int, thorough: bool
 ) -> Chessboard | None:
-    """As `find_chessboard`, searched."""
+    """What `find_chessboard` gives, searched anew."""
     small, scaled = (halved(grey), 2.0) if max(grey.shape) > LARGE_PX else (grey, 1.0)
     sector, classic = cv2.findChessboardCornersSB, cv2.findChessboardCorners
     tries = [(sector, grey, 1.0, 0)]
@@ -99,8 +99,8 @@ def _find_chessboard(
     best = None
     for finder, image, scale, flags in tries:
         cv2.setRNGSeed(FINDER_SEED)
-        found, corners = finder(image, (columns, rows), flags=flags)
-        if found and len(corners) == rows * columns:
+        is_found, corners = finder(image, (columns, rows), flags=flags)
+        if is_found and len(corners) == rows * columns:
             raw = np.asarray(corners, dtype=np.float64).reshape(rows, columns, 2)
             # Pixel centres are integers: the middle of pixels 0 and 1 is 0.5.
             grid = scale * raw + 0.5 * (scale - 1.0)
@@ -115,7 +115,10 @@ def _find_chessboard(
 def outer_squares(grid: FloatArray, grey: GreyImage) -> float:
     """How far black and white squares alternate beyond the outermost corners of a grid, in
     squares: the last of `BEYOND`, or 0."""
-    return max((*itertools.takewhile(lambda at: _alternate(grid, grey, at), BEYOND),), default=0.0)
+    return max(
+        (*itertools.takewhile(lambda squares: _alternate(grid, grey, squares), BEYOND),),
+        default=0.0,
+    )
 
 
 def _alternate(grid: FloatArray, grey: GreyImage, beyond: float) -> bool:
@@ -142,14 +145,14 @@ def _with_more(grid: FloatArray, squares: float) -> FloatArray:
 
 
 def _margins(grid: FloatArray, grey: GreyImage) -> list[float]:
-    """By how much the contrast of the outermost squares exceeds the least one, on the four sides;
-    NaN out of view."""
+    """The contrast of the outermost squares less the least one, on the four sides; NaN out of
+    view."""
     level, like_first = _squares(grid, grey)
     inner = np.s_[1:-1, 1:-1]
     usual = _contrast(level[inner], like_first[inner])
     sides = (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1])
-    found = [_contrast(level[side], like_first[side]) * np.sign(usual) for side in sides]
-    return [contrast - MINIMUM_CONTRAST * abs(usual) for contrast in found]
+    contrasts = [_contrast(level[side], like_first[side]) * np.sign(usual) for side in sides]
+    return [contrast - MINIMUM_CONTRAST * abs(usual) for contrast in contrasts]
 
 
 def _contrast(level: FloatArray, like_first: BoolArray) -> float:
@@ -178,7 +181,7 @@ def _like_first(shape: tuple[int, ...]) -> BoolArray:
 
 def plain_squares(grid: FloatArray, grey: npt.NDArray[np.uint8]) -> bool:
     """Whether squares of both colours between corners (rows, columns, 2) px are of one level."""
-    along, down = (at.ravel()[:, None] for at in np.meshgrid(WITHIN, WITHIN))
+    along, down = (shares.ravel()[:, None] for shares in np.meshgrid(WITHIN, WITHIN))
     above, below = (
         row[:, :-1, None] * (1 - along) + row[:, 1:, None] * along for row in (grid[:-1], grid[1:])
     )
@@ -236,10 +239,10 @@ def find_charuco(
     for legacy in (False, True) if squares[1] % 2 == 0 else (False,):
         board = cv2.aruco.CharucoBoard(squares, *square_and_marker_m, printed)
         board.setLegacyPattern(legacy)
-        found, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
+        pixels, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
         if numbers is not None and len(numbers) > len(ids):
             ids = np.asarray(numbers, dtype=np.int64).ravel()
-            corners = np.asarray(found, dtype=np.float64).reshape(-1, 2)
+            corners = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
     return ids, corners
 
 

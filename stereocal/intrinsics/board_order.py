@@ -76,11 +76,11 @@ def _mirrored(common: Sequence[SeenBoard], camera: Camera) -> tuple[list[SeenBoa
     K[0, 1:] = -K[0, 1], right - K[0, 2]
     if not camera.is_fisheye:
         distortion[3:4] *= -1.0
-    found = []
+    mirrored = []
     for frame, (first, second) in common:
         corners = np.array([right, 0.0]) + [-1.0, 1.0] * second.corners
-        found.append(SeenBoard(frame, (first, replace(second, corners=corners))))
-    return found, replace(camera, K=K, distortion=distortion)
+        mirrored.append(SeenBoard(frame, (first, replace(second, corners=corners))))
+    return mirrored, replace(camera, K=K, distortion=distortion)
 
 
 def _renumbered(view: BoardView, order: IntArray) -> BoardView:
@@ -99,26 +99,26 @@ def _best_orders(
     boards = [_pose(cameras[0], pattern, seen.views[0]) for seen in common]
     every = max(len(common) // MOST_HYPOTHESES, 1)
     best = np.full((len(common), len(orders)), np.inf)
-    for own, board in list(zip(candidates, boards, strict=True))[::every]:
-        for view in own:
+    for renumbered, board in list(zip(candidates, boards, strict=True))[::every]:
+        for view in renumbered:
             rig = _pose(cameras[1], pattern, view) @ board.inverse()
-            found = np.array(
+            distances = np.array(
                 [
-                    [_distance_px(cameras[1], pattern, rig @ at, other) for other in others]
-                    for others, at in zip(candidates, boards, strict=True)
+                    [_distance_px(cameras[1], pattern, rig @ pose, other) for other in others]
+                    for others, pose in zip(candidates, boards, strict=True)
                 ]
             )
-            if np.median(found.min(axis=1)) < np.median(best.min(axis=1)):
-                best = found
+            if np.median(distances.min(axis=1)) < np.median(best.min(axis=1)):
+                best = distances
     return best.min(axis=1), best.argmin(axis=1).astype(np.int64)
 
 
 def _pose(camera: Camera, pattern: BoardPattern, view: BoardView) -> Pose:
     """`camera_from_board`; behind the camera, where it fits nothing, if the view gives none."""
-    found = board_pose(camera, pattern, view)
-    if found is None:
+    pose = board_pose(camera, pattern, view)
+    if pose is None:
         return Pose(np.eye(3), np.array([0.0, 0.0, -1.0]))
-    return Pose(np.asarray(cv2.Rodrigues(found[:3])[0], dtype=np.float64), found[3:])
+    return Pose(np.asarray(cv2.Rodrigues(pose[:3])[0], dtype=np.float64), pose[3:])
 
 
 def _distance_px(camera: Camera, pattern: BoardPattern, pose: Pose, view: BoardView) -> float:

@@ -89,7 +89,7 @@ class BoardSearch:
         return self.views[0].image_size
 
     def without(self, names: Sequence[str]) -> "BoardSearch":
-        """The same without these photographs."""
+        """The results without those of these photographs."""
         return replace(self, views=tuple(view for view in self.views if view.name not in names))
 
 
@@ -104,16 +104,16 @@ def find_board(image: GreyImage, pattern: BoardPattern, name: str) -> FoundBoard
     refused = partial(Refused, name, image_size=size)
     grey, turned, reach = eight_bits(image), False, pattern.reach
     if pattern.dictionary is None:
-        found = find_chessboard(grey, pattern.columns, pattern.rows)
-        if found is None:
+        chessboard = find_chessboard(grey, pattern.columns, pattern.rows)
+        if chessboard is None:
             return refused(f"no board with {pattern} inner corners is completely visible and sharp")
-        if not found.outer:
+        if not chessboard.outer:
             return refused(
                 f"{pattern} points were found, but the outermost lie on the edge of the board or "
                 "of the visible part: count the corners where four squares meet"
             )
-        corners, turned = found.corners, found.turned
-        reach = min(reach, OF_OUTER * found.outer)
+        corners, turned = chessboard.corners, chessboard.turned
+        reach = min(reach, OF_OUTER * chessboard.outer)
         ids = np.arange(len(corners))
     else:
         squares = (pattern.columns + 1, pattern.rows + 1)
@@ -158,21 +158,21 @@ def find_boards(
     tasks: Iterator[Task[FoundBoard]] = (
         Task(
             _search,
-            (for_worker(own, executor), pattern, name),
-            key=f"{own.name} {of_pattern} {name}",
+            (for_worker(file, executor), pattern, name),
+            key=f"{file.name} {of_pattern} {name}",
         )
-        for name, own in photographs.items()
+        for name, file in photographs.items()
     )
-    found: dict[str, FoundBoard] = {}
+    by_name: dict[str, FoundBoard] = {}
     every = run_tasks(tasks, executor, len(photographs), progress, earlier)
     with closing(every) as finished:
         for _, result in finished:
-            found[result.name] = result
-            if len(found) == SIZE_CHECK_AFTER:
-                _check_size(photographs, found, pattern)
-    if len(found) < SIZE_CHECK_AFTER:
-        _check_size(photographs, found, pattern)
-    results = [found[name] for name in sorted(photographs)]
+            by_name[result.name] = result
+            if len(by_name) == SIZE_CHECK_AFTER:
+                _check_size(photographs, by_name, pattern)
+    if len(by_name) < SIZE_CHECK_AFTER:
+        _check_size(photographs, by_name, pattern)
+    results = [by_name[name] for name in sorted(photographs)]
     _check_sizes(results)
     views = tuple(result for result in results if isinstance(result, BoardView))
     refused = tuple(result for result in results if isinstance(result, Refused))

@@ -103,8 +103,8 @@ class LensCalibration:
         sigma = np.asarray(np.sqrt(jackknife + MEDIAN_OVER_MEAN * variance / repeats))
         if views >= FEWEST_VIEWS:
             return sigma
-        own = self.search
-        least = errors_of_usual_lens(own.pattern, own.views, own.image_size, self.settings)
+        search = self.search
+        least = errors_of_usual_lens(search.pattern, search.views, search.image_size, self.settings)
         return np.asarray(np.maximum(sigma, least))
 
     @cached_property
@@ -118,12 +118,12 @@ class LensCalibration:
             return np.asarray(self._covariance / np.outer(sigma, sigma))
         known = self.draws[:, : len(LENS_UNKNOWNS)]
         scale = known.std(axis=0)
-        found = np.eye(len(LENS_UNKNOWNS))
+        correlation = np.eye(len(LENS_UNKNOWNS))
         free = np.flatnonzero(scale > 0)
         if len(free) > 1:
             among = np.corrcoef(known[:, free], rowvar=False)
-            found[np.ix_(free, free)] = (1 - SHRUNK) * among + SHRUNK * np.eye(len(free))
-        return found
+            correlation[np.ix_(free, free)] = (1 - SHRUNK) * among + SHRUNK * np.eye(len(free))
+        return correlation
 
     @cached_property
     def _covariance(self) -> FloatArray:
@@ -166,7 +166,7 @@ class LensCalibration:
     @cached_property
     def view_errors(self) -> FloatArray:
         """(views,): root mean square reprojection error of each view, px."""
-        return np.array([rms_px(found) for found in self.residuals])
+        return np.array([rms_px(residuals) for residuals in self.residuals])
 
     @property
     def error_px(self) -> float:
@@ -177,7 +177,7 @@ class LensCalibration:
     def outlying(self) -> list[str]:
         """Photographs whose error is more than `OUTLYING` times the median of all."""
         far = self.view_errors > OUTLYING * np.median(self.view_errors)
-        return [self.search.views[at].name for at in np.flatnonzero(far)]
+        return [self.search.views[k].name for k in np.flatnonzero(far)]
 
 
 def calibrate_lens(
@@ -195,25 +195,24 @@ def calibrate_lens(
     """
     views = search.views
     size = _draw_size(search, settings)
-    draws = (np.random.default_rng([settings.seed, each]) for each in range(settings.repeats))
+    draws = (np.random.default_rng([settings.seed, number]) for number in range(settings.repeats))
     drawn = np.array([np.sort(rng.choice(len(views), size, False)) for rng in draws])
     every, total = np.arange(len(views))[None], settings.repeats
-    chunks = [every, *(drawn[at : at + CHUNK] for at in range(0, total, CHUNK))]
+    chunks = [every, *(drawn[first : first + CHUNK] for first in range(0, total, CHUNK))]
     fisheye = settings.model == "fisheye"
     if without_each and not fisheye:
-        chunks += [np.delete(every, at, axis=1) for at in range(len(views))]
+        chunks += [np.delete(every, k, axis=1) for k in range(len(views))]
         total += len(views)
-    own = replace(search, refused=())
+    searched = replace(search, refused=())
     # Every draw would try all starts, or two neighbouring ones might end in different lenses.
     start = _started(search, settings) if fisheye else None
-    given = own, settings, start
     tasks = (
-        Task(solve_draws, (*given, chunk), len(chunk) * (number > 0))
+        Task(solve_draws, (searched, settings, start, chunk), len(chunk) * (number > 0))
         for number, chunk in enumerate(chunks)
     )
     with closing(run_tasks(tasks, executor, total, progress)) as finished:
-        found = np.vstack([part for _, part in finished])
-    used, without = np.split(found, [1 + settings.repeats])
+        lenses = np.vstack([part for _, part in finished])
+    used, without = np.split(lenses, [1 + settings.repeats])
     if not np.isfinite(used).all() or used[:, :2].min() <= 0:
         raise undetermined(search, settings)
     others = without if without_each else None
@@ -242,7 +241,7 @@ def solve_draws(
         start: as for `solve_lens`.
     """
     pattern, size = search.pattern, search.image_size
-    of_draws = ([search.views[at] for at in draw] for draw in drawn)
+    of_draws = ([search.views[k] for k in draw] for draw in drawn)
     return np.array([solve_lens(pattern, views, size, settings, start) for views in of_draws])
 
 

@@ -80,13 +80,13 @@ def fit_fisheye(
     side, rest = max(width, height), [0.5 * (width - 1), 0.5 * (height - 1), *[0.0] * 4]
     if start is None:
         tried = [_fit(boards, np.array([f, f, *rest]), TRIAL_STEPS) for f in STARTS * side]
-        starts = [each.lens for each in sorted(tried, key=_error)[:FINALISTS]]
+        starts = [fit.lens for fit in sorted(tried, key=_error)[:FINALISTS]]
     else:
         starts = [start[:LENS]]
-    found = min((_fit(boards, lens, STEPS) for lens in starts), key=_error)
-    if not (found.error_px < LOST * side and min(found.lens[:2]) > 0):
+    best = min((_fit(boards, lens, STEPS) for lens in starts), key=_error)
+    if not (best.error_px < LOST * side and min(best.lens[:2]) > 0):
         raise StereocalError(UNDETERMINED)
-    return np.append(found.lens, 0.0)
+    return np.append(best.lens, 0.0)
 
 
 def pose_boards(boards: Boards, lens: FloatArray) -> FisheyeFit:
@@ -95,8 +95,8 @@ def pose_boards(boards: Boards, lens: FloatArray) -> FisheyeFit:
 
 
 def lens_information(boards: Boards, lens: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Of each board, with its pose eliminated: its part of the normal matrix of a lens (b, 8, 8),
-    for noise of 1 px, and of the gradient (b, 8)."""
+    """What each board, with its pose eliminated, adds to the normal matrix of a lens (b, 8, 8), for
+    noise of 1 px, and to the gradient (b, 8)."""
     posed = pose_boards(boards, lens)
     residuals, J = _linearised(boards, posed.lens, posed.R, posed.t, held=False)
     N, g = _sums(boards, residuals, J)
@@ -230,8 +230,9 @@ def _step(
     N, g = _sums(boards, residuals, J)
     diagonal = np.einsum("bii->bi", N)
     U, W, V = N[:, :LENS, :LENS].sum(axis=0), N[:, :LENS, LENS:], N[:, LENS:, LENS:]
-    own = np.diag(U)
-    U = U + np.diag(np.where(own > 0.0, damping * own, 1.0))  # of a lens that is held: no step
+    of_lens = np.diag(U)
+    # A lens that is held takes no step.
+    U = U + np.diag(np.where(of_lens > 0.0, damping * of_lens, 1.0))
     V = V + damping * diagonal[:, LENS:, None] * np.eye(POSE)
     solved = np.linalg.solve(V, np.concatenate([W.transpose(0, 2, 1), g[:, LENS:, None]], axis=2))
     reduced = U - (W @ solved[:, :, :LENS]).sum(axis=0)

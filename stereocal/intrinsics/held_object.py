@@ -87,7 +87,7 @@ class HeldObject:
 
     @property
     def kind(self) -> Literal["bar2x2", "balls", "board", "tags"]:
-        """As the text of a target begins."""
+        """The word with which the text of a target begins."""
         match self.what:
             case ProposedBoard():
                 return "board"
@@ -116,7 +116,7 @@ class HeldObject:
     def sentence(self) -> str:
         """What is proposed, and why."""
         first, second = (
-            f"{len(own)} of {of}" for own, of in zip(self.seen, self.looked_at, strict=True)
+            f"{len(places)} of {of}" for places, of in zip(self.seen, self.looked_at, strict=True)
         )
         return (
             f"This looks like {self.words}: {first} photographs of the primary that were looked at "
@@ -138,16 +138,16 @@ def held_object(
         None if nothing is found in most photographs of both, or several objects are.
     """
     looks = [[*_looks(photographs, once)] for photographs in cameras]
-    found = [*_boards(looks), *_bar(looks), *_tags(looks)] or [*_balls(looks)]
-    if len(found) != 1:
+    proposals = [*_boards(looks), *_bar(looks), *_tags(looks)] or [*_balls(looks)]
+    if len(proposals) != 1:
         return None
-    what, seen = found[0]
-    return HeldObject(what, seen, tuple(map(len, looks)))
+    held, seen = proposals[0]
+    return HeldObject(held, seen, tuple(map(len, looks)))
 
 
 def spread(every: Sequence[T]) -> list[T]:
     """`LOOKED_AT` of them, from the first to the last."""
-    return [every[at] for at in evenly_spread(len(every), LOOKED_AT)]
+    return [every[k] for k in evenly_spread(len(every), LOOKED_AT)]
 
 
 def _looks(photographs: Mapping[str, PhotographFile], once: Once) -> Iterator[_Look]:
@@ -167,8 +167,8 @@ def _patterns(grey: GreyImage) -> Patterns:
     markers = markers_in(plain)
     tags = {
         (dictionary, int(number)): four.mean(axis=0, keepdims=True)
-        for dictionary, own in markers.items()
-        for number, four in zip(*own, strict=True)
+        for dictionary, numbered in markers.items()
+        for number, four in zip(*numbered, strict=True)
     }
     return Patterns(charuco_of(markers) or chessboard_in(plain), detect_targets(grey).targets, tags)
 
@@ -188,8 +188,8 @@ def _places(seen: Mapping[str, FloatArray], looks: Sequence[_Look]) -> int:
 def _moves(seen: Seen, looks: Sequence[Sequence[_Look]]) -> bool:
     """Whether an object is in most photographs of each camera, each time elsewhere."""
     return all(
-        _places(own, of_camera) >= max(2.0, LEAST_PART * len(of_camera))
-        for own, of_camera in zip(seen, looks, strict=True)
+        _places(places, of_camera) >= max(2.0, LEAST_PART * len(of_camera))
+        for places, of_camera in zip(seen, looks, strict=True)
     )
 
 
@@ -197,25 +197,27 @@ def _boards(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
     """Boards whose size is seen at several places of an image, searched for in all others: only a
     board of known size is found where its outer squares are narrow or something hides them."""
     known = [
-        {look.name: look.patterns.board for look in own if look.patterns.board} for own in looks
+        {look.name: look.patterns.board for look in of_camera if look.patterns.board}
+        for of_camera in looks
     ]
-    every = [board for own in known for board, _ in own.values()]
+    every = [board for of_camera in known for board, _ in of_camera.values()]
     for size in {board.size for board in every}:
         alike = [board for board in every if board.size == size]
         # The side of a marker is measured anew in each photograph, and rows end with the last
         # marker that was read.
         board = replace(
-            max(alike, key=lambda one: one.rows),
-            marker=round(float(np.median([one.marker for one in alike])), 2),
+            max(alike, key=lambda board: board.rows),
+            marker=round(float(np.median([board.marker for board in alike])), 2),
         )
         first = [
-            {name: at for name, (own, at) in of_camera.items() if own.size == size}
+            {name: place for name, (board, place) in of_camera.items() if board.size == size}
             for of_camera in known
         ]
-        if any(_places(own, of) > 1 for own, of in zip(first, looks, strict=True)):
+        if any(_places(places, of) > 1 for places, of in zip(first, looks, strict=True)):
             seen = tuple(
-                own | dict(_found(board, [look for look in of_camera if look.name not in own]))
-                for own, of_camera in zip(first, looks, strict=True)
+                places
+                | dict(_found(board, [look for look in of_camera if look.name not in places]))
+                for places, of_camera in zip(first, looks, strict=True)
             )
             if _moves(seen, looks):
                 yield board, seen
@@ -234,10 +236,10 @@ def _bar(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
     seen = tuple(
         {
             look.name: np.array([corner.centre for corner in look.patterns.bar])
-            for look in own
+            for look in of_camera
             if look.patterns.bar
         }
-        for own in looks
+        for of_camera in looks
     )
     if _moves(seen, looks):
         yield BAR, seen
@@ -247,35 +249,39 @@ def _tags(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
     """Two tags of one dictionary that move; with more of them it is a board."""
     by_dictionary: dict[str, dict[int, Seen]] = {}
     others: Counter[str] = Counter()
-    for tag in sorted({tag for own in looks for look in own for tag in look.patterns.tags}):
+    for tag in sorted(
+        {tag for of_camera in looks for look in of_camera for tag in look.patterns.tags}
+    ):
         seen = tuple(
-            {look.name: own[tag] for look in of if tag in (own := look.patterns.tags)}
+            {look.name: tags[tag] for look in of if tag in (tags := look.patterns.tags)}
             for of in looks
         )
         if _moves(seen, looks):
             by_dictionary.setdefault(tag[0], {})[tag[1]] = seen
-        elif not any(len(own) > _places(own, of) for own, of in zip(seen, looks, strict=True)):
+        elif not any(
+            len(places) > _places(places, of) for places, of in zip(seen, looks, strict=True)
+        ):
             others[tag[0]] += 1  # and it does not stand still
     for dictionary, moving in by_dictionary.items():
         if len(moving) == 2 and others[dictionary] <= STRAY_TAGS:
             (a, first), (b, second) = moving.items()
             both = tuple(
-                {name: np.vstack([own[name], other[name]]) for name in own if name in other}
-                for own, other in zip(first, second, strict=True)
+                {name: np.vstack([one[name], other[name]]) for name in one if name in other}
+                for one, other in zip(first, second, strict=True)
             )
             yield Tags(smallest_dictionary(dictionary, b + 1), (a, b)), both
 
 
 def _balls(looks: Sequence[Sequence[_Look]]) -> Iterator[tuple[Held, Seen]]:
-    balls = proposed_colours([[look.small for look in own] for own in looks])
+    balls = proposed_colours([[look.small for look in of_camera] for of_camera in looks])
     if balls is None:
         return
-    found: list[dict[str, FloatArray]] = [{}, {}]
-    for own, of_camera in zip(found, looks, strict=True):
+    seen: list[dict[str, FloatArray]] = [{}, {}]
+    for places, of_camera in zip(seen, looks, strict=True):
         for look in of_camera:
             spots = [spot for spot in find_balls(look.small, balls).spots if spot]
             if len(spots) == 2:
                 centres = np.array([spot.centre for spot in spots])
-                own[look.name] = look.scale * (centres + 0.5) - 0.5
-    if _moves(tuple(found), looks):
-        yield balls, tuple(found)
+                places[look.name] = look.scale * (centres + 0.5) - 0.5
+    if _moves(tuple(seen), looks):
+        yield balls, tuple(seen)

@@ -136,10 +136,10 @@ def _by_opencv(
     flags = cv2.CALIB_FIX_K3 * settings.fix_k3
     flags += cv2.CALIB_ZERO_TANGENT_DIST * settings.zero_tangential
     try:
-        _, *found = solve(*boards, np.eye(3), np.zeros(5), flags=flags, criteria=CRITERIA)
+        _, *results = solve(*boards, np.eye(3), np.zeros(5), flags=flags, criteria=CRITERIA)
     except cv2.error as error:
         raise StereocalError(UNDETERMINED) from error
-    return tuple(found)
+    return tuple(results)
 
 
 def held_out_px(search: BoardSearch, settings: LensSettings) -> dict[LensModel, FloatArray]:
@@ -149,11 +149,11 @@ def held_out_px(search: BoardSearch, settings: LensSettings) -> dict[LensModel, 
     is fitted to its own corners. Infinite for a model that the boards do not determine. Empty for
     fewer than `FEWEST_VIEWS` boards.
     """
-    found: dict[LensModel, FloatArray] = {}
+    errors: dict[LensModel, FloatArray] = {}
     for model in LENS_MODELS if len(search.views) >= FEWEST_VIEWS else ():
-        own = replace(settings, model=model)
-        found[model] = np.array([_tested(search, own, part) for part in (0, 1)])
-    return found
+        tried = replace(settings, model=model)
+        errors[model] = np.array([_tested(search, tried, part) for part in (0, 1)])
+    return errors
 
 
 def _tested(search: BoardSearch, settings: LensSettings, part: int) -> float:
@@ -175,7 +175,7 @@ def better_model(px: Mapping[LensModel, FloatArray], chosen: LensModel) -> LensM
     Args:
         px: of `held_out_px`.
     """
-    others = (model for model, own in px.items() if (own < (1 - LEVEL) * px[chosen]).all())
+    others = (model for model, errors in px.items() if (errors < (1 - LEVEL) * px[chosen]).all())
     return next(others, chosen)
 
 
@@ -218,8 +218,8 @@ def board_pose(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatA
     if camera.is_fisheye:
         posed = pose_boards(boards_of(pattern, [view]), camera.lens_values)
         return np.append(cv2.Rodrigues(posed.R[0])[0], posed.t[0])
-    found, turn, shift = cv2.solvePnP(points, corners, camera.K, camera.distortion)
-    return np.concatenate([turn, shift]).ravel() if found else None
+    solved, turn, shift = cv2.solvePnP(points, corners, camera.K, camera.distortion)
+    return np.concatenate([turn, shift]).ravel() if solved else None
 
 
 def residuals_of(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatArray:

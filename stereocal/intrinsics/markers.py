@@ -33,7 +33,7 @@ Grey = npt.NDArray[np.uint8]
 
 def markers_in(grey: Grey) -> Markers:
     """The markers in a photograph, at half the size of a large one."""
-    scale, found = 1.0, dict[str, tuple[IntArray, FloatArray]]()
+    scale, markers = 1.0, dict[str, tuple[IntArray, FloatArray]]()
     if max(grey.shape) > LARGE_PX:
         grey, scale = halved(grey), 2.0
     seen = _quadrangles(grey)
@@ -44,8 +44,8 @@ def markers_in(grey: Grey) -> Markers:
         if numbers is not None:
             four = np.array(corners, dtype=np.float64).reshape(-1, 4, 2)
             ids = np.asarray(numbers, dtype=np.int64).ravel()
-            found[name] = ids, scale * four + 0.5 * (scale - 1.0)
-    return found
+            markers[name] = ids, scale * four + 0.5 * (scale - 1.0)
+    return markers
 
 
 @cache
@@ -59,8 +59,8 @@ def _words(name: str) -> npt.NDArray[np.float32]:
     printed = _printed(name)
     bits = np.array(
         [
-            cv2.aruco.Dictionary.getBitsFromByteList(own[None], printed.markerSize)
-            for own in printed.bytesList
+            cv2.aruco.Dictionary.getBitsFromByteList(marker[None], printed.markerSize)
+            for marker in printed.bytesList
         ],
         dtype=np.float32,
     )
@@ -80,7 +80,7 @@ def _quadrangles(grey: Grey) -> list[FloatArray]:
 def _may_be(name: str, grey: Grey, seen: list[FloatArray]) -> bool:
     """Whether the bits of a quadrangle are nearly those of a marker of a dictionary."""
     printed = _printed(name)
-    bits = [own for four in seen if (own := _bits(grey, four, printed.markerSize)) is not None]
+    bits = [inner for four in seen if (inner := _bits(grey, four, printed.markerSize)) is not None]
     if not bits:
         return False
     agreeing = _words(name) @ (2.0 * np.array(bits, dtype=np.float32) - 1.0).T
@@ -93,9 +93,9 @@ def _bits(grey: Grey, four: FloatArray, size: int) -> BoolArray | None:
     cells = size + 2
     end = cells * CELL_PX - 1.0
     square = np.array([[0.0, 0.0], [end, 0.0], [end, end], [0.0, end]], dtype=np.float32)
-    there = cv2.getPerspectiveTransform(four.astype(np.float32), square)
+    to_square = cv2.getPerspectiveTransform(four.astype(np.float32), square)
     sides = (cells * CELL_PX, cells * CELL_PX)
-    part = cv2.warpPerspective(grey, there, sides, flags=cv2.INTER_NEAREST)
+    part = cv2.warpPerspective(grey, to_square, sides, flags=cv2.INTER_NEAREST)
     half = CELL_PX // 2
     if part[half:-half, half:-half].std() < LEAST_SPREAD:
         return None

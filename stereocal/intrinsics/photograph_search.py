@@ -72,14 +72,30 @@ class PhotographSearch:
             StereocalError: no board, or of more than two cameras nothing at all, is seen by two; or
                 photographs of boards do not fit their lenses.
         """
-        say, control = tell or (lambda _: None), (executor, begin, progress)
+        say = tell or (lambda _: None)
         if not isinstance(self.held, BoardPattern):
-            about = self.pairing, self.photographs, self.lenses, self.held
-            found = detect_frames(*about, *control, before(Sighting))
-            words = [found.pairing.sentence if found.pairing.motion else "", found.sentence]
+            result = detect_frames(
+                self.pairing,
+                self.photographs,
+                self.lenses,
+                self.held,
+                executor,
+                begin,
+                progress,
+                before(Sighting),
+            )
+            words = [result.pairing.sentence if result.pairing.motion else "", result.sentence]
         else:
-            given = self.pairing, self.photographs, self.cameras, self.held
-            boards = find_stereo_boards(*given, *control, before(FoundBoard))
+            boards = find_stereo_boards(
+                self.pairing,
+                self.photographs,
+                self.cameras,
+                self.held,
+                executor,
+                begin,
+                progress,
+                before(FoundBoard),
+            )
             if len(self.cameras) == 2:
                 say(f"{boards.pairing.sentence} {boards.sentence}")
             made = dict[str, LensCalibration]()
@@ -89,10 +105,10 @@ class PhotographSearch:
             for which, lens in made.items() if tell else ():  # the note takes fits of its own
                 note = note_on_model(lens.search, lens.settings)
                 say(f"The {which}'s lens: {lens_answer(lens)} {note}".rstrip())
-            found = found_of(boards, self.lenses, made)
-            words = [found.beyond]
+            result = found_of(boards, self.lenses, made)
+            words = [result.beyond]
         if len(self.cameras) > 2:
-            words = [found.pairing.sentence, *found.unused]
+            words = [result.pairing.sentence, *result.unused]
         for sentence in filter(None, words):
             say(sentence)
-        return found
+        return result

@@ -68,15 +68,15 @@ def proposed_board(photographs: Photographs) -> ProposedBoard | None:
     """
     names = sorted(photographs)
     chosen = names[:: max(len(names) // LOOKED_AT, 1)][:LOOKED_AT]
-    found: Counter[ProposedBoard] = Counter()
+    votes: Counter[ProposedBoard] = Counter()
     for name in chosen:
         try:
             grey = eight_bits(read_photograph(photographs[name]))
         except StereocalError:  # reported by the search
             continue
         seen = charuco_of(markers_in(grey)) or chessboard_in(grey)
-        found.update([seen[0]] if seen else [])
-    best = found.most_common(2)
+        votes.update([seen[0]] if seen else [])
+    best = votes.most_common(2)
     if not best or (len(best) > 1 and best[0][1] == best[1][1]):
         return None
     return best[0][0]
@@ -96,8 +96,8 @@ def chessboard_in(grey: npt.NDArray[np.uint8]) -> tuple[ProposedBoard, FloatArra
         return None
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
     cv2.setRNGSeed(FINDER_SEED)
-    found, corners, meta = cv2.findChessboardCornersSBWithMeta(grey, SMALLEST, flags)
-    if not found:
+    is_found, corners, meta = cv2.findChessboardCornersSBWithMeta(grey, SMALLEST, flags)
+    if not is_found:
         return None
     grid = np.asarray(corners, dtype=np.float64).reshape(*meta.shape, 2)
     spacing = min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1))
@@ -114,7 +114,9 @@ def charuco_of(markers: Markers) -> tuple[ProposedBoard, FloatArray] | None:
     """A ChArUco board in view whole, by the places of its numbered markers, and the centres (n, 2)
     px of these."""
     seen = {
-        name: own for name, own in markers.items() if len(own[0]) >= FEWEST_MARKERS and "X" in name
+        name: numbered
+        for name, numbered in markers.items()
+        if len(numbered[0]) >= FEWEST_MARKERS and "X" in name
     }
     if not seen:
         return None
@@ -155,8 +157,8 @@ def _fit(
     H, _ = cv2.findHomography(seen, cells)
     if H is None:
         return None
-    there = cv2.perspectiveTransform(corners.reshape(-1, 1, 2), H).reshape(-1, 4, 2)
-    side = np.linalg.norm(there - np.roll(there, 1, axis=1), axis=2)
-    misfit = np.linalg.norm(there.mean(axis=1) - cells, axis=1)
+    on_board = cv2.perspectiveTransform(corners.reshape(-1, 1, 2), H).reshape(-1, 4, 2)
+    side = np.linalg.norm(on_board - np.roll(on_board, 1, axis=1), axis=2)
+    misfit = np.linalg.norm(on_board.mean(axis=1) - cells, axis=1)
     rows = int(cells[:, 1].max() + 0.5)
     return float(np.sqrt((misfit**2).mean())), columns, rows, float(np.median(side))

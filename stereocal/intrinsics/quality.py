@@ -45,16 +45,16 @@ def lens_answer(lens: LensCalibration) -> str:
 def lens_rows(lens: LensCalibration) -> list[tuple[str, str, str, str, str]]:
     """A row of `LENS_COLUMNS` for each parameter; digits by the standard error."""
     rows = []
-    for at, name in enumerate(lens.settings.parameters):
-        if lens.settings.free[at] == 0:
+    for k, name in enumerate(lens.settings.parameters):
+        if lens.settings.free[k] == 0:
             rows.append((name, "0", "held at 0", "", "0"))
             continue
-        digits = decimals_of(lens.standard_errors[at])
+        digits = decimals_of(lens.standard_errors[k])
         value, sigma, spread, of_all = (
-            f"{each[at]:.{digits}f}"
-            for each in (lens.values, lens.standard_errors, lens.spread, lens.of_all)
+            f"{values[k]:.{digits}f}"
+            for values in (lens.values, lens.standard_errors, lens.spread, lens.of_all)
         )
-        rows.append((f"{name} (px)" if at < 4 else name, value, sigma, spread, of_all))
+        rows.append((f"{name} (px)" if k < 4 else name, value, sigma, spread, of_all))
     return rows
 
 
@@ -151,10 +151,10 @@ def hint(calibration: LensCalibration) -> str | None:
 def note_on_model(search: BoardSearch, settings: LensSettings) -> str:
     """Which lens model describes the boards better, with the error of both on held-out boards."""
     px = held_out_px(search, settings)
-    if not any(np.isfinite(own).all() for own in px.values()):
+    if not any(np.isfinite(errors_px).all() for errors_px in px.values()):
         return ""
     names = {"brown": "the usual lens (brown)", "fisheye": "the fisheye"}
-    errors = {model: float(np.sqrt(np.square(own).mean())) for model, own in px.items()}
+    errors = {model: float(np.sqrt(np.square(errors_px).mean())) for model, errors_px in px.items()}
     figures = ", ".join(
         f"{names[model]} {f'{error:.3f} px' if math.isfinite(error) else 'none'}"
         for model, error in errors.items()
@@ -183,14 +183,14 @@ def preview(path: FileContent, camera: Camera, view: BoardView | None) -> tuple[
     scale = PREVIEW_WIDTH / grey.shape[1]
     how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     marked, straight = (
-        cv2.resize(each, None, fx=scale, fy=scale, interpolation=how)
-        for each in (cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), undistorted)
+        cv2.resize(image, None, fx=scale, fy=scale, interpolation=how)
+        for image in (cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), undistorted)
     )
     corners = np.empty((0, 2)) if view is None else view.corners
     for u, v in (corners + 0.5) * scale:
         cv2.circle(marked, (int(16 * u), int(16 * v)), 16 * 4, ORANGE_BGR, 1, cv2.LINE_AA, 4)
     first, second = (
-        bytes(cv2.imencode(".jpg", each, [cv2.IMWRITE_JPEG_QUALITY, 85])[1])
-        for each in (marked, straight)
+        bytes(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 85])[1])
+        for image in (marked, straight)
     )
     return first, second

@@ -54,19 +54,19 @@ class StereoBoards:
     @property
     def seen(self) -> dict[int, dict[str, BoardView]]:
         """The boards that two cameras or more see, by frame and camera."""
-        views = {view.name: view for own in self.searches.values() for view in own.views}
+        views = {view.name: view for search in self.searches.values() for view in search.views}
         every = {
             frame: {camera: views[name] for camera, name in files.items() if name in views}
             for frame, files in self.pairing.moments.items()
         }
-        return {frame: own for frame, own in every.items() if len(own) > 1}
+        return {frame: views for frame, views in every.items() if len(views) > 1}
 
     def of_pair(self, first: str, second: str) -> list[SeenBoard]:
         """The boards that both cameras see, by frame."""
         return [
-            SeenBoard(frame, (own[first], own[second]))
-            for frame, own in self.seen.items()
-            if first in own and second in own
+            SeenBoard(frame, (views[first], views[second]))
+            for frame, views in self.seen.items()
+            if first in views and second in views
         ]
 
     @property
@@ -77,11 +77,11 @@ class StereoBoards:
     @property
     def doubtful(self) -> dict[int, str]:
         """Why frames are not used."""
-        reasons, found = {item.name: item.reason for item in self.refused}, dict[int, str]()
+        reasons, doubts = {item.name: item.reason for item in self.refused}, dict[int, str]()
         for frame, files in self.pairing.moments.items():
-            if own := [name for name in files.values() if name in reasons]:
-                found[frame] = "; ".join(f"{name}: {reasons[name]}" for name in own)
-        return found | {
+            if names := [name for name in files.values() if name in reasons]:
+                doubts[frame] = "; ".join(f"{name}: {reasons[name]}" for name in names)
+        return doubts | {
             frame: f"the board stands where it does in frame {first}"
             for frame, first in self.repeated.items()
         }
@@ -89,10 +89,10 @@ class StereoBoards:
     @property
     def sentence(self) -> str:
         """What was found in the photographs of two cameras, for the user."""
-        found = [len(search.views) for search in self.searches.values()]
+        counts = [len(search.views) for search in self.searches.values()]
         parts = [
             f"{len(self.seen)} boards of {self.pattern} inner corners are in photographs of both "
-            f"cameras; {found[0]} in the primary's, {found[1]} in the secondary's."
+            f"cameras; {counts[0]} in the primary's, {counts[1]} in the secondary's."
         ]
         if self.refused:
             of = "; ".join(f"{item.name}: {item.reason}" for item in self.refused[:3])
@@ -126,13 +126,13 @@ def find_stereo_boards(
         progress, earlier: as for `find_boards`.
     """
     names = pairing.names(cameras)
-    for each in pairing.alone:  # for the lens
-        names[CAMERAS[each.camera]].append(each.name)
+    for photograph in pairing.alone:  # for the lens
+        names[CAMERAS[photograph.camera]].append(photograph.name)
     searches: dict[str, BoardSearch] = {}
-    for stage, (which, own) in zip(stages_of(names), names.items(), strict=True):
-        if own:
+    for stage, (which, chosen) in zip(stages_of(names), names.items(), strict=True):
+        if chosen:
             begin(stage)
-            files = {name: photographs[name] for name in own}
+            files = {name: photographs[name] for name in chosen}
             searches[which] = find_boards(files, pattern, executor, progress, earlier)
             _check_size(which, cameras[which], searches[which])
     if pairing.by_hand is None:
@@ -142,7 +142,7 @@ def find_stereo_boards(
         for search in searches.values()
         for view in search.views
     }
-    lenses = {which: cameras[which] or _rough_lens(own) for which, own in searches.items()}
+    lenses = {which: cameras[which] or _rough_lens(search) for which, search in searches.items()}
     board = RigidObject.of_board(pattern)
     motion = found_by_motion(pairing.by_hand, points, lenses, board, orders_of(pattern))
     return stereo_boards(pairing.told_by(motion), searches)
@@ -168,7 +168,9 @@ def stereo_boards(pairing: Pairing, searches: Mapping[str, BoardSearch]) -> Ster
     boards = StereoBoards(pairing, searches, {})
     seen = boards.seen
     if not seen:
-        counts = ", ".join(f"{len(own.views)} of the {name}'s" for name, own in searches.items())
+        counts = ", ".join(
+            f"{len(search.views)} of the {name}'s" for name, search in searches.items()
+        )
         raise StereocalError(
             f"No two cameras see the board in the same frame: it was found in {counts} "
             "photographs. Photograph it where two cameras see it, at the same moment."
@@ -222,7 +224,7 @@ def found_of(
         if view.name in outlying
     }
     frame_of = {
-        view.name: str(frame) for frame, own in boards.seen.items() for view in own.values()
+        view.name: str(frame) for frame, views in boards.seen.items() for view in views.values()
     }
     named: dict[str, Camera] = {}
     for which, camera in cameras.items():
@@ -230,7 +232,7 @@ def found_of(
             _check_size(which, camera, boards.searches[which])
         known = camera.uncertainty
         if known is not None:  # what the lens is without each board: by frame, not by photograph
-            without = {frame_of.get(own, own): change for own, change in known.without.items()}
+            without = {frame_of.get(name, name): change for name, change in known.without.items()}
             camera = replace(camera, uncertainty=replace(known, without=without))
         named[which] = camera
     points, pattern = {}, boards.pattern
@@ -245,8 +247,16 @@ def found_of(
     doubtful, why = boards.doubtful, {item.name: item.reason for item in boards.refused}
     moments = boards.pairing.moments
     again = {name: doubtful[k] for k in boards.repeated for name in moments[k].values()}
-    about = boards.pairing, named, board, orders, points, again | why
-    return Found(*about, sentence=boards.sentence, doubtful={**loose, **doubtful})
+    return Found(
+        boards.pairing,
+        named,
+        board,
+        orders,
+        points,
+        again | why,
+        sentence=boards.sentence,
+        doubtful={**loose, **doubtful},
+    )
 
 
 def _check_size(which: str, camera: Camera | None, search: BoardSearch) -> None:
@@ -259,19 +269,19 @@ def _check_size(which: str, camera: Camera | None, search: BoardSearch) -> None:
 
 def _repeated(seen: Mapping[int, Mapping[str, BoardView]]) -> dict[int, int]:
     """Frames whose board stands where that of an earlier frame did, and that frame."""
-    found, kept = dict[int, int](), dict[int, Mapping[str, BoardView]]()
-    for frame, own in seen.items():
+    repeated, kept = dict[int, int](), dict[int, Mapping[str, BoardView]]()
+    for frame, views in seen.items():
         same = (
-            at
-            for at, other in kept.items()
-            if own.keys() <= other.keys()
-            and all(_same_place(view, other[camera]) for camera, view in own.items())
+            earlier
+            for earlier, other in kept.items()
+            if views.keys() <= other.keys()
+            and all(_same_place(view, other[camera]) for camera, view in views.items())
         )
         if (first := next(same, None)) is None:
-            kept[frame] = own
+            kept[frame] = views
         else:
-            found[frame] = first
-    return found
+            repeated[frame] = first
+    return repeated
 
 
 def _same_place(one: BoardView, other: BoardView) -> bool:

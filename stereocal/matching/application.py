@@ -75,7 +75,7 @@ class Application:
     @property
     def rows(self) -> list[int]:
         """The numbers of points of the cameras."""
-        return [each.rows for each in self.points.values()]
+        return [points.rows for points in self.points.values()]
 
     @property
     def views(self) -> Views:
@@ -88,7 +88,7 @@ class Application:
         stated, world = self.stated, self.world and name_of_world(self.world)
         cameras = [*self.points]
         return {
-            "points": [each.name for each in self.points.values()],
+            "points": [points.name for points in self.points.values()],
             "parameters": [self.matching.digest, self.measuring.digest],
             "threshold, depths, noise, names or world frame": [
                 stated.threshold_px,
@@ -109,8 +109,8 @@ class Application:
 
     @property
     def used(self) -> dict[str, Any]:
-        """As of `Outcome`."""
-        labels = {"points": [each.label for each in self.points.values()]}
+        """What was used, as `Outcome.used` has it."""
+        labels = {"points": [points.label for points in self.points.values()]}
         return labels | self.views.used(self.measuring)
 
     @property
@@ -121,7 +121,7 @@ class Application:
     @property
     def expected_seconds(self) -> float:
         """Estimated time, for frames with about equal numbers of points."""
-        frames, rows = max(each.frames for each in self.points.values()), sum(self.rows)
+        frames, rows = max(points.frames for points in self.points.values()), sum(self.rows)
         parts = frames, rows, rows**2 / max(frames, 1)
         return float(np.dot(self.views.SECONDS, parts))
 
@@ -206,7 +206,9 @@ def apply_sets(
     """
     rig, measuring, stated = work.matching, work.measuring, work.stated
     if rig.digest != measuring.digest:
-        refuse_different_rigs(*(each.pair(*each.placed) for each in (rig, measuring)))
+        refuse_different_rigs(
+            *(parameters.pair(*parameters.placed) for parameters in (rig, measuring))
+        )
     begin(STAGES[0])
     rows: list[pd.DataFrame] = []
     table = work.views.TABLE
@@ -218,8 +220,9 @@ def apply_sets(
     whole = pd.concat(rows, ignore_index=True)
     rows.clear()  # in memory once
     together = views_of(measuring).table(whole, table)
-    about = work.world, matched.sigma_px, progress, executor
-    measured = measure_tables(measuring, together, folder / POINTS, *about)
+    measured = measure_tables(
+        measuring, together, folder / POINTS, work.world, matched.sigma_px, progress, executor
+    )
     return Outcome(
         digest=work.digest,
         threshold_px=matched.threshold_px,
@@ -228,7 +231,7 @@ def apply_sets(
         sentences=[*matched.sentences, *measured.sentences],
         notes=[*matched.notes, *measured.notes],
         made_with=_made_with(work, matched.threshold_px),
-        tables=[each.name for each in work.points.values()],
+        tables=[points.name for points in work.points.values()],
         measured_with=_measured_with(work),
         used=work.used,
         sigma_px=stated.sigma_px,
@@ -241,7 +244,7 @@ def apply_sets(
 
 
 def _made_with(work: Application, threshold_px: float) -> str:
-    labels = listed([each.label for each in work.points.values()])
+    labels = listed([points.label for points in work.points.values()])
     frame = "" if work.world is None else f", in the world frame {name_of_world(work.world)}"
     sets = work.views.in_words(work.files, work.measuring, threshold_px, work.stated)
     return f"{labels}; {sets}{frame}."
@@ -280,9 +283,9 @@ def read_result(content: bytes) -> pd.DataFrame:
         ValueError: it is damaged.
     """
     names = pd.read_csv(io.BytesIO(content), nrows=0).columns
-    own = {"frame", *POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, WITHIN, *PAIR_COLUMNS}
-    own |= {*OF_TRACKS, *SIGMAS}
-    texts = [name for name in names if name not in own and name[:2] not in ("u_", "v_")]
+    columns = {"frame", *POINT_COLUMNS, *SIGMA_COLUMNS, OUTSIDE_VOLUME, WITHIN, *PAIR_COLUMNS}
+    columns |= {*OF_TRACKS, *SIGMAS}
+    texts = [name for name in names if name not in columns and name[:2] not in ("u_", "v_")]
     table = pd.read_csv(
         io.BytesIO(content), dtype=dict.fromkeys(texts, str), keep_default_na=False, na_values=[""]
     )

@@ -74,8 +74,8 @@ class Clicks:
 
     @classmethod
     def of(cls, clicks: Iterable[Click]) -> "Clicks":
-        """Of several at one place, the last is kept."""
-        return cls({each.key: each for each in clicks})
+        """The clicks; of several at one place, the last is kept."""
+        return cls({click.key: click for click in clicks})
 
     def placed(self, clicks: Iterable[Click]) -> "Clicks":
         """With further ones."""
@@ -83,23 +83,23 @@ class Clicks:
 
     def of_cameras(self, cameras: Iterable[str]) -> "Clicks":
         """Those in the images of these cameras."""
-        own = {*cameras}
-        return Clicks({key: each for key, each in self.every.items() if each.camera in own})
+        wanted = {*cameras}
+        return Clicks({key: click for key, click in self.every.items() if click.camera in wanted})
 
     @property
     def last_frame(self) -> int:
         """0 without clicks."""
-        return max((each.frame for each in self.every.values()), default=0)
+        return max((click.frame for click in self.every.values()), default=0)
 
     @property
     def tracks(self) -> list[str]:
         """In the order of their first clicks."""
-        return list(dict.fromkeys(each.track for each in self.every.values()))
+        return list(dict.fromkeys(click.track for click in self.every.values()))
 
     def along(self, track: str, camera: str) -> list[Click]:
         """Those of a track in one camera, by frame."""
-        own = [e for e in self.every.values() if e.track == track and e.camera == camera]
-        return sorted(own, key=lambda each: each.frame)
+        clicks = [e for e in self.every.values() if e.track == track and e.camera == camera]
+        return sorted(clicks, key=lambda click: click.frame)
 
     @property
     def are_points(self) -> bool:
@@ -116,8 +116,8 @@ class Clicks:
         rows = pd.DataFrame(map(vars, self.every.values()), columns=["camera", *columns])
         if to_match:
             rows = rows[rows.groupby(TRACK)["camera"].transform("nunique") >= FEWEST]
-        own = dict(iter(rows.sort_values(["frame", TRACK]).groupby("camera")))
-        return {camera: own[camera][columns] for camera in cameras if camera in own}
+        by_camera = dict(iter(rows.sort_values(["frame", TRACK]).groupby("camera")))
+        return {camera: by_camera[camera][columns] for camera in cameras if camera in by_camera}
 
 
 class Length(NamedTuple):
@@ -135,8 +135,8 @@ class Length(NamedTuple):
         """Which part of its error is the larger, if that is the bar."""
         if not 2 * self.scale_m**2 > self.sigma_m**2:
             return ""
-        known = rounded(100 * self.scale_m / self.metres)
-        return f", most of the error from the bar, which is known to ± {known} %"
+        percent = rounded(100 * self.scale_m / self.metres)
+        return f", most of the error from the bar, which is known to ± {percent} %"
 
     def __str__(self) -> str:
         return f"{with_error(self.metres, self.sigma_m)} m"
@@ -161,8 +161,8 @@ class ClickMeasure:
     def measured(self, clicks: Clicks, settled: Settled) -> "MeasuredClicks":
         """What the points measure that two cameras or more have."""
         tables, timing = self._in_step(clicks)
-        at, pixels = points_of_names(tables, self.matching.placed)
-        places = [Place(track, int(frame)) for frame, track in at]
+        keys, pixels = points_of_names(tables, self.matching.placed)
+        places = [Place(track, int(frame)) for frame, track in keys]
         return MeasuredClicks(self, settled, places, pixels, timing)
 
     def _in_step(self, clicks: Clicks) -> tuple[dict[str, pd.DataFrame], str]:
@@ -170,11 +170,11 @@ class ClickMeasure:
         tables = clicks.tables(self.matching.placed, to_match=True)
         first, *others = self.matching.placed
         # Pictures are shown by common numbers.
-        given = {first: next(iter(tables.values())).iloc[:0], **tables}
-        found, told = points_in_step(self.matching, given, numbered_alike=True)
-        named = {name: f"{name}: " * (len(others) > 1) for name in told}
-        notes = [f"{named[name]}{note}" for name, own in told.items() for note in own]
-        return {name: found[name] for name in tables}, " ".join(notes)
+        with_first = {first: next(iter(tables.values())).iloc[:0], **tables}
+        in_step, done = points_in_step(self.matching, with_first, numbered_alike=True)
+        named = {name: f"{name}: " * (len(others) > 1) for name in done}
+        notes = [f"{named[name]}{note}" for name, sentences in done.items() for note in sentences]
+        return {name: in_step[name] for name in tables}, " ".join(notes)
 
     def curve(self, click: Click, camera: str, velocity: FloatArray | None = None) -> FloatArray:
         """(n, 2): the epipolar line of a click in another image, by the set that matches.
@@ -205,12 +205,12 @@ class MeasuredClicks:
 
     @cached_property
     def fits(self) -> Measured:
-        """As `reconstruct` has them."""
+        """Positions and their errors, as `reconstruct` has them."""
         return views_of(self.how.measuring).fit(self.pixels, self.settled.sigma_px)
 
     @cached_property
     def points(self) -> Points3D:
-        """As they are in `points.csv`."""
+        """The points as they are in `points.csv`."""
         return self.fits.in_frame(self.how.world, self.how.measuring.volume, with_errors=True)
 
     @cached_property
@@ -231,7 +231,7 @@ class MeasuredClicks:
         numbers = zip("xyz", points.xyz[row].tolist(), points.sigma_m[row].tolist(), strict=True)
         where = ", ".join(f"{axis} {Length(value, sigma)}" for axis, value, sigma in numbers)
         outside = points.outside_volume is not None and bool(points.outside_volume[row])
-        error_px, limit_px = (float(each[row]) for each in self.errors_px)
+        error_px, limit_px = (float(values[row]) for values in self.errors_px)
         fit = "below" if error_px <= limit_px else "above"
         doubt = "" if error_px <= limit_px else ": not the same point, or clicked badly"
         return (
@@ -243,30 +243,32 @@ class MeasuredClicks:
         """The tracks whose point in a frame has an error above the threshold."""
         errors, limits = self.errors_px
         above = errors > limits
-        return {at.track for at, row in self.rows.items() if at.frame == frame and above[row]}
+        return {
+            place.track for place, row in self.rows.items() if place.frame == frame and above[row]
+        }
 
     def in_words(self, *ends: tuple[Place, Place]) -> str:
         """The distance of two points, or the mean of several such, as a sentence; empty if none is
         measured."""
-        if (found := self.length(*ends)) is None:
+        if (length := self.length(*ends)) is None:
             return ""
         one, other = ends[0]
         if len(ends) > 1:
-            of = f"{one.track} to {other.track}, mean of {found.frames} frames"
+            of = f"{one.track} to {other.track}, mean of {length.frames} frames"
         else:
             of = f"{one} to {other}"
-        return f"{of}: {found}{found.mostly}."
+        return f"{of}: {length}{length.mostly}."
 
     def previous(self, place: Place) -> Place | None:
         """The point of the track in the nearest frame before."""
         before = [e for e in self.rows if e.track == place.track and e.frame < place.frame]
-        return max(before, key=lambda each: each.frame, default=None)
+        return max(before, key=lambda place: place.frame, default=None)
 
     def common(self, one: str, other: str) -> list[tuple[Place, Place]]:
         """The points of two tracks in the frames that have both."""
-        frames = sorted(each.frame for each in self.rows if each.track == one)
+        frames = sorted(place.frame for place in self.rows if place.track == one)
         both = [(Place(one, frame), Place(other, frame)) for frame in frames]
-        return [each for each in both if each[1] in self.rows]
+        return [ends for ends in both if ends[1] in self.rows]
 
     def length(self, *ends: tuple[Place, Place]) -> Length | None:
         """The distance of two points, or the mean of those of several pairs of points, with its
@@ -280,10 +282,10 @@ class MeasuredClicks:
         rows = [(self.rows[a], self.rows[b]) for a, b in ends if {a, b} <= {*self.rows}]
         if not rows or any(a == b for a, b in rows):
             return None
-        (own, by_shared, shared), (one, other) = self.fits.errors, np.array(rows).T
+        (covariances, by_shared, shared), (one, other) = self.fits.errors, np.array(rows).T
         apart = self.fits.xyz[one] - self.fits.xyz[other]
         metres = np.linalg.norm(apart, axis=1)
-        by_pixels, moved = own[one] + own[other], by_shared[one] - by_shared[other]
+        by_pixels, moved = covariances[one] + covariances[other], by_shared[one] - by_shared[other]
         of_both = by_pixels + moved @ shared @ moved.swapaxes(1, 2)
         scatter = np.sqrt(np.trace(of_both, axis1=1, axis2=2))
         far = metres > scatter

@@ -29,7 +29,7 @@ def nearest_clicks(along: Sequence[Click], frame: int) -> list[Click]:
     """The click nearest in time to a frame, of those of a track in one camera, and the next one on
     its side; those before go first."""
     others = sorted((e for e in along if e.frame != frame), key=lambda e: abs(e.frame - frame))
-    side = [each for each in others if (each.frame < frame) == (others[0].frame < frame)]
+    side = [click for click in others if (click.frame < frame) == (others[0].frame < frame)]
     return side[:2] if side and abs(side[0].frame - frame) <= FARTHEST else []
 
 
@@ -53,8 +53,8 @@ def follow(before: Image, now: Image, nearest: Sequence[Click], frame: int) -> P
     reach = max(REACH_PX, round(REACH_OF_STEP * float(np.linalg.norm(step))))
     if speed is None:
         reach = max(reach, round(REACH_UNKNOWN * now.shape[1]))
-    there = np.array([last.u, last.v]) + step
-    sought, area = _square(before, (last.u, last.v), HALF), _square(now, there, HALF + reach)
+    predicted = np.array([last.u, last.v]) + step
+    sought, area = _square(before, (last.u, last.v), HALF), _square(now, predicted, HALF + reach)
     if sought is None or area is None or sought.std() < 1.0:
         return None
     scores = cv2.matchTemplate(area, sought, cv2.TM_CCOEFF_NORMED)
@@ -64,7 +64,7 @@ def follow(before: Image, now: Image, nearest: Sequence[Click], frame: int) -> P
         return None
     along = np.array([scores[y, x - 1 : x + 2], scores[y - 1 : y + 2, x]], np.float64)
     low, best, high = along.T  # of a parabola
-    u, v = there - reach + [x, y] + (high - low) / (4 * best - 2 * (low + high) + 1e-9)
+    u, v = predicted - reach + [x, y] + (high - low) / (4 * best - 2 * (low + high) + 1e-9)
     return float(u), float(v)
 
 

@@ -54,16 +54,17 @@ FOLLOWING = 10
 def tables_in_step(
     rig: Parameters, tables: Mapping[str, PointTable]
 ) -> tuple[dict[str, PointTable], list[str]]:
-    """As `points_in_step`, of tables that are read only if their cameras are not in step."""
+    """What `points_in_step` gives, of tables that are read only if their cameras are not in
+    step."""
     first, *others = tables
     late = [n for n in others if _is_late(rig.pair(first, n), tables[n].further)]
     if not late:
         return dict(tables), []
     read = {name: pd.concat(list(tables[name].blocks())) for name in (first, *late)}
     points, notes = points_in_step(rig, read)
-    found = {n: PointTable(points[n], tables[n].numbers, tables[n].label) for n in late}
-    told = [f"{tables[name].label}: {note}" for name in late for note in notes[name]]
-    return {**tables, **found}, told
+    shifted = {n: PointTable(points[n], tables[n].numbers, tables[n].label) for n in late}
+    sentences = [f"{tables[name].label}: {note}" for name in late for note in notes[name]]
+    return {**tables, **shifted}, sentences
 
 
 def points_in_step(
@@ -79,7 +80,7 @@ def points_in_step(
         StereocalError: the points do not tell by how much the cameras were counted apart.
     """
     first, *others = tables
-    found, notes = dict(tables), dict[str, list[str]]()
+    in_step, notes = dict(tables), dict[str, list[str]]()
     called = {name: f"the {name}" if name in CAMERAS else name for name in tables}
     for name in others:
         pair, points = rig.pair(first, name), tables[name]
@@ -89,9 +90,9 @@ def points_in_step(
         both = _Both.of(pair, tables[first], points, POINT * 2)
         offset, notes[name] = both.counted(called[first], called[name])
         i, j, _ = both.nearest(both.placed(offset), 0, FITTED)
-        found[name], told = both.moved(offset, i, j, *both.moments(offset))
-        notes[name] += told
-    return found, notes
+        in_step[name], sentences = both.moved(offset, i, j, *both.moments(offset))
+        notes[name] += sentences
+    return in_step, notes
 
 
 def pairs_in_step(table: PointTable, rig: RigParameters) -> tuple[PointTable, str]:
@@ -108,10 +109,10 @@ def pairs_in_step(table: PointTable, rig: RigParameters) -> tuple[PointTable, st
         return float(np.median(np.abs(errors)))
 
     offset, _ = how_counted(rig, rig.start_frame, misfit)
-    moved, told = both.moved(offset, some, some, both.times, np.ones(len(pairs), np.bool_))
-    if not told:
+    moved, sentences = both.moved(offset, some, some, both.times, np.ones(len(pairs), np.bool_))
+    if not sentences:
         return table, ""
-    return PointTable(moved, table.numbers, table.label), " ".join([f"{table.label}:", *told])
+    return PointTable(moved, table.numbers, table.label), " ".join([f"{table.label}:", *sentences])
 
 
 def how_counted(
@@ -128,7 +129,7 @@ def how_counted(
     if not whole:
         return known, 0.0
     apart = replace(known, frames=known.frames + whole, reference=known.reference - whole)
-    px = {each: misfit(each) for each in (known, apart)}
+    px = {offset: misfit(offset) for offset in (known, apart)}
     best, other = sorted(px, key=px.__getitem__)
     return (best, px[best]) if STANDS_OUT * px[best] < px[other] else (known, np.inf)
 
@@ -170,12 +171,13 @@ class _Both:
         Args:
             columns: the pixels of the first and of the second.
         """
-        rays, own = rig.primary.undistort(first[list(columns[:2])].to_numpy(float)), (*columns[2:],)
-        pixels, frame = second[list(own)].to_numpy(dtype=np.float64), second["frame"]
+        rays = rig.primary.undistort(first[list(columns[:2])].to_numpy(float))
+        of_second = (*columns[2:],)
+        pixels, frame = second[list(of_second)].to_numpy(dtype=np.float64), second["frame"]
         recorded = pd.to_numeric(second.get(TIME, frame), errors="coerce").fillna(frame)
         times, frames = recorded.to_numpy(dtype=np.int64), first["frame"].to_numpy(dtype=np.int64)
         named = second.assign(frame=times).dropna(axis="columns")
-        further = named.columns.difference(["frame", TIME, *own], sort=False)
+        further = named.columns.difference(["frame", TIME, *of_second], sort=False)
         codes = [pd.factorize(named[name])[0] for name in naming_columns(named, further)]
         if not named["frame"].duplicated().any():
             codes = [0 * times]
@@ -184,7 +186,7 @@ class _Both:
                 break
         else:
             track = np.arange(len(times))
-        return cls(rig, frames, rays, second, own, times, pixels, track)
+        return cls(rig, frames, rays, second, of_second, times, pixels, track)
 
     def moments(self, offset: MeasuredOffset) -> tuple[IntArray, BoolArray]:
         """The first's frame for each point of the second, as recorded; and whether the point is the
@@ -203,9 +205,9 @@ class _Both:
     def at(self, offset: MeasuredOffset, moment: IntArray) -> tuple[FloatArray, BoolArray]:
         """The second's points at frames of the first, (n, 2), and whether that is known, (n,);
         those that have no neighbours or would leave the image are where they are."""
-        found = interpolate(self.track, self.times, self.second, self.late(offset, moment))
-        known = found.inside(self.rig.secondary.image_size)
-        return np.where(known[:, None], found.positions, self.second), known
+        interpolated = interpolate(self.track, self.times, self.second, self.late(offset, moment))
+        known = interpolated.inside(self.rig.secondary.image_size)
+        return np.where(known[:, None], interpolated.positions, self.second), known
 
     def renumbered(self, moment: IntArray) -> IntArray:
         """(n,): the second's frames, moved as far as those recorded."""
@@ -256,12 +258,12 @@ class _Both:
     def counted(self, first: str, second: str) -> tuple[MeasuredOffset, list[str]]:
         """How the second's points were counted, and a sentence with the cameras' names."""
         whole = self.rig.start_frame
-        found, px = how_counted(self.rig, whole, lambda tried: self.misfit(self.placed(tried)))
+        offset, px = how_counted(self.rig, whole, lambda tried: self.misfit(self.placed(tried)))
         if not whole:
-            return found, []
+            return offset, []
         if px > fitting_px((self.rig.primary, self.rig.secondary)):
-            if min(len(np.unique(each)) for each in (self.frames, self.times)) < FEWEST:
-                return found, [
+            if min(len(np.unique(frames)) for frames in (self.frames, self.times)) < FEWEST:
+                return offset, [
                     f"the calibrated recording was counted {abs(whole)} frames apart; these frames "
                     "are too few to tell whether they are, and were used as numbered."
                 ]
@@ -273,15 +275,15 @@ class _Both:
                     "far better than at all others. Number the frames of both cameras alike, or "
                     "give more frames with few points that move."
                 )
-            found = anew
-        start = found.split()[0]
-        if abs(found.drift) >= RATE:
-            where = f"frame k of {second} is frame {1.0 + found.drift:.6g} k {start:+d} of {first}"
+            offset = anew
+        start = offset.split()[0]
+        if abs(offset.drift) >= RATE:
+            where = f"frame k of {second} is frame {1.0 + offset.drift:.6g} k {start:+d} of {first}"
         elif start:
             where = f"frame 0 of {second} is frame {start} of {first}"
         else:
-            return found, ["by these points, both cameras counted their frames alike."]
-        return found, [f"by these points, {where}: they are paired like this, with its numbers."]
+            return offset, ["by these points, both cameras counted their frames alike."]
+        return offset, [f"by these points, {where}: they are paired like this, with its numbers."]
 
     def scanned(self, rates: Sequence[float]) -> MeasuredOffset | None:
         """The offset at which the points fit far better than at all others; None if none does."""
@@ -292,10 +294,10 @@ class _Both:
             if high - low > MOST_OFFSETS:
                 return None
             whole = range(low, high + 1)
-            tries += [(self.misfit(placed, each), each + phase, rate - 1.0) for each in whole]
+            tries += [(self.misfit(placed, shift), shift + phase, rate - 1.0) for shift in whole]
         errors, frames, drifts = np.array(tries).T
-        best, at = int(errors.argmin()), frames + drifts * np.median(self.times)
-        other = errors[np.abs(at - at[best]) > APART].min(initial=np.inf)
+        best, offsets = int(errors.argmin()), frames + drifts * np.median(self.times)
+        other = errors[np.abs(offsets - offsets[best]) > APART].min(initial=np.inf)
         if (
             errors[best] <= fitting_px((self.rig.primary, self.rig.secondary))
             and STANDS_OUT * errors[best] < other < np.inf
@@ -317,38 +319,43 @@ class _Both:
             return None
         times, middle = self.times[j], float(np.round(self.times[j].mean()))
         since = np.column_stack([np.ones(len(j)), times - middle])[:, : 1 + (np.ptp(times) > LONG)]
-        found = MeasuredOffset(float(tried.at(middle)), tried.drift, middle)
+        offset = MeasuredOffset(float(tried.at(middle)), tried.drift, middle)
 
         for _ in range(ROUNDS):
-            at = interpolate(self.track, self.times, self.second, self.late(found, moment))
+            interpolated = interpolate(
+                self.track, self.times, self.second, self.late(offset, moment)
+            )
             # Not of positions at the next instants: their noise is not independent of these'.
-            both = at.positions[j], at.positions[j] - STEP * at.velocities[j]
+            both = (
+                interpolated.positions[j],
+                interpolated.positions[j] - STEP * interpolated.velocities[j],
+            )
             rays = map(self.rig.secondary.undistort, both)
-            here, ahead = (self.errors(self.first[i], each) for each in rays)
-            use = at.inside(self.rig.secondary.image_size)[j] & np.isfinite(here + ahead)
+            here, ahead = (self.errors(self.first[i], second) for second in rays)
+            use = interpolated.inside(self.rig.secondary.image_size)[j] & np.isfinite(here + ahead)
             if use.sum() < TELLING:
                 return None
             e, J = here[use], (since * ((ahead - here) / STEP)[:, None])[use]
             far = np.square(e / (FAR * np.median(np.abs(e)) + 1e-9))
             scores = J * (e / (1.0 + far))[:, None]
             step = np.linalg.pinv(J.T @ (J / (1.0 + far)[:, None])) @ scores.sum(axis=0)
-            found = replace(
-                found, frames=found.frames - step[0], drift=found.drift - step[1:].sum()
+            offset = replace(
+                offset, frames=offset.frames - step[0], drift=offset.drift - step[1:].sum()
             )
         inverse = np.linalg.pinv(J.T @ (J * ((1.0 - far) / (1.0 + far) ** 2)[:, None]))
         runs = np.array_split(scores[np.argsort(times[use], kind="stable")], BLOCKS)
         variances = [
-            np.square(own @ inverse).sum(axis=0) * len(own) / (len(own) - J.shape[1])
-            for own in (scores, np.array([run.sum(axis=0) for run in runs]))
+            np.square(parts @ inverse).sum(axis=0) * len(parts) / (len(parts) - J.shape[1])
+            for parts in (scores, np.array([run.sum(axis=0) for run in runs]))
         ]
         spread = np.sqrt(np.max(variances, axis=0))
-        found = replace(found, sigma=float(spread[0]), drift_sigma=float(spread[1:].sum()))
+        offset = replace(offset, sigma=float(spread[0]), drift_sigma=float(spread[1:].sum()))
         ends = np.array([times.min(), times.max()])
-        off = np.hypot(found.sigma, found.drift_sigma * np.abs(ends - middle))
-        apart = np.abs(found.at(ends) - tried.at(ends))
+        off = np.hypot(offset.sigma, offset.drift_sigma * np.abs(ends - middle))
+        apart = np.abs(offset.at(ends) - tried.at(ends))
         differs = apart > np.maximum(LEAST, CLAIMED * np.hypot(off, tried.sigma))
-        is_near = abs(found.frames - tried.at(middle)) < APART / 2
-        return found if differs.any() and is_near else None
+        is_near = abs(offset.frames - tried.at(middle)) < APART / 2
+        return offset if differs.any() and is_near else None
 
     def moved(
         self, tried: MeasuredOffset, i: IntArray, j: IntArray, moment: IntArray, kept: BoolArray
@@ -359,9 +366,9 @@ class _Both:
             i, j, moment: as of `own`.
             kept: (n,): which points.
         """
-        own = self.own(tried, i, j, moment)
-        pixels, known = self.at(own or tried, moment)
-        late, known = self.late(own or tried, moment)[kept], known[kept]
+        measured = self.own(tried, i, j, moment)
+        pixels, known = self.at(measured or tried, moment)
+        late, known = self.late(measured or tried, moment)[kept], known[kept]
         moved = self.points.assign(frame=self.renumbered(moment))[kept]
         moved[list(self.columns)] = pixels[kept]
         moved[SHIFT] = np.where(known, late, 0.0)
@@ -373,10 +380,10 @@ class _Both:
                 f"the time offset of {shift} could not be applied, because no column names the "
                 "tracks of points from frame to frame: the secondary points are used as recorded."
             ]
-        told = f"the secondary points were shifted in time by {shift}"
-        if own is not None:
-            change = own.at(own.reference) - tried.at(own.reference)
-            told += f", {change:+.3f} of it by these points themselves"
+        sentence = f"the secondary points were shifted in time by {shift}"
+        if measured is not None:
+            change = measured.at(measured.reference) - tried.at(measured.reference)
+            sentence += f", {change:+.3f} of it by these points themselves"
         if lost := int((~known).sum()):
-            told += f"; {lost} of {len(known)} have no neighbours in their track and were not"
-        return moved, [f"{told}."]
+            sentence += f"; {lost} of {len(known)} have no neighbours in their track and were not"
+        return moved, [f"{sentence}."]

@@ -63,19 +63,21 @@ def match_tables(
         for block in _blocks(given.side_by_side())
     )
     matched = run_tasks(tasks, executor, len(given.frames), progress, ahead=AHEAD)
-    told = list[pd.DataFrame]()
+    reported = list[pd.DataFrame]()
     with ExitStack() as stack:
         writer = stack.enter_context(open_table(out, matching.columns, passed_on))
         lost = None
         if unmatched is not None:
-            further = dict.fromkeys(name for each in given.tables.values() for name in each.further)
+            further = dict.fromkeys(
+                name for table in given.tables.values() for name in table.further
+            )
             lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
-        for _, (found, lonely) in stack.enter_context(closing(matched)):
-            writer.add(found)
+        for _, (groups, lonely) in stack.enter_context(closing(matched)):
+            writer.add(groups)
             if lost is not None and lonely is not None:
                 lost.add(lonely)
-            told.append(found[matching.told])
-    report = matching.report(together(told), given)
+            reported.append(groups[matching.told])
+    report = matching.report(together(reported), given)
     first = filter(None, [*timing, beyond_in_words(given.beyond)])
     return replace(report, notes=[*first, *report.notes])
 
@@ -98,10 +100,10 @@ def _match_block(
     matching: Matching, block: list[Frame], with_lonely: bool
 ) -> tuple[pd.DataFrame, pd.DataFrame | None]:
     """What belongs together in a block, and the points without a partner, if they are wanted."""
-    found, left = zip(*(matching.match_frame(*frame) for frame in block), strict=True)
+    groups, left = zip(*(matching.match_frame(*frame) for frame in block), strict=True)
     lonely = [
-        without_partner(rows, matching.cameras, own)
-        for (_, rows), own in zip(block, left, strict=True)
+        without_partner(rows, matching.cameras, rows_left)
+        for (_, rows), rows_left in zip(block, left, strict=True)
         if with_lonely
     ]
-    return together(found), together(lonely) if with_lonely else None
+    return together(groups), together(lonely) if with_lonely else None

@@ -76,7 +76,9 @@ def match_points(
     i, j, error = first[kept], second[kept], errors[kept]
     # The least error of a point belongs to its own pair, or to another pair: the runner-up.
     two_least = of_primary[i], of_secondary[j]
-    others = np.minimum(*(np.where(own[:, 0] < error, own[:, 0], own[:, 1]) for own in two_least))
+    others = np.minimum(
+        *(np.where(least[:, 0] < error, least[:, 0], least[:, 1]) for least in two_least)
+    )
     return Matches(
         primary=i,
         secondary=j,
@@ -124,19 +126,19 @@ def assign(first: IntArray, second: IntArray, errors: FloatArray, threshold: flo
     kept = np.flatnonzero(is_free)
     if len(kept) < len(first):  # solved without the pairs of points that have no other partner
         others = np.flatnonzero(~is_free)
-        own = _solve(first[others], second[others], errors[others], threshold)
-        kept = np.concatenate([kept, others[own]])
+        solved = _solve(first[others], second[others], errors[others], threshold)
+        kept = np.concatenate([kept, others[solved]])
     return kept[np.argsort(first[kept])]
 
 
 def _solve(first: IntArray, second: IntArray, errors: FloatArray, threshold: float) -> IntArray:
     rows, i = np.unique(first, return_inverse=True)
     columns, j = np.unique(second, return_inverse=True)
-    own = np.arange(len(rows))
+    further = np.arange(len(rows))
     unmatched = np.full(len(rows), np.nextafter(threshold, np.inf))
     # The added constant does not change the assignment; SciPy drops zeros.
     cost = np.concatenate([errors, unmatched]) + max(threshold, 1.0)
-    entries = np.concatenate([i, own]), np.concatenate([j, len(columns) + own])
+    entries = np.concatenate([i, further]), np.concatenate([j, len(columns) + further])
     table: Any = coo_array((cost, entries), shape=(len(rows), len(columns) + len(rows))).tocsr()
     partner = min_weight_full_bipartite_matching(table)[1]
     return np.flatnonzero(partner[i] == j)

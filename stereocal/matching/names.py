@@ -60,15 +60,15 @@ class Names:
         """Rows of each camera in one frame that may be pairs; the last are those without a name."""
         sides = [self._rows(table) for table in (first, second)]
         none = np.empty(0, dtype=np.int64)
-        named = [each for each in sides[0] if each]
-        named += [each for each in sides[1] if each and each not in sides[0]]
+        named = [name for name in sides[0] if name]
+        named += [name for name in sides[1] if name and name not in sides[0]]
         rows = [[side.get(name, none) for side in sides] for name in (*named, "")]
         return [(one, two) for one, two in rows]
 
     def samples(self, first: pd.DataFrame, second: pd.DataFrame) -> list[FramePixels]:
         """Pixels of one frame by group, with standard deviations if both tables have them."""
         columns = [*POINT, *([SIGMA] if SIGMA in first and SIGMA in second else [])]
-        one, two = (pixels_of(each, columns) for each in (first, second))
+        one, two = (pixels_of(table, columns) for table in (first, second))
         if not self.columns:
             return [(one, two)]
         groups = self.groups(first, second)
@@ -94,7 +94,7 @@ class Names:
         rows: dict[str, list[int]] = {}
         for row, name in enumerate(texts(table, self.columns)):
             rows.setdefault(name if name in self.common else "", []).append(row)
-        return {name: np.array(found, dtype=np.int64) for name, found in rows.items()}
+        return {name: np.array(numbers, dtype=np.int64) for name, numbers in rows.items()}
 
 
 NO_NAMES = Names()
@@ -159,7 +159,7 @@ def choose_names(
     """
     note = ""
     columns = tuple(
-        each for each in columns if all(any(texts(table, [each])) for table in distinct)
+        column for column in columns if all(any(texts(table, [column])) for table in distinct)
     )
     for tried in dict.fromkeys([columns, columns[:1], columns[1:]]):
         seen = Counter(name for table in distinct for name in {*texts(table, tried)})
@@ -194,7 +194,7 @@ def _contradiction(cameras: TwoCameras, names: Names) -> str:
         better.append((others > of_names[:, None]).ravel())
     if not same:
         return ""
-    of_names, least, share = (np.concatenate(each) for each in (same, nearest, better))
+    of_names, least, share = (np.concatenate(parts) for parts in (same, nearest, better))
     typical, best = float(np.median(of_names)), float(np.median(least))
     if typical <= WORSE * best + 1e-3 or (len(share) and share.mean() >= BETTER):
         return ""
@@ -231,6 +231,8 @@ def match_groups(
             matches = match_points(rig, primary_px[i], secondary_px[j], threshold_px, depths_m)
             rows = i[matches.primary], j[matches.secondary]
             parts.append((*rows, matches.error_px, matches.runner_up_px, matches.ambiguous))
-    one, two, error, second, ambiguous = (np.concatenate(each) for each in zip(*parts, strict=True))
+    one, two, error, second, ambiguous = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
     order = np.argsort(one, kind="stable")
     return Matches(one[order], two[order], error[order], second[order], ambiguous[order])

@@ -35,7 +35,7 @@ def pairs_within(
     """
     of_primary = np.full((len(primary), 2), np.inf)
     of_secondary = np.full((len(secondary), 2), np.inf)
-    found = _pairs_within(
+    candidates = _pairs_within(
         contiguous(R),
         contiguous(T),
         contiguous(primary),
@@ -47,8 +47,8 @@ def pairs_within(
         of_primary,
         of_secondary,
     )
-    rows = found[:, :2].astype(np.int64)
-    return rows[:, 0], rows[:, 1], found[:, 2].copy(), of_primary, of_secondary
+    rows = candidates[:, :2].astype(np.int64)
+    return rows[:, 0], rows[:, 1], candidates[:, 2].copy(), of_primary, of_secondary
 
 
 @compiled
@@ -69,7 +69,7 @@ def _pairs_within(
     Fills `of_primary` and `of_secondary`. `secondary` is (2, m) here, contiguous by coordinate.
     """
     n, m = len(primary), secondary.shape[1]
-    found = np.empty((4 * m + 16, 3))
+    candidates = np.empty((4 * m + 16, 3))
     row = np.empty(m)
     count = 0
     for i in range(n):
@@ -81,8 +81,8 @@ def _pairs_within(
             )
             keep = 1.0 if (z >= near) & (z <= far) else np.nan
             row[j] = 0.5 * (one + two) * keep
-        if count + m > len(found):
-            found = _enlarged(found, count, 2 * len(found) + m)
+        if count + m > len(candidates):
+            candidates = _enlarged(candidates, count, 2 * len(candidates) + m)
         least, next_least = np.inf, np.inf
         for j in range(m):
             error = row[j]
@@ -95,16 +95,16 @@ def _pairs_within(
                 if error < of_secondary[j, 0]:
                     of_secondary[j, 1], of_secondary[j, 0] = of_secondary[j, 0], error
             if error <= threshold:
-                found[count, 0], found[count, 1], found[count, 2] = i, j, error
+                candidates[count, 0], candidates[count, 1], candidates[count, 2] = i, j, error
                 count += 1
         of_primary[i, 0], of_primary[i, 1] = least, next_least
-    return _enlarged(found, count, count)
+    return _enlarged(candidates, count, count)
 
 
 @internal
-def _enlarged(found: FloatArray, count: int, size: int) -> FloatArray:
+def _enlarged(candidates: FloatArray, count: int, size: int) -> FloatArray:
     larger = np.empty((size, 3))
     for k in range(count):
         for i in range(3):
-            larger[k, i] = found[k, i]
+            larger[k, i] = candidates[k, i]
     return larger

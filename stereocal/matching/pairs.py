@@ -83,7 +83,7 @@ class BelowThreshold(Matching):
         (first, one), (second, other) = given.contents.items()
         common = np.intersect1d(one.frames, other.frames)
         if not len(common):
-            a, b = (f"{each.frames[0]} to {each.frames[-1]}" for each in (one, other))
+            a, b = (f"{contents.frames[0]} to {contents.frames[-1]}" for contents in (one, other))
             raise StereocalError(
                 f"The two tables have no frame in common: {given.tables[first].label} has frames "
                 f"{a}, {given.tables[second].label} has frames {b}. Use the same frame numbers in "
@@ -93,8 +93,10 @@ class BelowThreshold(Matching):
         sample = [(a, b) for frame, (a, b) in given.side_by_side() if frame in wanted]
         names, note, chosen = names_and_threshold(rig, sample, given.distinct, stated)
         further = further_names(*(table.further for table in given.tables.values()))
-        told = ["ambiguous", *([WITHIN, *_named(names)] if names.columns else [])]
-        return cls((first, second), further, None, told, names, note, rig, stated.depths_m, chosen)
+        reported = ["ambiguous", *([WITHIN, *_named(names)] if names.columns else [])]
+        return cls(
+            (first, second), further, None, reported, names, note, rig, stated.depths_m, chosen
+        )
 
     def groups(self, rows: Sequence[pd.DataFrame]) -> tuple[IntArray, dict[str, Any]]:
         """With `PAIR_SIGMAS` if the noise is that of the points, `WITHIN` if they have names."""
@@ -102,33 +104,33 @@ class BelowThreshold(Matching):
         primary, secondary = map(pixels_of, rows)
         if self.names.columns:
             groups = self.names.groups(*rows)
-            found = match_groups(self.rig, primary, secondary, groups, threshold, self.depths_m)
+            matches = match_groups(self.rig, primary, secondary, groups, threshold, self.depths_m)
         else:
-            found = match_points(self.rig, primary, secondary, threshold, self.depths_m)
-        images = np.column_stack([found.primary, found.secondary])
+            matches = match_points(self.rig, primary, secondary, threshold, self.depths_m)
+        images = np.column_stack([matches.primary, matches.secondary])
         columns: dict[str, Any] = {
-            "error_px": found.error_px.round(ERROR_DECIMALS),
-            "runner_up_px": found.runner_up_px.round(ERROR_DECIMALS),
-            "ambiguous": found.ambiguous,
-            **({WITHIN: found.error_px <= threshold} if self.names.columns else {}),
+            "error_px": matches.error_px.round(ERROR_DECIMALS),
+            "runner_up_px": matches.runner_up_px.round(ERROR_DECIMALS),
+            "ambiguous": matches.ambiguous,
+            **({WITHIN: matches.error_px <= threshold} if self.names.columns else {}),
         }
         if noise is not None and noise.source != "calibration":
-            for name, table, at in zip(PAIR_SIGMAS, rows, images.T, strict=True):
+            for name, table, image in zip(PAIR_SIGMAS, rows, images.T, strict=True):
                 stated = noise.source == "columns" and SIGMA in table
                 columns[name] = (
-                    table[SIGMA].array[at] if stated else np.full(len(at), noise.sigma_px)
+                    table[SIGMA].array[image] if stated else np.full(len(image), noise.sigma_px)
                 )
         return images, columns
 
-    def report(self, found: pd.DataFrame, given: TablesByCamera) -> Report:
-        pairs, chosen = len(found), self.threshold
+    def report(self, reported: pd.DataFrame, given: TablesByCamera) -> Report:
+        pairs, chosen = len(reported), self.threshold
         one, other = given.contents.values()
         frames = len(np.intersect1d(one.frames, other.frames))
         by = f", of points of one name ({self.names.in_words})," if self.names.columns else ""
         sentence = (
             f"{count(pairs, 'pair')} in {count(frames, 'frame')}{by} at a threshold of "
-            f"{rounded(chosen.threshold_px, 3)} px; {found['ambiguous'].sum()} of them ambiguous "
-            "(another partner is within the threshold as well); without partner: "
+            f"{rounded(chosen.threshold_px, 3)} px; {reported['ambiguous'].sum()} of them "
+            "ambiguous (another partner is within the threshold as well); without partner: "
             f"{count(one.rows - pairs, 'point')} of the primary, "
             f"{other.rows - pairs} of the secondary."
         )
@@ -138,7 +140,7 @@ class BelowThreshold(Matching):
             self.contradiction,
             self._on_few(pairs, min(one.rows, other.rows)),
             self._on_scatter(),
-            self._on_names(found),
+            self._on_names(reported),
         ]
         return Report(
             pairs,
@@ -173,12 +175,12 @@ class BelowThreshold(Matching):
             return ""
         return on_far(noise.sigma_px, targets.sigma_px if targets else None)
 
-    def _on_names(self, found: pd.DataFrame) -> str:
+    def _on_names(self, reported: pd.DataFrame) -> str:
         """A note on names whose points do not fit together, where that is more than noise."""
         if not self.names.columns:
             return ""
-        pairs, shares = len(found), self.threshold.shares
-        above = Counter(texts(found[~found[WITHIN]], _named(self.names)))
+        pairs, shares = len(reported), self.threshold.shares
+        above = Counter(texts(reported[~reported[WITHIN]], _named(self.names)))
         expected = USUAL_LOST if shares is None else shares.lost
         number = above.total()
         if number <= 3 + 3 * expected * pairs:
@@ -224,9 +226,9 @@ def names_and_threshold(
     names, note = choose_names([TwoCameras(rig, sample)], distinct, columns, is_forced)
     if stated.sigma_px is None and stated.usual_px is not None:
         with suppress(StereocalError):  # they are too few
-            found = _threshold(rig, sample, names, stated)
-            if found.noise and found.noise.source == "estimated":
-                return names, note, found
+            choice = _threshold(rig, sample, names, stated)
+            if choice.noise and choice.noise.source == "estimated":
+                return names, note, choice
         stated = replace(stated, sigma_px=stated.usual_px)
     return names, note, _threshold(rig, sample, names, stated)
 
@@ -237,20 +239,19 @@ def _named(names: Names) -> list[str]:
 
 
 def _threshold(rig: RigParameters, sample: Sample, names: Names, stated: Stated) -> ThresholdChoice:
-    """As `choose_threshold`: the noise by pairs of one name, the threshold among all points.
+    """The choice, with the noise by pairs of one name, and the threshold among all points.
 
     Beyond the threshold, points of other names fit as well, so a name may be wrong there.
     """
-    about = stated.depths_m, stated.sigma_px, stated.threshold_px
     named = [pixels for both in sample for pixels in names.samples(*both)]
-    found = choose_threshold(rig, named, *about)
-    if not names.columns or stated.threshold_px is not None or found.noise is None:
-        return found
+    choice = choose_threshold(rig, named, stated.depths_m, stated.sigma_px, stated.threshold_px)
+    if not names.columns or stated.threshold_px is not None or choice.noise is None:
+        return choice
     with suppress(StereocalError):  # all points may be too dense for one
         every = [pixels for both in sample for pixels in NO_NAMES.samples(*both)]
-        most = choose_threshold(rig, every, stated.depths_m, found.noise.sigma_px).threshold_px
-        chosen = min(most, found.threshold_px)
-        why = found.chosen_for if found.shares is None and chosen == found.threshold_px else ""
-        by_name = choose_threshold(rig, named, *about[:2], chosen)
+        most = choose_threshold(rig, every, stated.depths_m, choice.noise.sigma_px).threshold_px
+        chosen = min(most, choice.threshold_px)
+        why = choice.chosen_for if choice.shares is None and chosen == choice.threshold_px else ""
+        by_name = choose_threshold(rig, named, stated.depths_m, stated.sigma_px, chosen)
         return replace(by_name, is_forced=False, chosen_for=why)
-    return found
+    return choice

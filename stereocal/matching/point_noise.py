@@ -236,10 +236,10 @@ class Mixture:
         scores = (up - down) / (2 * step)
         information = np.linalg.pinv(scores @ scores.T)
         frames = np.unique(self.errors.frame, return_inverse=True)[1]
-        of_frames = np.stack([np.bincount(frames, each) for each in scores])
+        of_frames = np.stack([np.bincount(frames, score) for score in scores])
         robust = information @ of_frames @ of_frames.T @ information
-        own = self.factor * self.errors.stated
-        of_normal = float(np.median((self.scales / own) ** 4)) / max(2 * self.correct, 1e-300)
+        of_points = self.factor * self.errors.stated
+        of_normal = float(np.median((self.scales / of_points) ** 4)) / max(2 * self.correct, 1e-300)
         return float(np.sqrt(max(information[0, 0], robust[0, 0], of_normal)))
 
     @property
@@ -259,17 +259,17 @@ class Mixture:
         return float(self.factor * of_scale)
 
 
-def stated_noise(sigma_px: float, by_columns: bool, found: Mixture | None) -> PointNoise:
+def stated_noise(sigma_px: float, by_columns: bool, mixture: Mixture | None) -> PointNoise:
     """A noise that is stated, and whether the errors of the pairs contradict it.
 
     Args:
-        found: of errors over what is stated; None if correct pairs do not stand out.
+        mixture: of errors over what is stated; None if correct pairs do not stand out.
     """
     seen = None
-    if found is not None:
-        off = abs(np.log(found.deviation))
-        if off > max(np.log(CONTRADICTION), 3 * found.relative_error):
-            seen = found.deviation * sigma_px
+    if mixture is not None:
+        off = abs(np.log(mixture.deviation))
+        if off > max(np.log(CONTRADICTION), 3 * mixture.relative_error):
+            seen = mixture.deviation * sigma_px
     return PointNoise(sigma_px, "columns" if by_columns else "stated", seen_px=seen)
 
 
@@ -283,20 +283,20 @@ def fit_pairs(errors: PairErrors, limit_px: float) -> Mixture | None:
         limit_px: all pairs up to this distance are among the errors.
     """
     errors = replace(errors, of_rig=np.zeros(len(errors)))
-    found = fit_noise(errors, limit_px)
+    mixture = fit_noise(errors, limit_px)
     zoom = limit_px
     for _ in range(ZOOMS):
-        if found is None or found.scale < zoom / RESOLVED:
+        if mixture is None or mixture.scale < zoom / RESOLVED:
             break
         zoom /= 4.0
         inner = fit_noise(errors, zoom)
         if inner is not None and inner.is_clear and inner.scale < zoom / 4.0:
-            found = inner
+            mixture = inner
     for _ in range(ZOOMS):
-        if found is None or not found.is_clear or WIDE * found.scale > 0.7 * found.limit_px:
+        if mixture is None or not mixture.is_clear or WIDE * mixture.scale > 0.7 * mixture.limit_px:
             break
-        found = fit_noise(errors, WIDE * found.scale)
-    return found
+        mixture = fit_noise(errors, WIDE * mixture.scale)
+    return mixture
 
 
 def fit_noise(errors: PairErrors, limit_px: float, factor: float | None = None) -> Mixture | None:
@@ -312,34 +312,34 @@ def fit_noise(errors: PairErrors, limit_px: float, factor: float | None = None) 
     best: Mixture | None = None
     start = factor or _start(errors, limit_px)
     for degrees in DEGREES:
-        found = _likeliest(errors, limit_px, start, degrees, factor is not None)
+        mixture = _likeliest(errors, limit_px, start, degrees, factor is not None)
         if best is None:
-            best, start = found, found.factor
+            best, start = mixture, mixture.factor
             continue
         needed = 0.5 * TAIL_EVIDENCE if np.isinf(best.degrees) else 0.0
-        if found.log_likelihood < best.log_likelihood + needed:
+        if mixture.log_likelihood < best.log_likelihood + needed:
             break
-        best = found
+        best = mixture
     return best
 
 
 def _likeliest(
     errors: PairErrors, limit: float, start: float, degrees: float, is_known: bool
 ) -> Mixture:
-    def at(log_factor: float) -> Mixture:
+    def mixture_at(log_factor: float) -> Mixture:
         factor = float(np.exp(log_factor))
         share, value = _best_share(errors, limit, factor, degrees)
         return Mixture(errors, limit, factor, share, degrees, value)
 
     if is_known:
-        return at(np.log(start))
-    found = minimize_scalar(
-        lambda x: -at(x).log_likelihood,
+        return mixture_at(np.log(start))
+    optimum = minimize_scalar(
+        lambda x: -mixture_at(x).log_likelihood,
         bounds=np.log(start) + np.array([-1.0, 1.0]),
         method="bounded",
         options={"xatol": 1e-3},
     )
-    return at(float(found.x))
+    return mixture_at(float(optimum.x))
 
 
 def _start(errors: PairErrors, limit: float) -> float:

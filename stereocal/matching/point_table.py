@@ -191,7 +191,7 @@ class PointTable:
         chunks: Iterator[pd.DataFrame]
         if isinstance(self.source, pd.DataFrame):
             table = self.source
-            chunks = (table.iloc[at : at + rows] for at in range(0, len(table), rows))
+            chunks = (table.iloc[begin : begin + rows] for begin in range(0, len(table), rows))
         elif is_parquet(self.source):
             chunks = self._parquet_chunks(self.source, rows)
         else:

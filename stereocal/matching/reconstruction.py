@@ -94,8 +94,8 @@ def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
     if not stored:
         return None, None
     try:
-        found = covariance_of_entry(stored["covariance"], rig)
-        return float(stored["sigma_px"]["value"]), found
+        covariance = covariance_of_entry(stored["covariance"], rig)
+        return float(stored["sigma_px"]["value"]), covariance
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise StereocalError(
             f"The uncertainties of the parameter file cannot be read ({error})."
@@ -120,13 +120,13 @@ def covariance_of(rig: Parameters) -> FloatArray:
     """(Q, Q): of the unknowns of `views`; 0 where a parameter file does not state it."""
     if isinstance(rig, RigFile):
         return rig.covariance
-    if (found := noise_of_file(rig)[1]) is None:
+    if (covariance := noise_of_file(rig)[1]) is None:
         return np.zeros((OF_PAIR, OF_PAIR))
     # In units of the standard errors: an entry near 0 is not known to 1e-6 of itself.
-    scale = np.sqrt(np.abs(np.diag(found)))
-    if (np.abs(found - found.T) > 1e-6 * np.outer(scale, scale)).any():
+    scale = np.sqrt(np.abs(np.diag(covariance)))
+    if (np.abs(covariance - covariance.T) > 1e-6 * np.outer(scale, scale)).any():
         raise StereocalError("The covariance in the parameter file is not symmetric.")
-    return np.asarray((found + found.T) / 2)
+    return np.asarray((covariance + covariance.T) / 2)
 
 
 def name_of_world(world: Pose) -> str:

@@ -74,24 +74,26 @@ class Matching(ABC):
         Args:
             rows: of each of `cameras`.
         """
-        images, found = self.groups(rows)
+        images, of_groups = self.groups(rows)
         columns: dict[str, Any] = {"frame": np.full(len(images), frame)}
         for camera, table, image in zip(self.cameras, rows, images.T, strict=True):
             for axis in POINT:
                 pixels = np.append(table[axis].to_numpy(np.float64), np.nan)
                 columns[f"{axis}_{camera}"] = pixels[image]  # -1 is the last one
-        columns |= found
+        columns |= of_groups
         for names, table, image in zip(self.further, rows, images.T, strict=True):
             columns |= {new: self._passed(table[name], image) for name, new in names.items()}
-        left = [np.setdiff1d(np.arange(len(n)), own) for n, own in zip(rows, images.T, strict=True)]
+        left = [
+            np.setdiff1d(np.arange(len(n)), image) for n, image in zip(rows, images.T, strict=True)
+        ]
         return pd.DataFrame(columns), left
 
     def _passed(self, column: "pd.Series[Any]", image: IntArray) -> Any:
         if len(self.cameras) == 2:  # both see every point
             return column.array[image]
         values = column.tolist()
-        own = [None if k < 0 else values[k] for k in image.tolist()]
-        return pd.Series(own, dtype=object)  # 1 does not become 1.0
+        passed = [None if k < 0 else values[k] for k in image.tolist()]
+        return pd.Series(passed, dtype=object)  # 1 does not become 1.0
 
     @abstractmethod
     def groups(self, rows: Sequence[pd.DataFrame]) -> tuple[IntArray, dict[str, Any]]:
@@ -99,5 +101,5 @@ class Matching(ABC):
         does not see the point, and columns about each."""
 
     @abstractmethod
-    def report(self, found: pd.DataFrame, given: TablesByCamera) -> Report:
+    def report(self, reported: pd.DataFrame, given: TablesByCamera) -> Report:
         """The result, by the columns `told` of all frames."""

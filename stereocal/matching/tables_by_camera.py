@@ -76,21 +76,21 @@ class TablesByCamera:
     @cached_property
     def frames(self) -> IntArray:
         """The frames of any table, in order."""
-        return reduce(np.union1d, (each.frames for each in self.contents.values()))
+        return reduce(np.union1d, (contents.frames for contents in self.contents.values()))
 
     @property
     def distinct(self) -> list[pd.DataFrame]:
         """The different names in each table."""
-        return [each.distinct for each in self.contents.values()]
+        return [contents.distinct for contents in self.contents.values()]
 
     @property
     def left_out(self) -> dict[str, str]:
-        """By camera, a note on the rows without a point."""
+        """A note on the rows without a point, by camera."""
         return {
-            name: f"{self.tables[name].label}: {count(each.left_out, 'row')} without a point left "
-            "out."
-            for name, each in self.contents.items()
-            if each.left_out
+            name: f"{self.tables[name].label}: {count(contents.left_out, 'row')} without a point "
+            "left out."
+            for name, contents in self.contents.items()
+            if contents.left_out
         }
 
     def side_by_side(self) -> Iterator[Frame]:
@@ -156,7 +156,7 @@ def without_partner(
     Args:
         left: (n,) of each camera: which rows.
     """
-    lonely = [table.iloc[own] for table, own in zip(rows, left, strict=True)]
+    lonely = [table.iloc[rows_left] for table, rows_left in zip(rows, left, strict=True)]
     for camera, alone in zip(cameras, lonely, strict=True):
         alone.insert(0, "camera", camera)
     return pd.concat(lonely)

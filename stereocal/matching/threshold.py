@@ -112,8 +112,8 @@ class ThresholdChoice:
     def sentence(self) -> str:
         """Noise, threshold, what it is for, and what it does."""
         of_file = ", that of the parameter file" * (self.shares is None and not self.is_forced)
-        found = f"{rounded(self.threshold_px, 3)} px{self.chosen_for or of_file}"
-        text = f"{self._about_noise()} Threshold {found}"
+        threshold = f"{rounded(self.threshold_px, 3)} px{self.chosen_for or of_file}"
+        text = f"{self._about_noise()} Threshold {threshold}"
         if self.shares is None:
             return f"{text}."
         return (
@@ -122,12 +122,12 @@ class ThresholdChoice:
         )
 
     def _about_noise(self) -> str:
-        own, targets = self.noise, self.targets
-        if own is not None and own.source != "calibration":
+        noise, targets = self.noise, self.targets
+        if noise is not None and noise.source != "calibration":
             others = "" if targets is None else f" (the targets: {rounded(targets.sigma_px)} px)"
-            return f"Your points scatter by {own.in_words}{others}.{own.disagreement}"
-        used = None if own is None else rounded(own.sigma_px)
-        instead = "" if own is None else f", so that of the targets is used, {used} px"
+            return f"Your points scatter by {noise.in_words}{others}.{noise.disagreement}"
+        used = None if noise is None else rounded(noise.sigma_px)
+        instead = "" if noise is None else f", so that of the targets is used, {used} px"
         return (
             f"The noise of your points cannot be estimated (fewer than {FEWEST_PAIRS} pairs stand "
             f"out, or they are exact){instead}."
@@ -170,10 +170,10 @@ def choose_threshold(
         checked_threshold(rig, threshold_px)
     check_sigma(sigma_px)
     sample = _sample(rig, frames, depths_m)
-    found, noise = _fits(rig, sample, sigma_px)
+    mixture, noise = _fits(rig, sample, sigma_px)
     targets = noise_of_calibration(rig)
-    if found is not None:
-        chosen, shares = _choose(found, sample, threshold_px)
+    if mixture is not None:
+        chosen, shares = _choose(mixture, sample, threshold_px)
         if threshold_px is not None:
             return ThresholdChoice(chosen, noise, targets, shares, is_forced=True)
         if shares.lost <= MAXIMUM_LOST:
@@ -231,17 +231,17 @@ def _sample(
     sides: tuple[list[FloatArray], list[FloatArray]] = ([], [])
     rays = zip(*(_undistorted(rig, k, frames) for k in (0, 1)), strict=True)
     numbers, errors, wanted, cut = [], [np.empty(0)], 0, False
-    for number, ((primary, secondary), own) in enumerate(zip(frames, rays, strict=True)):
-        first, second, found, _, _ = pairs_within(
-            rig.pose.R, rig.pose.T, own[0], own[1], rig.pixel_scale, np.inf, near, far
+    for number, ((primary, secondary), both) in enumerate(zip(frames, rays, strict=True)):
+        first, second, px, _, _ = pairs_within(
+            rig.pose.R, rig.pose.T, both[0], both[1], rig.pixel_scale, np.inf, near, far
         )
         few = min(len(primary), len(secondary))
-        wanted += min(PAIRS_PER_POINT * few, max(len(found) // 2, few + 1))
-        nearest = np.argsort(found, kind="stable")[: NEAREST * few]
-        cut |= len(nearest) < len(found)
+        wanted += min(PAIRS_PER_POINT * few, max(len(px) // 2, few + 1))
+        nearest = np.argsort(px, kind="stable")[: NEAREST * few]
+        cut |= len(nearest) < len(px)
         sides[0].append(primary[first[nearest]])
         sides[1].append(secondary[second[nearest]])
-        errors.append(found[nearest])
+        errors.append(px[nearest])
         numbers.append(np.full(len(nearest), number))
     points = np.array([[len(p), len(s)] for p, s in frames] or [[0, 0]], dtype=np.float64)
     pooled = np.concatenate(errors)
@@ -277,45 +277,45 @@ def _fits(
     errors = sample.errors
     if sigma_px is not None:
         errors = replace(errors, stated=np.full(len(errors), sigma_px))
-    found = fit_pairs(errors, sample.limit_px)
-    found = found if found is not None and found.is_clear else None
-    limit = sample.limit_px if found is None else found.limit_px
+    mixture = fit_pairs(errors, sample.limit_px)
+    mixture = mixture if mixture is not None and mixture.is_clear else None
+    limit = sample.limit_px if mixture is None else mixture.limit_px
     if sigma_px is not None or sample.has_sigmas:
-        known = fit_noise(errors, limit, 1.0)
+        at_stated = fit_noise(errors, limit, 1.0)
         typical = sigma_px or float(np.sqrt(np.mean(errors.stated**2)))
-        noise = stated_noise(typical, sigma_px is None, found)
-        return (known if known is not None and known.stands_out else None), noise
-    own = None if found is None else fit_noise(errors, limit)
-    if own is not None and own.is_clear:
-        return found, PointNoise(own.deviation, "estimated", own.relative_error)
-    return found, noise_of_calibration(rig)
+        noise = stated_noise(typical, sigma_px is None, mixture)
+        return (at_stated if at_stated is not None and at_stated.stands_out else None), noise
+    with_rig = None if mixture is None else fit_noise(errors, limit)
+    if with_rig is not None and with_rig.is_clear:
+        return mixture, PointNoise(with_rig.deviation, "estimated", with_rig.relative_error)
+    return mixture, noise_of_calibration(rig)
 
 
-def _choose(found: Mixture, sample: _Sample, threshold: float | None) -> tuple[float, Shares]:
+def _choose(mixture: Mixture, sample: _Sample, threshold: float | None) -> tuple[float, Shares]:
     """The threshold of least lost + wrong, over all frames together, unless it is given."""
-    errors = found.errors
-    near = np.flatnonzero(errors.off_px <= 3 * found.scales)
+    errors = mixture.errors
+    near = np.flatnonzero(errors.off_px <= 3 * mixture.scales)
     near = near[evenly_spread(len(near), SHAPES)]
-    scales = (errors.relative * found.scales)[near]
-    limit = found.limit_px * float(np.median(errors.relative[near]))
+    scales = (errors.relative * mixture.scales)[near]
+    limit = mixture.limit_px * float(np.median(errors.relative[near]))
     edges = np.concatenate([[0.0], np.geomspace(1e-2 * scales.min(), limit, 2000)])
     if threshold is not None:
         edges = np.unique(np.append(edges, threshold))
     within = edges[:, None] / scales
-    inside = (1 - TAIL) * found_within(within, found.degrees).mean(axis=1)
-    inside += TAIL * found_within(within / TAIL_SCALE, found.degrees).mean(axis=1)
-    correct = found.correct * sample.thinning
-    others = (1 - found.share) * len(errors) * sample.thinning
+    inside = (1 - TAIL) * found_within(within, mixture.degrees).mean(axis=1)
+    inside += TAIL * found_within(within / TAIL_SCALE, mixture.degrees).mean(axis=1)
+    correct = mixture.correct * sample.thinning
+    others = (1 - mixture.share) * len(errors) * sample.thinning
     per_px = max(others, LEAST_WRONG) / limit
     partnered = np.minimum(correct / sample.points, 1 - MINIMUM_UNPARTNERED)
     free = (1 - partnered[0] * inside) * (1 - partnered[1] * inside)
     taken = np.concatenate([[0.0], np.cumsum(0.5 * (free[1:] + free[:-1]) * np.diff(edges))])
     cost = correct * (1 - inside) + per_px * taken
-    at = int(np.argmin(cost)) if threshold is None else int(np.searchsorted(edges, threshold))
+    k = int(np.argmin(cost)) if threshold is None else int(np.searchsorted(edges, threshold))
     mean_error = float(np.sum((1 - 0.5 * (inside[1:] + inside[:-1])) * np.diff(edges)))
     # Points without a partner are taken once.
     alone = float(np.min((1 - partnered) * sample.points))
-    wrong = alone * -np.expm1(-per_px * taken[at] / alone)
-    wrong += per_px * float(np.prod(partnered)) * min(mean_error, edges[at])
-    shares = Shares(float(1 - inside[at]), float(wrong / max(wrong + correct * inside[at], 1e-300)))
-    return float(edges[at]), shares
+    wrong = alone * -np.expm1(-per_px * taken[k] / alone)
+    wrong += per_px * float(np.prod(partnered)) * min(mean_error, edges[k])
+    shares = Shares(float(1 - inside[k]), float(wrong / max(wrong + correct * inside[k], 1e-300)))
+    return float(edges[k]), shares

@@ -42,7 +42,7 @@ class InGroups(Matching):
     stated_px: float | None
     """The noise of the points as stated."""
     sigma_px: float
-    """As stated, else by two of the cameras, before all are matched."""
+    """The noise, as stated, else by two of the cameras, before all are matched."""
     wrong: Mapping[int, float]
     """Share of wrong tracks, at most about, by the number of cameras; empty if unknown."""
 
@@ -60,27 +60,39 @@ class InGroups(Matching):
             points, numbers = zip(*(_images(rig, names, rows) for rows in frames), strict=True)
             wrong = expected_wrong(fitter, points, sigma_px, numbers)
         tables = given.tables
-        further = [{key: f"{key}_{name}" for key in own.further} for name, own in tables.items()]
-        written = [name for own in further for name in own.values()]
+        further = [
+            {key: f"{key}_{name}" for key in table.further} for name, table in tables.items()
+        ]
+        written = [name for renamed in further for name in renamed.values()]
         columns = ["frame", *pixel_columns(rig), *OF_TRACKS, *written]
-        about = (*tables,), further, columns, ["views", "ambiguous", CHI_SQUARE], names, note
-        return cls(*about, fitter, stated.sigma_px, sigma_px, wrong)
+        return cls(
+            (*tables,),
+            further,
+            columns,
+            ["views", "ambiguous", CHI_SQUARE],
+            names,
+            note,
+            fitter,
+            stated.sigma_px,
+            sigma_px,
+            wrong,
+        )
 
     def groups(self, rows: Sequence[pd.DataFrame]) -> tuple[IntArray, dict[str, Any]]:
         by_camera = dict(zip(self.cameras, rows, strict=True))
         points, numbers = _images(self.fitter.rig, self.names, by_camera)
-        found = match_views(self.fitter, points, self.sigma_px, numbers)
+        groups = match_views(self.fitter, points, self.sigma_px, numbers)
         of_cameras = [self.fitter.names.index(name) for name in self.cameras]
-        return found.images[:, of_cameras], {
-            "views": found.views,
-            "error_px": found.error_px.round(ERROR_DECIMALS),
-            "ambiguous": found.ambiguous,
-            CHI_SQUARE: found.chi_square,
+        return groups.images[:, of_cameras], {
+            "views": groups.views,
+            "error_px": groups.error_px.round(ERROR_DECIMALS),
+            "ambiguous": groups.ambiguous,
+            CHI_SQUARE: groups.chi_square,
         }
 
-    def report(self, found: pd.DataFrame, given: TablesByCamera) -> Report:
-        rig, views = self.fitter.rig, found["views"].to_numpy(dtype=np.int64)
-        chi_square = found[CHI_SQUARE].to_numpy(dtype=np.float64)
+    def report(self, reported: pd.DataFrame, given: TablesByCamera) -> Report:
+        rig, views = self.fitter.rig, reported["views"].to_numpy(dtype=np.int64)
+        chi_square = reported[CHI_SQUARE].to_numpy(dtype=np.float64)
         noise = noise_of_tracks(rig, views, chi_square, self.stated_px)
         numbers = np.bincount(views)
         seen = ", ".join(f"{numbers[n]} by {n}" for n in np.flatnonzero(numbers)[::-1].tolist())
@@ -96,22 +108,23 @@ class InGroups(Matching):
         by = f", of one name ({self.names.in_words})" if self.names.columns else ""
         sentences = [
             scatter.get(noise.source, f"Your points scatter by {shown}, as stated."),
-            f"{count(len(found), 'point')} in {count(len(given.frames), 'frame')}{by}: "
+            f"{count(len(reported), 'point')} in {count(len(given.frames), 'frame')}{by}: "
             f"{seen} cameras; "
-            f"{found['ambiguous'].sum()} ambiguous (another partner fits as well).",
+            f"{reported['ambiguous'].sum()} ambiguous (another partner fits as well).",
             f"At most about {wrong} are wrong."
             if wrong
             else "The share of wrong ones cannot be estimated from so few frames.",
         ]
         far = on_far(noise.sigma_px, rig.noise_px) if noise.source == "estimated" else ""
         notes = [*filter(None, [self.contradiction, far]), *given.left_out.values()]
-        return Report(len(found), sentences, notes, sigma_px=self.stated_px, names=self.names)
+        return Report(len(reported), sentences, notes, sigma_px=self.stated_px, names=self.names)
 
 
 def noise_of_tracks(
     rig: Parameters, views: IntArray, chi_square: FloatArray, sigma_px: float | None = None
 ) -> PointNoise:
-    """As stated, else by the errors of points in all cameras; that of the targets of few points.
+    """The noise as stated, else by the errors of points in all cameras; that of the targets if they
+    are few.
 
     Args:
         views, chi_square: (n,) of the points, as of `view_groups.Measured`.
@@ -146,11 +159,11 @@ def _samples(
     looked_at = {*some}.union(*wanted.values())
     seen, rows = Counter[CameraPair](), dict[int, Rows]()
     for frame, tables in given.side_by_side():
-        own = dict(zip(given.tables, tables, strict=True))
+        by_camera = dict(zip(given.tables, tables, strict=True))
         for pair in wanted:
-            seen[pair] += min(len(own[name]) for name in pair)
+            seen[pair] += min(len(by_camera[name]) for name in pair)
         if frame in looked_at:
-            rows[frame] = own
+            rows[frame] = by_camera
     columns = [*POINT, *given.columns]
     by_two = [
         TwoCameras(
@@ -165,8 +178,8 @@ def _samples(
 
 def _noise_of_two(rig: Parameters, two: TwoCameras, names: Names) -> float:
     """The noise of the points by two cameras, before all are matched."""
-    found = choose_threshold(two.rig, [px for both in two.sample for px in names.samples(*both)])
-    return found.noise.sigma_px if found.noise else rig.noise_px or 0.0
+    choice = choose_threshold(two.rig, [px for both in two.sample for px in names.samples(*both)])
+    return choice.noise.sigma_px if choice.noise else rig.noise_px or 0.0
 
 
 def common_columns(further: pd.DataFrame, cameras: Sequence[str]) -> pd.DataFrame:
@@ -175,13 +188,13 @@ def common_columns(further: pd.DataFrame, cameras: Sequence[str]) -> pd.DataFram
     groups: dict[str, list[str]] = {}
     by_length = sorted(cameras, key=len, reverse=True)
     for name in map(str, further):
-        camera = next((each for each in by_length if name.endswith(f"_{each}")), None)
+        camera = next((camera for camera in by_length if name.endswith(f"_{camera}")), None)
         groups.setdefault(name if camera is None else name[: -len(camera) - 1], []).append(name)
-    found = {}
+    columns = {}
     for stem, names in groups.items():
         values = further[names].where(further[names] != "")
         first = values.bfill(axis=1).iloc[:, 0]
         agree = (values.eq(first, axis=0) | values.isna()).all(axis=1) & first.notna()
         if agree.any():
-            found[stem] = first.where(agree, "")
-    return pd.DataFrame(found, index=further.index)
+            columns[stem] = first.where(agree, "")
+    return pd.DataFrame(columns, index=further.index)

@@ -99,7 +99,9 @@ def usual_tracks(points: pd.DataFrame) -> str | None:
     columns = track_columns(points)
     if TRACK in columns:
         return TRACK
-    return next((each for each in columns if frames_follow(points, tracks_by(points, each))), None)
+    return next(
+        (column for column in columns if frames_follow(points, tracks_by(points, column))), None
+    )
 
 
 def with_track(points: pd.DataFrame) -> pd.DataFrame:
@@ -117,11 +119,11 @@ def with_track(points: pd.DataFrame) -> pd.DataFrame:
         for number, rows in enumerate(tracks_by(points, column), 1):
             numbers[rows] = number
         return points.assign(**{TRACK: numbers})
-    found = [""] * len(points) if column is None else texts(points, [column])
+    tracks = [""] * len(points) if column is None else texts(points, [column])
     if column is None:  # tracks of one name in both cameras, however short
         sides = ([f"{name}_{which}" for which in CAMERAS] for name in TRACKS)
         for one, two in (both for both in sides if {*both} <= {*points}):
             names = zip(texts(points, [one]), texts(points, [two]), strict=True)
-            found = [first if first == second else "" for first, second in names]
+            tracks = [first if first == second else "" for first, second in names]
             break
-    return points.assign(**{TRACK: found}) if any(found) else points
+    return points.assign(**{TRACK: tracks}) if any(tracks) else points

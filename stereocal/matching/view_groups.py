@@ -77,14 +77,14 @@ class ViewFitter:
         """The points of images (n, c, 2); with the noise `sigma_px` all of their errors."""
         noise_px = 1.0 if sigma_px is None else max(sigma_px, 1e-6)
         fitted = fit_points(self.at, pixels, rays, derivatives=sigma_px is not None)
-        points, residuals, own, by_shared = fitted
+        points, residuals, covariances, by_shared = fitted
         distances = np.linalg.norm(residuals, axis=2)
         views = np.isfinite(distances).sum(axis=1)
         error = np.nansum(distances, axis=1) / np.maximum(views, 1)
         lost = ~np.isfinite(points[:, 0])
         chi_square = np.nansum(np.square(distances), axis=1)
         error[lost], chi_square[lost] = np.nan, np.inf
-        errors = PointErrors(noise_px**2 * own, by_shared, self.covariance)
+        errors = PointErrors(noise_px**2 * covariances, by_shared, self.covariance)
         return Measured(points, error, errors, chi_square)
 
 
@@ -133,7 +133,7 @@ def expected_wrong(
     """
     most = max((numbers.max(initial=0) for frame in names for numbers in frame), default=0)
     count, cameras = len(frames), len(fitter.cameras)
-    found, left = np.zeros((2, cameras + 1)), []
+    counts, left = np.zeros((2, cameras + 1)), []
     step = max(count // max(cameras, 2), 1)
     for number in range(0, count, max(count // DECOY_FRAMES, 1)):
         of_one, mixed = [number] * cameras, [(number + c * step) % count for c in range(cameras)]
@@ -141,11 +141,11 @@ def expected_wrong(
             pixels = [frames[frame][c] for c, frame in enumerate(chosen)]
             called = [_turned(names[frame][c], c * row, most) for c, frame in enumerate(chosen)]
             groups = match_views(fitter, pixels, sigma_px, called)
-            found[row] += np.bincount(groups.views, minlength=cameras + 1)
+            counts[row] += np.bincount(groups.views, minlength=cameras + 1)
             if not row:
                 several = groups.images[groups.views > 2]
                 left += [1 - (several >= 0).sum() / max(sum(map(len, pixels)), 1)]
-    real, decoy = found
+    real, decoy = counts
     decoy[2] *= np.square(np.mean(left))  # only images that are not in larger groups are free
     return {
         views: float(min(decoy[views] / real[views], 1.0))
@@ -161,17 +161,17 @@ def _turned(names: IntArray, by: int, most: int) -> IntArray:
 
 def images_of_groups(groups: IntArray, points: Sequence[FloatArray]) -> FloatArray:
     """(k, c, 2): the pixels, or rays, of groups; NaN where not seen."""
-    found = np.full((*groups.shape, 2), np.nan)
+    images = np.full((*groups.shape, 2), np.nan)
     for c, pixels in enumerate(points):
         seen = groups[:, c] >= 0
-        found[seen, c] = pixels[groups[seen, c]]
-    return found
+        images[seen, c] = pixels[groups[seen, c]]
+    return images
 
 
 def _pairs(frame: _Frame) -> IntArray:
     """Groups (k, c) of the two views of each pair of one name whose rays meet."""
     fitter, points, rays, names, sigma = frame
-    found = list[IntArray]()
+    parts = list[IntArray]()
     for a, b in combinations(range(len(points)), 2):
         if not (len(points[a]) and len(points[b])):
             continue
@@ -185,8 +185,8 @@ def _pairs(frame: _Frame) -> IntArray:
         one, other = one[same], other[same]
         groups = np.full((len(one), len(points)), NONE, dtype=np.int64)
         groups[:, a], groups[:, b] = one, other
-        found.append(groups)
-    together = np.concatenate(found) if found else np.empty((0, len(points)), np.int64)
+        parts.append(groups)
+    together = np.concatenate(parts) if parts else np.empty((0, len(points)), np.int64)
     if len(together) > MOST_GROUPS:
         raise StereocalError(
             f"A frame has {len(together)} pairs of points that could belong together: state the "
@@ -229,11 +229,11 @@ def _joined(frame: _Frame, pairs: IntArray) -> IntArray:
 
 def _names_of(groups: IntArray, names: Sequence[IntArray]) -> IntArray:
     """(k,): the name of each group's images, which is one."""
-    found = np.zeros(len(groups), dtype=np.int64)
+    group_names = np.zeros(len(groups), dtype=np.int64)
     for c, numbers in enumerate(names):
         seen = groups[:, c] >= 0
-        found[seen] = numbers[groups[seen, c]]
-    return found
+        group_names[seen] = numbers[groups[seen, c]]
+    return group_names
 
 
 def _sound(frame: _Frame, groups: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:

@@ -142,8 +142,8 @@ class Views:
 
     def passed(self, table: pd.DataFrame) -> pd.DataFrame:
         """The columns that the points get too."""
-        own = ["frame", *pixel_columns(self.rig), *OF_TRACKS]
-        return common_columns(table.drop(columns=own, errors="ignore"), [*self.rig.placed])
+        written = ["frame", *pixel_columns(self.rig), *OF_TRACKS]
+        return common_columns(table.drop(columns=written, errors="ignore"), [*self.rig.placed])
 
     def report(self, errors: FloatArray, outside: int, noise: PointNoise | None) -> Report:
         """The result of measuring, by the errors (n,) of all points, NaN where there is none."""
@@ -164,7 +164,7 @@ class Views:
     # What a result is made with
 
     def used(self, _measuring: Parameters) -> dict[str, Any]:
-        """Of two cameras, method and digest of what matches and what measures."""
+        """Method and digest of what matches and what measures, with two cameras."""
         return {}
 
     def in_words(
@@ -212,7 +212,7 @@ class TwoViews(Views):
         return pairs_in_step(table, self.pair)
 
     def noise_of(self, sample: pd.DataFrame, sigma_px: float | None = None) -> PointNoise | None:
-        """By their columns, else by their errors, else that of the calibration.
+        """The noise of pairs by their columns, else by their errors, else that of the calibration.
 
         Pairs were matched below some threshold, and what lies beyond it is missing: the estimate
         takes the largest error for the threshold.
@@ -228,9 +228,9 @@ class TwoViews(Views):
         errors = pair_errors(self.pair, pixels[:, :2], pixels[:, 2:], thin["frame"].to_numpy())
         if len(errors) >= FEWEST_PAIRS:
             limit = errors.error_px.max() / np.quantile(errors.relative, 0.99)
-            found = fit_noise(errors, float(limit))
-            if found is not None and found.is_clear:
-                return PointNoise(found.deviation, "estimated", found.relative_error)
+            mixture = fit_noise(errors, float(limit))
+            if mixture is not None and mixture.is_clear:
+                return PointNoise(mixture.deviation, "estimated", mixture.relative_error)
         return noise_of_calibration(self.pair)
 
     def passed(self, table: pd.DataFrame) -> pd.DataFrame:
@@ -249,17 +249,16 @@ class TwoViews(Views):
         elif self.pair.purpose != "reconstruction":
             notes += filter(None, [on_far(median, targets.sigma_px if targets else None)])
         behind = f"; {count(lost, 'pair', 'do')} not meet in front of both cameras" * bool(lost)
-        found = len(errors) - lost
-        text = (
-            f"{count(found, 'point')}, median reprojection error {rounded(median, 3)} px{behind}."
-        )
+        measured = len(errors) - lost
+        error = f"median reprojection error {rounded(median, 3)} px"
+        text = f"{count(measured, 'point')}, {error}{behind}."
         if self.pair.purpose == "reconstruction":
             text += LARGE_ERRORS
         if self.pair.volume is not None:
             filled = f"outside the volume that the bars filled ({self.pair.volume.depths})"
             beyond = (
-                f"{outside} of {found} points {'lies' if outside == 1 else 'lie'} {filled}; errors "
-                "there can be larger than stated."
+                f"{outside} of {measured} points {'lies' if outside == 1 else 'lie'} {filled}; "
+                "errors there can be larger than stated."
             )
             text = f"{text} {beyond if outside else f'No point lies {filled}.'}"
         return Report(len(errors), [text, _on_errors(noise)], notes, lost)

@@ -73,13 +73,13 @@ class FileFigures:
     @property
     def contradicted(self) -> dict[str, float]:
         """The held-out values that contradict the forecast, by the name of the figure."""
-        found = {}
+        values = {}
         if not self.wrong_let_in.agrees and self.wrong_let_in.held_out is not None:
-            found["wrong_let_in_at_threshold"] = self.wrong_let_in.held_out
+            values["wrong_let_in_at_threshold"] = self.wrong_let_in.held_out
         if not self.length_p95.agrees and self.length_p95.held_out is not None:
-            found["p95_error_3d"] = self.length_p95.held_out
-            found["p95_metric_error_3d"] = self.metric_p95.held_out or self.length_p95.held_out
-        return found
+            values["p95_error_3d"] = self.length_p95.held_out
+            values["p95_metric_error_3d"] = self.metric_p95.held_out or self.length_p95.held_out
+        return values
 
     @property
     def below(self) -> str:
@@ -97,8 +97,9 @@ def figures_of(
     validation: Mapping[Any, Validated],
 ) -> FileFigures:
     """What the file of a method does, by forecast and validation."""
-    own: Validated = validation.get(method, {})
-    held_out_limit, pairs = _finite(own.get("threshold_px")), int(own.get("wrong_pairs", 0))
+    validated: Validated = validation.get(method, {})
+    held_out_limit = _finite(validated.get("threshold_px"))
+    pairs = int(validated.get("wrong_pairs", 0))
     limit, usual, at_limit = held_out_limit, None, None
     if forecast is not None and method in forecast.files:
         usual = forecast.draws.figures[method]
@@ -116,17 +117,17 @@ def figures_of(
         return high * (1.0 + OF_QUANTILE / math.sqrt(bars))
 
     def figure(name: str, figures: ForecastFigures | None) -> Figure:
-        found, held_out = getattr(figures, name, None), _finite(own.get(name))
-        if found is None or not math.isfinite(found.value):
+        ahead, held_out = getattr(figures, name, None), _finite(validated.get(name))
+        if ahead is None or not math.isfinite(ahead.value):
             return Figure(None, held_out)
         by_chance = quantile if name.endswith("_3d") else share
-        allowed = max(by_chance(found.high), SMALLEST_EXCESS * found.high)
-        return Figure(found, held_out, allowed)
+        allowed = max(by_chance(ahead.high), SMALLEST_EXCESS * ahead.high)
+        return Figure(ahead, held_out, allowed)
 
     lengths = figure("p95_error_3d", usual)
-    known = bar_known(calibration, forecast)
+    bar = bar_known(calibration, forecast)
     held_out = lengths.held_out
-    metric = None if held_out is None else _finite(math.hypot(held_out, known.p95))
+    metric = None if held_out is None else _finite(math.hypot(held_out, bar.p95))
     return FileFigures(
         method,
         limit,
@@ -143,8 +144,8 @@ def bar_known(calibration: Calibration, forecast: Forecast | None) -> BarKnown:
     dataset, refined = calibration.dataset, calibration.refined
     stated, p95 = dataset.target_distance_sigma_m, None
     if refined is not None:
-        given = refined.settings.distance_sigma_m
-        stated = stated if given is None else given
+        sigma_m = refined.settings.distance_sigma_m
+        stated = stated if sigma_m is None else sigma_m
         p95 = p95_of_factor(refined.bar_factor, refined.covariance[FACTOR, FACTOR])
     if forecast is not None:
         p95 = forecast.draws.bar_p95
@@ -153,8 +154,10 @@ def bar_known(calibration: Calibration, forecast: Forecast | None) -> BarKnown:
 
 def stated_in(entries: ForecastEntries, name: str) -> Estimate:
     """A figure as it stands in a file."""
-    known = {end: math.nan if at is None else at for end, at in entries.figures[name].items()}
-    return Estimate(**known)
+    ends = {
+        end: math.nan if value is None else value for end, value in entries.figures[name].items()
+    }
+    return Estimate(**ends)
 
 
 def _finite(value: float | None) -> float | None:

@@ -182,8 +182,8 @@ class Forecast:
             self.draws.figures_of(method, threshold_px).to_json(),
             {
                 **{
-                    name: {"value": float(each.value), "source": each.source}
-                    for name, each in noises.items()
+                    name: {"value": float(noise.value), "source": noise.source}
+                    for name, noise in noises.items()
                 },
                 "covariance": covariance_entry(self.covariance(method), self.files[method]),
                 "design_effect": model.design_effect,
@@ -224,8 +224,8 @@ def forecast_files(calibration: Calibration, draws: int = DRAWS) -> Forecast:
         raise StereocalError("A forecast needs the refined method.")
     stated = calibration.dataset
     files: dict[Method, Rig] = {
-        method: Rig(stated.primary, stated.secondary, found.pose)
-        for method, found in calibration.methods.items()
+        method: Rig(stated.primary, stated.secondary, result.pose)
+        for method, result in calibration.methods.items()
     }
     files["refined"] = Rig(refined.primary, refined.secondary, refined.pose)
     drawn = draw_forecast(comparison.model, files, draws=draws)
@@ -259,11 +259,11 @@ def improvements(model: RefinedResult) -> dict[str, float]:
         "everything known exactly": _knowing(model, every),
     }
     files: Mapping[Method, Rig] = {"refined": Rig(model.primary, model.secondary, model.pose)}
-    found = {}
+    errors = {}
     for name, knowledge in cases.items():
         judged = draw_forecast(model, files, 0, FEW_DRAWS, FEW_BARS, knowledge=knowledge)
-        found[name] = float(np.nanmean(judged.errors_3d))
-    return found
+        errors[name] = float(np.nanmean(judged.errors_3d))
+    return errors
 
 
 def _knowing(model: RefinedResult, known: FloatArray) -> RefinedResult:
@@ -277,13 +277,13 @@ def _knowing(model: RefinedResult, known: FloatArray) -> RefinedResult:
 
 def advice_on_improvements(model: RefinedResult) -> str:
     """Which improvement would lower the length error of the refined set most, for the user."""
-    found = improvements(model)
-    now, limit = found.pop(""), found.pop("everything known exactly")
-    name = min(found, key=lambda name: found[name])
+    errors = improvements(model)
+    now, limit = errors.pop(""), errors.pop("everything known exactly")
+    name = min(errors, key=lambda name: errors[name])
     noise = f"image noise alone causes a mean length error of {rounded(100 * limit)} %"
-    if found[name] > WORTH_IT * now:
+    if errors[name] > WORTH_IT * now:
         return f"Better lenses, a better baseline or more frames would change little: {noise}."
     return (
         f"What would help most: {name}. The refined set would measure with a mean error of "
-        f"{rounded(100 * found[name])} % instead of {rounded(100 * now)} %; {noise}."
+        f"{rounded(100 * errors[name])} % instead of {rounded(100 * now)} %; {noise}."
     )

@@ -62,26 +62,26 @@ class ForecastFigures:
     def further(self, spread: Further) -> "ForecastFigures":
         """With the intervals widened to what a further recording may show."""
         return self._changed(
-            lambda name, own: widened(own, spread.of(name), spread.shown.get(name))
+            lambda name, figure: widened(figure, spread.of(name), spread.shown.get(name))
         )
 
     def raised(self, in_images: float, in_length: float) -> "ForecastFigures":
         """With the upper ends of the intervals multiplied by these factors; shares by the first."""
         return self._changed(
-            lambda name, own: replace(
-                own, high=own.high * (in_length if name.endswith("_3d") else in_images)
+            lambda name, figure: replace(
+                figure, high=figure.high * (in_length if name.endswith("_3d") else in_images)
             )
         )
 
     def _changed(self, change: Callable[[str, Estimate], Estimate]) -> "ForecastFigures":
         """With another interval of each figure; no share is above 1."""
-        found = {name: change(name, own) for name, own in vars(self).items()}
+        changed = {name: change(name, figure) for name, figure in vars(self).items()}
         shares = {
-            name: replace(own, high=min(own.high, 1.0))
-            for name, own in found.items()
+            name: replace(figure, high=min(figure.high, 1.0))
+            for name, figure in changed.items()
             if not name.endswith(("_3d", "_px"))
         }
-        return ForecastFigures(**{**found, **shares})
+        return ForecastFigures(**{**changed, **shares})
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +155,9 @@ class ForecastDraws:
         return self._known[key]
 
     def _figures_of(self, method: Method, threshold_px: float | None) -> ForecastFigures:
-        at = self.methods.index(method)
-        counts, errors = self.counts[:, :, at].astype(np.int64), self.errors_3d[:, :, at]
-        of_px, px = counts[:, :, counting.REPROJECTION], self.correct_px[:, :, at]
+        k = self.methods.index(method)
+        counts, errors = self.counts[:, :, k].astype(np.int64), self.errors_3d[:, :, k]
+        of_px, px = counts[:, :, counting.REPROJECTION], self.correct_px[:, :, k]
         recommended = int(crossing(of_px.sum(axis=(0, 1))))
         limit = recommended if threshold_px is None else bin_edge(threshold_px)
         below = of_px[..., counting.UNDERFLOW] + of_px[..., :limit].sum(axis=-1)
@@ -168,7 +168,7 @@ class ForecastDraws:
         value = float(10 ** (counting.LOWEST + recommended * counting.BIN_WIDTH))
         middle = intervals.interval_of(thresholds[:, 2], thresholds[:, :2], intervals.LOG)
         whole = intervals.mean_of(errors.reshape(len(errors), -1))
-        found = ForecastFigures(
+        figures = ForecastFigures(
             fcp_residual=intervals.fcp_interval(counts[:, :, counting.RESIDUAL]),
             fcp_reprojection=intervals.fcp_interval(of_px),
             threshold_px=Estimate(value, min(middle.low, value), max(middle.high, value)),
@@ -184,19 +184,19 @@ class ForecastDraws:
             mean_error_3d=intervals.interval_of(whole, intervals.mean_of(errors), intervals.LENGTH),
             p95_metric_error_3d=Estimate(math.nan, math.nan, math.nan),
         )
-        found = found.further(self.further.get(method, Further())).raised(*self.excess)
-        return replace(found, p95_metric_error_3d=self._metric_p95(at, found.p95_error_3d))
+        figures = figures.further(self.further.get(method, Further())).raised(*self.excess)
+        return replace(figures, p95_metric_error_3d=self._metric_p95(k, figures.p95_error_3d))
 
-    def _metric_p95(self, at: int, of_bar: Estimate) -> Estimate:
+    def _metric_p95(self, k: int, of_bar: Estimate) -> Estimate:
         """95 % of the errors of lengths in metres, of one file.
 
         Args:
             of_bar: the same relative to the bar, whose interval the error of the bar widens.
         """
-        lengths = self.lengths[:, :, at] / self.bar_factors[:, None, None]
+        lengths = self.lengths[:, :, k] / self.bar_factors[:, None, None]
         value = float(intervals.quantile_of(np.abs(lengths - 1.0).ravel(), 0.95))
-        own = math.sqrt(max(value**2 - of_bar.value**2, 0.0))  # what the bar adds
-        low, high = (math.hypot(end, own) for end in (of_bar.low, of_bar.high))
+        added = math.sqrt(max(value**2 - of_bar.value**2, 0.0))  # what the bar adds
+        low, high = (math.hypot(end, added) for end in (of_bar.low, of_bar.high))
         return Estimate(value, min(low, value), max(high, value))
 
 
@@ -205,8 +205,8 @@ def image_radii(rig: RefinedResult, pixels: FloatArray) -> FloatArray:
     both images."""
     halves = 0.5 * np.array([rig.primary.image_size, rig.secondary.image_size])
     away = (pixels.reshape(-1, 2, 2) - (halves - 0.5)) / np.linalg.norm(halves, axis=1)[:, None]
-    found = np.einsum("nck,nck->nc", away, away)
-    return np.asarray(np.sqrt(np.maximum(found[:, 0], found[:, 1])))
+    squares = np.einsum("nck,nck->nc", away, away)
+    return np.asarray(np.sqrt(np.maximum(squares[:, 0], squares[:, 1])))
 
 
 def draw_forecast(
@@ -246,17 +246,17 @@ def draw_forecast(
         points, seen = ends[draw].reshape(-1, 3), pixels[draw]
         photograph(truths[draw], points, seen)
         start = add_noise(model.rig, points, of_noise.along[draw], noise[draw], seen)
-        found = []
-        for half, own in enumerate((slice(2 * bars), slice(2 * bars, None))):
-            rays = np.ascontiguousarray(start[:, own])
+        of_halves = []
+        for half, rows in enumerate((slice(2 * bars), slice(2 * bars, None))):
+            rays = np.ascontiguousarray(start[:, rows])
             true = distances[draw, bars * half : bars * (half + 1)]
-            found.append(judge(sets, seen[own], rays, true, partners))
-        return found
+            of_halves.append(judge(sets, seen[rows], rays, true, partners))
+        return of_halves
 
     with ThreadPoolExecutor(workers) as pool:
         judged = list(pool.map(judge_draw, range(draws)))
     counts, lengths, correct_px = (
-        np.array([[getattr(half, name) for half in each] for each in judged])
+        np.array([[getattr(half, name) for half in draw] for draw in judged])
         for name in JudgedSets._fields
     )
     halves = (draws, 2, bars, 2)
@@ -297,14 +297,14 @@ def _truths(
         scaled = np.linalg.inv(model.p_covariance / np.outer(unit, unit))
         of_images = 0.5 * (scaled + scaled.T) / np.outer(unit, unit)
         prior = np.zeros((k, k))
-    found = list[Cameras]()
+    truths = list[Cameras]()
     for scale in scales:
         A = of_images / scale**2 + prior
         unit = 1.0 / np.sqrt(np.diag(A))
         root = np.linalg.cholesky(A * np.outer(unit, unit))
         step = unit * np.linalg.solve(root.T, rng.standard_normal(k))
-        found.append(moved(model.at, M @ step))
-    return found
+        truths.append(moved(model.at, M @ step))
+    return truths
 
 
 def partners_in_groups(

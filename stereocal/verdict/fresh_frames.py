@@ -77,27 +77,27 @@ def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Gener
     missing = np.ones(drawn.shape, dtype=np.bool_)
     for factor in (*(None,) * EVEN_TRIES, *BANDWIDTHS):
         wanted = missing & even if factor is None else missing
-        own = drawn[wanted]
+        chosen = drawn[wanted]
         if factor is None:
             h = BANDWIDTHS[0] * rule
-            moved = rng.uniform(*volume.limits, (len(own), 3))
+            moved = rng.uniform(*volume.limits, (len(chosen), 3))
             moved[:, 2] = np.log(moved[:, 2])
         else:
             h = factor * rule
-            moved = places[own] + h * (rng.standard_normal((len(own), 3)) @ spread)
-        turn = rng.standard_normal((len(own), 3)) @ axes
-        turn -= np.sum(turn * directions[own], axis=1, keepdims=True) * directions[own]
-        turned = directions[own] + h * turn
+            moved = places[chosen] + h * (rng.standard_normal((len(chosen), 3)) @ spread)
+        turn = rng.standard_normal((len(chosen), 3)) @ axes
+        turn -= np.sum(turn * directions[chosen], axis=1, keepdims=True) * directions[chosen]
+        turned = directions[chosen] + h * turn
         if to_camera:
             turned = np.einsum("nij,nj->ni", _facing(moved), turned)
-        turned *= 0.5 * (lengths[own] / np.linalg.norm(turned, axis=1))[:, None]
+        turned *= 0.5 * (lengths[chosen] / np.linalg.norm(turned, axis=1))[:, None]
         moved[:, 2] = np.exp(moved[:, 2])
         middle = _points(moved, wide)
         bars_tried = np.stack([middle + turned, middle - turned], axis=1)
         seen = _seen(model, volume, bars_tried)
-        at = np.flatnonzero(wanted)[seen]
-        fresh.reshape(-1, 2, 3)[at] = bars_tried[seen]
-        missing.reshape(-1)[at] = False
+        filled = np.flatnonzero(wanted)[seen]
+        fresh.reshape(-1, 2, 3)[filled] = bars_tried[seen]
+        missing.reshape(-1)[filled] = False
     return fresh
 
 
@@ -115,7 +115,7 @@ def _drawn(recorded: int, draws: int, bars: int, rng: np.random.Generator) -> In
     """
     weights, groups = rng.dirichlet(np.ones(recorded), draws), -(-bars // GROUP)
     if recorded > MANY_BARS:
-        drawn = np.array([_distinct(own, groups, rng) for own in weights])
+        drawn = np.array([_distinct(of_draw, groups, rng) for of_draw in weights])
         return np.asarray(drawn.reshape(draws, -1)[:, :bars])
     keys = np.log(np.maximum(weights, 1e-300))[:, None] + rng.gumbel(size=(draws, groups, recorded))
     size = min(GROUP, recorded)
@@ -127,12 +127,12 @@ def _distinct(weights: FloatArray, groups: int, rng: np.random.Generator) -> Int
     """(groups, GROUP): indices by weights (n,), drawn again where they repeat one of their group:
     the same distribution as that of Gumbel's maxima."""
     up_to = np.cumsum(weights)
-    found = np.empty((groups, GROUP), dtype=np.int64)
-    again = np.ones(found.shape, dtype=np.bool_)
+    indices = np.empty((groups, GROUP), dtype=np.int64)
+    again = np.ones(indices.shape, dtype=np.bool_)
     while again.any():
-        found[again] = np.searchsorted(up_to, up_to[-1] * rng.random(int(again.sum())))
-        again = np.tril(found[:, :, None] == found[:, None, :], -1).any(axis=2)
-    return found
+        indices[again] = np.searchsorted(up_to, up_to[-1] * rng.random(int(again.sum())))
+        again = np.tril(indices[:, :, None] == indices[:, None, :], -1).any(axis=2)
+    return indices
 
 
 def _places(points: FloatArray, wide: bool) -> FloatArray:
@@ -178,7 +178,7 @@ def _stand_by_rays(places: FloatArray, directions: FloatArray) -> bool:
     """Whether bars (n, 3) are more alike as seen along their rays than in space: boards are turned
     to the camera, and poles stand upright."""
     by_ray = np.einsum("nji,nj->ni", _facing(places), directions)
-    spreads = [np.linalg.det(own.T @ own) for own in (directions, by_ray)]
+    spreads = [np.linalg.det(vectors.T @ vectors) for vectors in (directions, by_ray)]
     return bool(spreads[1] < spreads[0])
 
 
@@ -192,9 +192,9 @@ def _seen(model: RefinedResult, volume: Volume, bars: FloatArray) -> BoolArray:
     seen &= volume.has(_places(points, model.primary.is_fisheye))
     others = model.pose.apply(points)
     seen &= others[:, 2] > 0
-    for camera, own in ((model.primary, points), (model.secondary, others)):
+    for camera, xyz in ((model.primary, points), (model.secondary, others)):
         if camera.is_fisheye:
-            seen &= camera.uses(own[:, :2] / own[:, 2:])
+            seen &= camera.uses(xyz[:, :2] / xyz[:, 2:])
     return np.asarray(seen.reshape(-1, 2).all(axis=1))
 
 
@@ -246,11 +246,12 @@ def noise_given(
     of_scale, of_degrees = drawn % len(SCALES), drawn // len(SCALES)
     shifts = np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 1)
     prior = np.where(shifts == 0, 0.5, 0.5 / (2 * LARGEST_SHIFT))
-    at = np.clip(of_scale[:, None] + shifts, 0, len(SCALES) - 1)
+    shifted = np.clip(of_scale[:, None] + shifts, 0, len(SCALES) - 1)
     of_causes = [
-        _log_density(lengths, own, absorbed_lengths)[of_degrees[:, None], at] for own in sigmas
+        _log_density(lengths, deviations, absorbed_lengths)[of_degrees[:, None], shifted]
+        for deviations in sigmas
     ]
-    chances = np.hstack([each + np.log(prior) for each in of_causes])
+    chances = np.hstack([of_cause + np.log(prior) for of_cause in of_causes])
     chosen = np.argmax(chances + rng.gumbel(size=chances.shape), axis=1)
     chosen = shifts[chosen % len(shifts)]
     along = np.exp(chosen * np.log(SCALES[1] / SCALES[0]))
@@ -277,9 +278,9 @@ def _log_density(residuals: FloatArray, sigmas: FloatArray, absorbed: float) -> 
 def noise_of_points(degrees: FloatArray, points: int, rng: np.random.Generator) -> FloatArray:
     """Noise of u, v in both images in units of the scale, (draws, points, 4). The two coordinates
     of a point share a factor, so that a point that is off is off in both."""
-    found = rng.standard_normal((len(degrees), points, 4))
-    for own, nu in zip(found, degrees, strict=True):
+    noise = rng.standard_normal((len(degrees), points, 4))
+    for of_draw, nu in zip(noise, degrees, strict=True):
         if np.isfinite(nu):
             factor = np.sqrt(nu / rng.chisquare(nu, (points, 2)))
-            own *= np.repeat(factor, 2, axis=1)
-    return found
+            of_draw *= np.repeat(factor, 2, axis=1)
+    return noise

@@ -83,7 +83,7 @@ class Further:
     """Figures of the recording at hand, which was fitted."""
 
     def of(self, figure: str) -> float:
-        """That of a figure of a forecast. Thresholds follow the errors in the images."""
+        """The half width of a figure of a forecast. Thresholds follow the errors in the images."""
         if figure in (IN_IMAGES, "threshold_px"):
             return self.in_images
         return self.of_lengths.get(figure, self.of_pairs)
@@ -92,7 +92,7 @@ class Further:
 def further_recordings(
     model: RefinedResult, files: Mapping[Method, Rig], seed: int = 0
 ) -> dict[Method, Further]:
-    """Of each file how its figures differ on a further recording; empty for single frames.
+    """How the figures of each file differ on a further recording; empty for single frames.
 
     The frames of the fit `model` are compared, by the sets that were written of its data set.
     """
@@ -102,37 +102,39 @@ def further_recordings(
         return {}
     order = np.argsort(table.time_frame, kind="stable")
     used = order[model.used_rows[order]]
-    times, at = np.unique(table.time_frame[used], return_inverse=True)
+    times, places = np.unique(table.time_frame[used], return_inverse=True)
     bars = np.flatnonzero(model.used_rows[table.bars].all(axis=1))
     bars = bars[np.argsort(table.time_frame[table.bars[bars, 0]])]
     of_bars = np.searchsorted(times, table.time_frame[table.bars[bars, 0]])
-    found: dict[Method, Further] = {}
+    further: dict[Method, Further] = {}
     for method, rig in files.items():
         rng = np.random.default_rng([seed, 0xF127])
         seen = _seen_by(model, rig)
         errors = errors_of(seen, rig.pose)
-        px = np.bincount(at, errors.reprojection_px[used]) / np.bincount(at)
+        px = np.bincount(places, errors.reprojection_px[used]) / np.bincount(places)
         lengths = errors.length[bars]
         if length > 1:
             in_images = half_width(px, OF_LENGTHS["mean_error_3d"], length, rng)
-            of_pairs = _half_width_of_fcp(seen, rig.pose, used, at, length, rng)
+            of_pairs = _half_width_of_fcp(seen, rig.pose, used, places, length, rng)
             of_lengths = {
-                name: half_width(lengths, own, length, rng) for name, own in OF_LENGTHS.items()
+                name: half_width(lengths, figure, length, rng)
+                for name, figure in OF_LENGTHS.items()
             }
         else:
-            each = [lengths[of_bars == board] for board in range(len(times))]
-            known = [own for board in each if len(own := board[np.isfinite(board)])]
-            if len(known) < FEWEST_BOARDS:
+            by_board = [lengths[of_bars == board] for board in range(len(times))]
+            boards = [finite for board in by_board if len(finite := board[np.isfinite(board)])]
+            if len(boards) < FEWEST_BOARDS:
                 continue
             in_images = _half_width_of_boards([*px], np.mean, rng)
-            of_pairs = _half_width_of_boards_fcp(seen, rig.pose, used, at)
+            of_pairs = _half_width_of_boards_fcp(seen, rig.pose, used, places)
             of_lengths = {
-                name: _half_width_of_boards(known, own, rng) for name, own in OF_LENGTHS.items()
+                name: _half_width_of_boards(boards, figure, rng)
+                for name, figure in OF_LENGTHS.items()
             }
         # Small overlaps show little of what changes the errors.
         of_pairs = max(of_pairs, in_images)
-        found[method] = Further(in_images, of_pairs, of_lengths, _shown(seen, rig, px, used))
-    return found
+        further[method] = Further(in_images, of_pairs, of_lengths, _shown(seen, rig, px, used))
+    return further
 
 
 def _shown(seen: Pair, rig: Rig, px: FloatArray, used: IntArray) -> dict[str, float]:
@@ -159,10 +161,13 @@ def sentence_on_runs(model: RefinedResult) -> str:
 def _half_width_of_boards(
     boards: Sequence[Any], figure: Callable[..., Any], rng: np.random.Generator
 ) -> float:
-    """Of boards taken one by one: the corners of a board share its errors, so that a recording has
-    as many independent ones as boards. Their errors are drawn with replacement."""
+    """Half width of the interval of a figure, with boards taken one by one: the corners of a board
+    share its errors, so that a recording has as many independent ones as boards. Their errors are
+    drawn with replacement."""
     n = len(boards)
-    drawn = (np.hstack([boards[k] for k in own]) for own in rng.integers(n, size=(DRAWN, n)))
+    drawn = (
+        np.hstack([boards[k] for k in recording]) for recording in rng.integers(n, size=(DRAWN, n))
+    )
     figures = np.array([figure(errors) for errors in drawn])
     variance = float(np.log(np.maximum(figures, 1e-300)).var()) * n / (n - 1)
     return _half_width_of_finite(variance)
@@ -174,19 +179,25 @@ def _half_width_of_finite(variance: float) -> float:
     return min(1.96 * math.sqrt(variance / LENGTH_OF_BOARDS), LARGEST)
 
 
-def _half_width_of_boards_fcp(seen: Pair, pose: Pose, used: IntArray, at: IntArray) -> float:
-    """That of the FCP, from its log odds without each board, or some of many (jackknife)."""
-    groups = np.arange(int(at.max()) + 1) % MOST_GROUPS
-    odds = [_log_odds_of_fcp(seen, pose, used[groups[at] != group]) for group in np.unique(groups)]
+def _half_width_of_boards_fcp(seen: Pair, pose: Pose, used: IntArray, places: IntArray) -> float:
+    """Half width of the interval of the FCP, from its log odds without each board, or some of many
+    (jackknife).
+
+    `used` (n,) are the rows to count, and `places` (n,) says which board each is of.
+    """
+    groups = np.arange(int(places.max()) + 1) % MOST_GROUPS
+    odds = [
+        _log_odds_of_fcp(seen, pose, used[groups[places] != group]) for group in np.unique(groups)
+    ]
     return _half_width_of_finite(float(np.var(odds)) * (len(odds) - 1))
 
 
-def _log_odds_of_fcp(seen: Pair, pose: Pose, own: IntArray) -> float:
-    """Of the pairs of some rows (r,)."""
+def _log_odds_of_fcp(seen: Pair, pose: Pose, chosen: IntArray) -> float:
+    """The log odds of the FCP, of the pairs of some rows (r,)."""
     rows = np.zeros(len(seen.correspondences), dtype=np.bool_)
-    rows[own] = True
+    rows[chosen] = True
     fcp = figures_of_set(evaluate.count_set(seen, pose, rows=rows))[0]
-    return float(np.log((fcp * len(own) + 0.5) / ((1.0 - fcp) * len(own) + 0.5)))
+    return float(np.log((fcp * len(chosen) + 0.5) / ((1.0 - fcp) * len(chosen) + 0.5)))
 
 
 def _seen_by(model: RefinedResult, rig: Rig) -> Pair:
@@ -212,30 +223,33 @@ def half_width(
 ) -> float:
     """Half width of the interval of a figure of the errors (f,), which are in the order of time,
     and alike over a length."""
-    known = errors[np.isfinite(errors)]
+    finite = errors[np.isfinite(errors)]
 
     def spread(runs: int) -> tuple[float, float]:
-        own = known[: len(known) // runs * runs]
-        shuffled = rng.permuted(np.broadcast_to(own, (SHUFFLES, len(own))), axis=1)
-        parts = figure(np.vstack([own, shuffled]).reshape(1 + SHUFFLES, runs, -1))
+        in_order = finite[: len(finite) // runs * runs]
+        shuffled = rng.permuted(np.broadcast_to(in_order, (SHUFFLES, len(in_order))), axis=1)
+        parts = figure(np.vstack([in_order, shuffled]).reshape(1 + SHUFFLES, runs, -1))
         between = np.log(np.maximum(parts, 1e-300)).var(axis=-1, ddof=1)
         return float(between[0]), float(between[1:].mean())
 
-    return _half_width(len(known), length, spread)
+    return _half_width(len(finite), length, spread)
 
 
 def _half_width_of_fcp(
-    seen: Pair, pose: Pose, used: IntArray, at: IntArray, length: int, rng: np.random.Generator
+    seen: Pair, pose: Pose, used: IntArray, places: IntArray, length: int, rng: np.random.Generator
 ) -> float:
-    """That of the FCP, from its log odds; `used` (n,) are the rows to count, and `at` (n,) says at
-    which place in time the frame of each is."""
-    frames = int(at.max()) + 1
+    """Half width of the interval of the FCP, from its log odds.
+
+    `used` (n,) are the rows to count, and `places` (n,) says at which place in time the frame of
+    each is.
+    """
+    frames = int(places.max()) + 1
 
     def between(order: IntArray, runs: int) -> float:
         """Variance between the runs of frames in an order (f,)."""
         odds = [
-            _log_odds_of_fcp(seen, pose, used[np.isin(at, own)])
-            for own in np.array_split(order, runs)
+            _log_odds_of_fcp(seen, pose, used[np.isin(places, run)])
+            for run in np.array_split(order, runs)
         ]
         return float(np.var(odds, ddof=1))
 
@@ -294,22 +308,23 @@ def note_on_splits(
     except StereocalError:  # a single run does not determine the pose
         return ""
     by_kind = {settings.splits: summaries, other.splits: tried}
-    found = []
+    differences = []
     for method in ("2d", "3d"):
         single, whole = (
-            (own.reprojection.fcp, own.reconstruction.median)
-            for own in (by_kind[kind][method] for kind in ("frames", "runs"))
+            (summary.reprojection.fcp, summary.reconstruction.median)
+            for summary in (by_kind[kind][method] for kind in ("frames", "runs"))
         )
-        found += [
+        differences += [
             f"{METHOD_NAMES[method]} {what} {percent(a.value)} % ({interval(a)}) instead of "
             f"{percent(b.value)} % ({interval(b)})"
             for what, a, b in zip(("FCP", "median length error"), single, whole, strict=True)
             if (a.high < b.low or b.high < a.low)
             and max(a.value, b.value) > SMALLEST_RATIO * min(a.value, b.value)
         ]
-    if not found:
+    if not differences:
         return ""
     return (
         "Frames that follow each other are alike. With single frames left out, figures differ from "
-        f"those with whole runs left out: {'; '.join(found)}. Rely on the figures of whole runs."
+        f"those with whole runs left out: {'; '.join(differences)}. Rely on the figures of "
+        "whole runs."
     )

@@ -18,26 +18,26 @@ from stereocal.system.settings import descriptions
 
 def left_out_line(screening: Screening) -> str:
     """Sentences on the frames left out, and on those whose targets look exchanged; or empty."""
-    found = []
+    sentences = []
     if frames := screening.contradicting:
         verb = "contradicts" if len(frames) == 1 else "contradict"
-        found.append(f"Left out: {named_frames(frames)}, which {verb} the others.")
+        sentences.append(f"Left out: {named_frames(frames)}, which {verb} the others.")
         if which := screening.exchanged:
             where = "there" if which == frames else f"in {named_frames(which)}"
-            found.append(f"A and B look exchanged in one camera {where}.")
+            sentences.append(f"A and B look exchanged in one camera {where}.")
     if screening.by_user:
-        found.append(f"Left out by you: {named_frames(screening.by_user)}.")
+        sentences.append(f"Left out by you: {named_frames(screening.by_user)}.")
     if copies := screening.copies:
-        found.append(
+        sentences.append(
             f"Left out as well: {named_frames([*copies])}, with exactly the points of "
             f"{named_frames(sorted({*copies.values()}))}; a copy adds no information."
         )
     if alone := screening.without_neighbours:
-        found.append(
+        sentences.append(
             f"{count(len(alone), 'frame', 'have')} no neighbours in time to shift the points by: "
             "left out too."
         )
-    return " ".join(found)
+    return " ".join(sentences)
 
 
 def named_frames(frames: Sequence[int], most: int = 12) -> str:
@@ -56,14 +56,14 @@ def in_ranges(frames: Collection[int]) -> str:
 
 def refuse_unknown_frames(settings: CalibrationSettings, datasets: Iterable[Pair]) -> None:
     """Reject numbers of frames to leave out or to put back that no data set has."""
-    known = {frame for each in datasets for frame in each.correspondences.frames.tolist()}
-    about = descriptions(CalibrationSettings)
+    known = {frame for dataset in datasets for frame in dataset.correspondences.frames.tolist()}
+    described = descriptions(CalibrationSettings)
     for name in ("frames_left_out", "frames_put_back"):
         if unknown := sorted({*getattr(settings, name)} - known):
             raise StereocalError(
-                f"{about[name].title}: there is no {named_frames(unknown)}. The frames are "
+                f"{described[name].title}: there is no {named_frames(unknown)}. The frames are "
                 f"{in_ranges(known)}.",
-                option=f"--{about[name].option} with one of these",
+                option=f"--{described[name].option} with one of these",
             )
 
 
@@ -86,15 +86,15 @@ def why_held_out_not_trusted(
     """
     known = [error for error in p95_lengths if error is not None and math.isfinite(error)]
     best = min(known, default=0.0)
-    found = [
-        f"{percent(each.share)} % of the frames of {each.full_dataset.name} contradict the others "
-        "and were left out."
-        for each in screenings
-        if each.share > MAXIMUM_LEFT_OUT
+    reasons = [
+        f"{percent(screening.share)} % of the frames of {screening.full_dataset.name} contradict "
+        "the others and were left out."
+        for screening in screenings
+        if screening.share > MAXIMUM_LEFT_OUT
     ]
     if best > POOR_LENGTH:
-        found.append(f"5 % of the bars have length errors above {percent(best)} %.")
-    return " ".join(found)
+        reasons.append(f"5 % of the bars have length errors above {percent(best)} %.")
+    return " ".join(reasons)
 
 
 def listed(frames: Sequence[object], most: int = 12) -> str:

@@ -63,14 +63,14 @@ def interval_of(
     if known.sum() < 2:
         return Estimate(float("nan"), float("nan"), float("nan"))
     with np.errstate(divide="ignore"):
-        each = np.maximum(scale.to(whole[known]), -700.0)
+        draws = np.maximum(scale.to(whole[known]), -700.0)
         parts = np.maximum(scale.to(halves[known]), -700.0)
     of_sample = float(np.mean(np.square(parts[:, 0] - parts[:, 1]))) / 4.0
-    total = float(each.var())
+    total = float(draws.var())
     kept = np.sqrt(max(1.0 - removed * of_sample / total, 0.0)) if total > 0 else 0.0
-    middle = float(each.mean())
+    middle = float(draws.mean())
     kept = float(np.hypot(scale.wider * kept, scale.floor / np.sqrt(total))) if total > 0 else 0.0
-    shrunk = middle + kept * (each - middle)
+    shrunk = middle + kept * (draws - middle)
     value, *ends = (float(scale.back(v)) for v in np.percentile(shrunk, (50, *TAILS)))
     return Estimate(value, *ends)
 
@@ -94,17 +94,17 @@ def quantile_of(values: FloatArray, share: float) -> FloatArray:
     ordered = np.sort(values, axis=-1)
     place = share * (np.isfinite(ordered).sum(axis=-1) - 1)
     low = np.maximum(np.floor(place).astype(np.int64), 0)
-    at = np.take_along_axis(ordered, low[..., None], axis=-1)[..., 0]
+    below = np.take_along_axis(ordered, low[..., None], axis=-1)[..., 0]
     high = np.minimum(low + 1, values.shape[-1] - 1)
     above = np.take_along_axis(ordered, high[..., None], axis=-1)[..., 0]
-    return np.asarray(np.where(place > low, at + (place - low) * (above - at), at))
+    return np.asarray(np.where(place > low, below + (place - low) * (above - below), below))
 
 
 def fcp_interval(counts: IntArray) -> Estimate:
     """The overlap of counts (draws, halves, 2, bins)."""
     merged = merge_bins(counts, MERGE)
-    found = interval_of(overlap(merged.sum(axis=1)), overlap(merged), ROOT, SHARE_SCATTER)
-    return _with_limit(found, int(counts[:, :, CORRECT].sum()))
+    interval = interval_of(overlap(merged.sum(axis=1)), overlap(merged), ROOT, SHARE_SCATTER)
+    return _with_limit(interval, int(counts[:, :, CORRECT].sum()))
 
 
 def share_interval(cases: IntArray, of: IntArray) -> Estimate:
@@ -118,8 +118,8 @@ def share_interval(cases: IntArray, of: IntArray) -> Estimate:
     if np.mean(cases == 0) < RARELY_NONE:
         with np.errstate(invalid="ignore"):  # a half of a draw may have none
             of_halves = cases / of
-        found = interval_of(shares, of_halves, ROOT, SHARE_SCATTER)
-        low, high = min(found.low, pooled), max(found.high, pooled)
+        interval = interval_of(shares, of_halves, ROOT, SHARE_SCATTER)
+        low, high = min(interval.low, pooled), max(interval.high, pooled)
     else:  # too few cases to tell their scatter
         low, high = (float(v) for v in np.percentile(shares, TAILS))
     return _with_limit(Estimate(pooled, low, high), int(of.sum()))
@@ -130,6 +130,6 @@ def tail_of_few(lost: Estimate, bars: int) -> Estimate:
     return replace(lost, high=min(lost.high * (1.0 + UNSEEN_TAIL / bars), 1.0))
 
 
-def _with_limit(found: Estimate, n: int) -> Estimate:
+def _with_limit(interval: Estimate, n: int) -> Estimate:
     """The upper limit of a share is at least 3 / n: none in n does not prove that there is none."""
-    return Estimate(found.value, max(found.low, 0.0), max(found.high, 3.0 / max(n, 1)))
+    return Estimate(interval.value, max(interval.low, 0.0), max(interval.high, 3.0 / max(n, 1)))

@@ -21,12 +21,12 @@ def photograph(cameras: Cameras, points: FloatArray, pixels: FloatArray) -> None
     q, R, lenses = with_lenses(cameras)
     for k in range(len(points)):
         for c in range(len(R)):
-            at, turned = EACH * c, R[c] @ points[k]
-            depth = turned[2] + q[at + TRANSLATION + 2]
-            a, b = turned[0] + q[at + TRANSLATION], turned[1] + q[at + TRANSLATION + 1]
+            start, turned = EACH * c, R[c] @ points[k]
+            depth = turned[2] + q[start + TRANSLATION + 2]
+            a, b = turned[0] + q[start + TRANSLATION], turned[1] + q[start + TRANSLATION + 1]
             x, y, _, _, _, _ = distort(a / depth, b / depth, lenses, c)
-            pixels[k, 2 * c] = q[at + LENS] * x + lenses[c, 0] * y + q[at + LENS + 2]
-            pixels[k, 2 * c + 1] = q[at + LENS + 1] * y + q[at + LENS + 3]
+            pixels[k, 2 * c] = q[start + LENS] * x + lenses[c, 0] * y + q[start + LENS + 2]
+            pixels[k, 2 * c + 1] = q[start + LENS + 1] * y + q[start + LENS + 3]
 
 
 def add_noise(
@@ -37,7 +37,7 @@ def add_noise(
     The noise across the epipolar lines of the rig is added as it is; the rest, which moves the
     reconstructed point, `along` times.
     """
-    E, both = rig.pose.essential, [own / own[:, 2:] for own in (points, rig.pose.apply(points))]
+    E, both = rig.pose.essential, [xyz / xyz[:, 2:] for xyz in (points, rig.pose.apply(points))]
     lines, across = (both[1] @ E, both[0] @ E.T), []
     for camera, rays, line in zip((rig.primary, rig.secondary), both, lines, strict=True):
         by_pixel = line[:, :2] / np.diag(camera.K)[:2]
@@ -49,7 +49,7 @@ def add_noise(
     unit /= np.linalg.norm(unit, axis=1, keepdims=True)
     part = unit * np.sum(unit * noise, axis=1, keepdims=True)
     pixels += part + along * (noise - part)
-    return np.ascontiguousarray(np.hstack([own[:, :2] for own in both]).T)
+    return np.ascontiguousarray(np.hstack([rays[:, :2] for rays in both]).T)
 
 
 class JudgedSets(NamedTuple):
@@ -81,18 +81,18 @@ def judge(
     """
     s, bars = len(sets), len(distances)
     counts = np.zeros((s, 2, 2, BINS + 2), dtype=np.int32)
-    found = JudgedSets(counts, np.full((s, bars), np.nan), np.full(s, np.nan))
+    judged = JudgedSets(counts, np.full((s, bars), np.nan), np.full(s, np.nan))
     nans, rays = np.zeros(2, dtype=np.int64), start.copy()
     E = np.empty((3, 3))
-    for at, own in enumerate(sets):
-        q, (_, R), lenses = with_lenses(own)
+    for k, cameras in enumerate(sets):
+        q, (_, R), lenses = with_lenses(cameras)
         if not undistort_rays(q, lenses, pixels, rays):
             rays = start.copy()
             continue
         T = q[EACH + TRANSLATION : EACH + LENS]
         fill_essential(R, T, E)
         scale = pixel_scales_of(q[[[LENS, LENS + 1], [EACH + LENS, EACH + LENS + 1]]], lenses)
-        found.correct_px[at] = count_pairs(R, T, E, rays, scale, partners, counts[at], nans)
+        judged.correct_px[k] = count_pairs(R, T, E, rays, scale, partners, counts[k], nans)
         ends = triangulate_rays(R, T, rays).reshape(bars, 2, 3)
-        found.lengths[at] = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / distances
-    return found
+        judged.lengths[k] = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / distances
+    return judged

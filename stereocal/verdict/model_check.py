@@ -80,7 +80,7 @@ class ModelCheck:
 
     @property
     def worst(self) -> HeldOutRatio:
-        """Of the comparisons that fail, that with the clearest excess."""
+        """The comparison with the clearest excess, of those that fail."""
         return max(self._failed, key=lambda each: each.standard_errors)
 
     @property

@@ -103,52 +103,52 @@ def recommend(
         no_forecast: why there is none.
     """
     validation = validation or {}
-    found = None if forecast is None else forecast.verdict
+    verdict = None if forecast is None else forecast.verdict
     match, measure = (
         figures_of(method, calibration, forecast, validation)
-        for method in ((found.match_with, found.measure_with) if found else PAPER_SETS)
+        for method in ((verdict.match_with, verdict.measure_with) if verdict else PAPER_SETS)
     )
     certainty = (
         NO_REFINED if calibration.refined is None else f"{NO_FORECAST} {no_forecast}".rstrip()
     )
     contradiction = in_runs = ""
-    if forecast is not None and found is not None:
-        if found.holds:  # else the check of the model has said it
+    if forecast is not None and verdict is not None:
+        if verdict.holds:  # else the check of the model has said it
             contradiction = _contradiction(calibration, forecast, match, measure)
-        certainty = contradiction or _how_sure(found, calibration, forecast, validation)
+        certainty = contradiction or _how_sure(verdict, calibration, forecast, validation)
         if forecast.draws.further:
             in_runs = sentence_on_runs(forecast.refined)
-    holds, left_out = found is not None and found.holds, left_out_line(calibration.screening)
+    holds, left_out = verdict is not None and verdict.holds, left_out_line(calibration.screening)
     holds = holds and not contradiction
     lengths = _length_in_words(calibration, forecast, measure, holds)
-    use = " ".join(filter(None, (lengths, _use(match, measure, found))))
+    use = " ".join(filter(None, (lengths, _use(match, measure, verdict))))
     ahead = frames_to_come(calibration, forecast)
     figures = _figures_in_words(match, measure, ahead, holds, word_of(calibration.dataset))
-    errors = [own["p95_error_3d"] for own in validation.values()]
+    errors = [entry["p95_error_3d"] for entry in validation.values()]
     if errors:
         caution = why_held_out_not_trusted([calibration.screening], errors)
     else:
         caution = why_not_trusted(calibration)
     caution = " ".join(filter(None, (caution, far_off(calibration.inputs))))
     sentences = tuple(filter(None, (use, *figures, certainty, left_out, in_runs)))
-    against = contradiction if found is not None and found.holds else certainty
+    against = contradiction if verdict is not None and verdict.holds else certainty
     brief = tuple(filter(None, (use, against, left_out)))
-    return Recommendation(match, measure, found, sentences, caution, contradiction, brief)
+    return Recommendation(match, measure, verdict, sentences, caution, contradiction, brief)
 
 
 def _contradiction(
     calibration: Calibration, forecast: Forecast, match: FileFigures, measure: FileFigures
 ) -> str:
     """Where held-out frames contradict the forecast beyond chance, and the likely reason."""
-    found = [
-        f"{what.format(in_percent(own.held_out))} instead of {in_percent(own.forecast)}"
-        for own, what in (
+    contradicted = [
+        f"{what.format(in_percent(figure.held_out))} instead of {in_percent(figure.forecast)}"
+        for figure, what in (
             (match.wrong_let_in, "{} of wrong pairs were accepted"),
             (measure.length_p95, "95 % of lengths were within {}"),
         )
-        if not own.agrees and own.held_out is not None and own.forecast is not None
+        if not figure.agrees and figure.held_out is not None and figure.forecast is not None
     ]
-    if not found:
+    if not contradicted:
         return ""
     screening, refined = calibration.screening, forecast.refined
     frames = len(screening.dataset.correspondences.frames)
@@ -159,8 +159,8 @@ def _contradiction(
     ]
     likely = ", ".join(filter(None, reasons)) or "what the model lacks, as a wrong distortion"
     return (
-        f"Held-out frames contradict the forecast: {'; '.join(found)}. The worse figures are "
-        f"shown. The likely reason: {likely}."
+        f"Held-out frames contradict the forecast: {'; '.join(contradicted)}. The worse figures "
+        f"are shown. The likely reason: {likely}."
     )
 
 
@@ -179,8 +179,8 @@ def _length_in_words(
 ) -> str:
     """The error of a length in metres; empty if unknown."""
     total, scatter = (
-        own.value if isinstance(own, Estimate) else own
-        for own in (measure.metric_p95.best(holds), measure.length_p95.best(holds))
+        best.value if isinstance(best, Estimate) else best
+        for best in (measure.metric_p95.best(holds), measure.length_p95.best(holds))
     )
     if total is None:
         return ""
@@ -188,69 +188,69 @@ def _length_in_words(
     return length_in_words(total, scatter, bar_known(calibration, forecast), lengths)
 
 
-def _use(match: FileFigures, measure: FileFigures, found: Verdict | None) -> str:
+def _use(match: FileFigures, measure: FileFigures, verdict: Verdict | None) -> str:
     """What to use; for now, where it is not decided."""
     if match.method == measure.method:
         use = f"Use {NAMES[match.method]} for both: match{match.below}, and measure."
     else:
         matching = f"Match with {NAMES[match.method]}{match.below}"
         use = f"{matching}, and measure with {NAMES[measure.method]}."
-    undecided = found is not None and found.kind == "level"
+    undecided = verdict is not None and verdict.kind == "level"
     return f"For now, {use[0].lower()}{use[1:]}" if undecided else use
 
 
 def _figures_in_words(
-    match: FileFigures, measure: FileFigures, ahead: str, holds: bool, held: str
+    match: FileFigures, measure: FileFigures, ahead: str, holds: bool, word: str
 ) -> tuple[str, ...]:
     """The figures, a sentence for each thing that they are of; the one to rely on comes first."""
     wrong, within = match.wrong_let_in, measure.length_p95
     doubted = "" if holds else ", which does not hold"
-    forecast = _sentence(f"Forecast for {ahead}{doubted}", wrong.forecast, within.forecast, held)
-    held_out = _sentence("Held out here", wrong.held_out, within.held_out, held)
+    forecast = _sentence(f"Forecast for {ahead}{doubted}", wrong.forecast, within.forecast, word)
+    held_out = _sentence("Held out here", wrong.held_out, within.held_out, word)
     return (forecast, held_out) if holds else (held_out, forecast)
 
 
 def _sentence(
-    of: str, wrong: Estimate | float | None, within: Estimate | float | None, held: str
+    of: str, wrong: Estimate | float | None, within: Estimate | float | None, word: str
 ) -> str:
     parts = []
     if wrong is not None:
         parts.append(f"{in_percent(wrong)} of wrong pairs are accepted")
     if within is not None:
-        parts.append(f"95 % of lengths are within {in_percent(within)} relative to the {held}")
+        parts.append(f"95 % of lengths are within {in_percent(within)} relative to the {word}")
     return f"{of}: {', and '.join(parts)}." if parts else ""
 
 
 def _how_sure(
-    found: Verdict,
+    verdict: Verdict,
     calibration: Calibration,
     forecast: Forecast,
     validation: Mapping[Any, Validated],
 ) -> str:
     """How sure the verdict is, and what the alternative does."""
-    two = f"Two sets are worth it here ({sure(1 - found.chance_of_one)} sure). "
-    if found.check is not None and not found.check.holds:
-        return (two if found.kind == "two" else "") + found.check.text
-    if found.kind == "two":
+    two = f"Two sets are worth it here ({sure(1 - verdict.chance_of_one)} sure). "
+    if verdict.check is not None and not verdict.check.holds:
+        return (two if verdict.kind == "two" else "") + verdict.check.text
+    if verdict.kind == "two":
         return (
-            f"{two}The refined set alone has {found.matching.value:.2f} times the reprojection "
-            f"error of the 2D set and {found.measuring.value:.2f} times the length error of the "
+            f"{two}The refined set alone has {verdict.matching.value:.2f} times the reprojection "
+            f"error of the 2D set and {verdict.measuring.value:.2f} times the length error of the "
             "3D set."
         )
-    if found.kind == "one":
-        paper = [figures_of(own, calibration, forecast, validation) for own in PAPER_SETS]
+    if verdict.kind == "one":
+        paper = [figures_of(method, calibration, forecast, validation) for method in PAPER_SETS]
         lengths = paper[1].length_p95.forecast
         within = lengths and f", 95 % of lengths within {in_percent(lengths)} by the forecast"
         return (
-            f"One set does both jobs here ({sure(found.chance_of_one)} sure). Or the paper's two: "
-            f"match with the 2D set{paper[0].below}, measure with the 3D set{within or ''}."
+            f"One set does both jobs here ({sure(verdict.chance_of_one)} sure). Or the paper's "
+            f"two: match with the 2D set{paper[0].below}, measure with the 3D set{within or ''}."
         )
     more = (
-        f"About {found.frames_to_add} more frames would decide it."
-        if found.frames_to_add
+        f"About {verdict.frames_to_add} more frames would decide it."
+        if verdict.frames_to_add
         else "More frames would hardly decide it, and little depends on it."
     )
     return (
         "One set or two is not decided: one does both jobs with a probability of "
-        f"{100 * found.chance_of_one:.0f} %. {more}"
+        f"{100 * verdict.chance_of_one:.0f} %. {more}"
     )

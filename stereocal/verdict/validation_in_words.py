@@ -28,28 +28,28 @@ def validation_answer(summaries: Mapping[Method, MethodSummary]) -> str:
     return answer
 
 
-def _pairs_in_words(own: MethodSummary) -> str:
-    matching = own.reprojection
+def _pairs_in_words(summary: MethodSummary) -> str:
+    matching = summary.reprojection
     return (
         f" below {digits(matching.threshold, 2)} px, {percent(matching.wrong_let_in)} % of wrong "
         f"pairs are accepted and {percent(matching.correct_lost)} % of correct ones are lost"
     )
 
 
-def _lengths_in_words(own: MethodSummary) -> str:
-    within = own.reconstruction.p95
+def _lengths_in_words(summary: MethodSummary) -> str:
+    within = summary.reconstruction.p95
     if not math.isfinite(within):
         return "no bar could be measured"
     return f"95 % of bars are within {percent(within)} %"
 
 
-def _made_for(paper: Mapping[Method, MethodSummary], quantity: str, made: Method) -> Method:
+def _made_for(paper: Mapping[Method, MethodSummary], quantity: str, intended: Method) -> Method:
     best = best_methods(paper)[quantity]
-    if made not in paper:
+    if intended not in paper:
         return best
-    own, least = paper[made].main(quantity), paper[best].main(quantity)
+    figure, least = paper[intended].main(quantity), paper[best].main(quantity)
     # Of too few runs for intervals, no set is said to be better: that comparison is false of NaN.
-    return best if own.low > least.high or math.isnan(own.value) else made
+    return best if figure.low > least.high or math.isnan(figure.value) else intended
 
 
 def _name(method: Method) -> str:

@@ -31,11 +31,11 @@ def sentence(check: Recheck) -> str:
         )
     if not check.changed:
         return _unchanged(check)
-    found, since = what_changed(check), check.since
+    text, since = what_changed(check), check.since
     if since is not None:
         between = f" (between {since.low} and {since.high})" * (since.low != since.high)
-        found += f" Since frame {since.frame}{between}."
-    return f"{found} {_repair(check)}".rstrip()
+        text += f" Since frame {since.frame}{between}."
+    return f"{text} {_repair(check)}".rstrip()
 
 
 def to_json(check: Recheck, repaired: str | None = None) -> dict[str, Any]:
@@ -77,30 +77,30 @@ def to_json(check: Recheck, repaired: str | None = None) -> dict[str, Any]:
 
 def notes(check: Recheck) -> list[str]:
     """Further messages: groups left out, other noise, what matched points do not show."""
-    found = list(check.images.notes)
+    messages = list(check.images.notes)
     if left_out := _left_out(check):
         many = f" and {len(left_out) - 5} more" if len(left_out) > 5 else ""
-        found.append(
+        messages.append(
             f"Points of {named_frames(left_out[:5])}{many} contradict the others and were left out."
         )
     if not check.noise.as_before and check.usable:
-        found.append(
+        messages.append(
             f"The noise is {digits(check.noise.sigma_px, 2)} px, at the calibration it was "
             f"{digits(check.prior.sigma_px, 2)} px; that of the new images was used."
         )
     if check.noise.design_effect >= ALIKE:
         groups = int((~check.noise.outlying).sum())
-        found.append(
+        messages.append(
             f"Errors of neighbouring frames are alike: {groups} "
             f"{'bars' if check.scale else 'points'} tell as much as about "
             f"{groups / check.noise.design_effect:.0f} independent ones."
         )
     if not check.scale:
-        found.append(
+        messages.append(
             "Matched points alone do not show the baseline: that of the file was kept. To check "
             "it, record a few bars."
         )
-    return found
+    return messages
 
 
 def _left_out(check: Recheck) -> list[int]:
@@ -114,13 +114,13 @@ def what_changed(check: Recheck) -> str:
     if not check.pose_moved:
         also = f"A movement {both_free}" if check.ambiguous else "The cameras have not moved."
         return f"Refocused: {lenses}. {also}"
-    found = f"Moved: {_turn(check)}."
+    text = f"Moved: {_turn(check)}."
     change, baseline = check.baseline_change, check.baseline_m
     if change is not None and baseline is not None and change.low * change.high > 0:
-        found += f" The baseline is {_longer(change)}: {rounded(baseline.value, 4)} m."
+        text += f" The baseline is {_longer(change)}: {rounded(baseline.value, 4)} m."
     if lenses:
-        return f"{found} Besides, {lenses}."
-    return f"{found} A refocused lens {both_free}" if check.ambiguous else found
+        return f"{text} Besides, {lenses}."
+    return f"{text} A refocused lens {both_free}" if check.ambiguous else text
 
 
 def _turn(check: Recheck) -> str:
@@ -135,8 +135,8 @@ def _turn(check: Recheck) -> str:
     angle = _range(turn, 180 / np.pi, "°")
     match check.possible_causes:
         case ("primary",):
-            own = -check.prior.rig.pose.R.T @ vector
-            return f"the primary turned in place by {angle} {_about(own)}"
+            in_primary = -check.prior.rig.pose.R.T @ vector
+            return f"the primary turned in place by {angle} {_about(in_primary)}"
         case ("secondary",):
             return f"the secondary turned in place by {angle} {_about(vector)}"
     by = f"by {angle} " + _about(vector, "the secondary's")
@@ -190,11 +190,11 @@ def _repair(check: Recheck) -> str:
 def _limits(check: Recheck) -> str:
     """How large the changes of turn and baseline are at most."""
     change = check.baseline_change
-    found = f"by a turn below {rounded(np.degrees(check.turn[0].high))}°"
+    text = f"by a turn below {rounded(np.degrees(check.turn[0].high))}°"
     if change is None:
-        return found
+        return text
     reach = digits(100 * max(abs(change.low), abs(change.high)), 2)
-    return f"{found} and a change of the baseline below {reach} %"
+    return f"{text} and a change of the baseline below {reach} %"
 
 
 def _unchanged(check: Recheck) -> str:

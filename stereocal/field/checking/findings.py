@@ -97,7 +97,7 @@ class Recheck:
         if self.refocused or self.ambiguous:
             sigmas = np.sqrt(np.diag(self.both.change_covariance))[-2:]
             changes += map(self._interval, self.both.d[-2:].tolist(), sigmas.tolist())
-        largest = max((max(abs(each.low), abs(each.high)) for each in changes), default=0.0)
+        largest = max((max(abs(change.low), abs(change.high)) for change in changes), default=0.0)
         return largest < self.smallest.baseline
 
     @property
@@ -125,15 +125,15 @@ class Recheck:
     @cached_property
     def explanations(self) -> tuple[Explanation, ...]:
         """What may have changed, the likeliest first."""
-        found = [Explanation(True, (), self.pose), Explanation(True, CAMERAS, self.both)]
-        found += [Explanation(True, (), fit) for fit in self._turns]
+        explanations = [Explanation(True, (), self.pose), Explanation(True, CAMERAS, self.both)]
+        explanations += [Explanation(True, (), fit) for fit in self._turns]
         for k, which in enumerate(CAMERAS):
             focal = fits.focal_change(self.prior, k)
             both = self.fit(self._pose_change + focal, pose_at(self.pose.at))
-            found.append(Explanation(False, (which,), self.fit(focal)))
-            found.append(Explanation(True, (which,), both))
-        found.append(Explanation(False, CAMERAS, self.fit(fits.focal_changes(self.prior))))
-        return tuple(sorted(found, key=lambda each: each.score))
+            explanations.append(Explanation(False, (which,), self.fit(focal)))
+            explanations.append(Explanation(True, (which,), both))
+        explanations.append(Explanation(False, CAMERAS, self.fit(fits.focal_changes(self.prior))))
+        return tuple(sorted(explanations, key=lambda explanation: explanation.score))
 
     @cached_property
     def _turns(self) -> list[fits.Fit]:
@@ -154,22 +154,22 @@ class Recheck:
     def _rivals(self) -> list[Explanation]:
         """The explanations that are nearly as likely as the first."""
         first, *others = self.explanations
-        return [each for each in others if each.score - first.score < AS_LIKELY]
+        return [rival for rival in others if rival.score - first.score < AS_LIKELY]
 
     @cached_property
     def ambiguous(self) -> bool:
         """Whether a movement and a refocused lens explain the images about equally well."""
         return self.seen and any(
-            (each.moved, bool(each.refocused)) != (self.pose_moved, bool(self.refocused))
-            and not (each.moved and each.refocused)
-            for each in self._rivals
+            (rival.moved, bool(rival.refocused)) != (self.pose_moved, bool(self.refocused))
+            and not (rival.moved and rival.refocused)
+            for rival in self._rivals
         )
 
     @cached_property
     def either_lens(self) -> bool:
         """Whether one lens was refocused, and the images cannot tell which."""
         return len(self.refocused) == 1 and any(
-            each.moved == self.pose_moved and len(each.refocused) == 1 for each in self._rivals
+            rival.moved == self.pose_moved and len(rival.refocused) == 1 for rival in self._rivals
         )
 
     @cached_property

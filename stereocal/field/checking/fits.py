@@ -96,8 +96,8 @@ def pose_change(prior: Prior, scale: bool) -> Change:
 
 def focal_change(prior: Prior, camera: int) -> Change:
     """The focal length of the primary (0) or the secondary (1), as a factor of both fx and fy."""
-    direction, at = np.zeros((OF_PAIR, 1)), lens_places(camera)[:2]
-    direction[at, 0] = prior.at.q[at]
+    direction, places = np.zeros((OF_PAIR, 1)), lens_places(camera)[:2]
+    direction[places, 0] = prior.at.q[places]
     return Change(direction, np.full(1, WIDE_FOCAL))
 
 
@@ -237,8 +237,8 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> RepairError
         fit.points[:] = np.nan
         outlying = best.outlying.copy()
         outlying[held] = True
-        at, old = fit.minimise(outlying).at, prior.rig
-        part, repaired = images.of_groups(held), rig_of(old.primary, old.secondary, at)
+        cameras, old = fit.minimise(outlying).at, prior.rig
+        part, repaired = images.of_groups(held), rig_of(old.primary, old.secondary, cameras)
         errors.append(np.stack([part.errors_with(old), part.errors_with(repaired)], axis=1))
     whole = np.concatenate(errors, axis=2)
     known = np.isfinite(whole[1]).any(axis=1).all()
@@ -260,7 +260,7 @@ class Smallest:
 
     @classmethod
     def of(cls, turn_deg: float | None = None, baseline: float | None = None) -> "Smallest":
-        """That of these sizes; None: the usual."""
+        """The movement of these sizes; None: the usual size."""
         turn_rad = cls.turn_rad if turn_deg is None else float(np.radians(turn_deg))
         return cls(turn_rad, cls.baseline if baseline is None else baseline)
 

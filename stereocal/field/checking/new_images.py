@@ -58,17 +58,17 @@ class NewImages:
         return follow_each_other(rows.primary[rows.bars[:, 0]])
 
     def stating(self, sigma_px: float | None) -> "NewImages":
-        """The same with the noise of the points as stated (px); None: as they state it."""
+        """These images with the noise of the points as stated (px); None: as they state it."""
         return self if sigma_px is None else replace(self, stated_px=sigma_px)
 
     def errors_with(self, rig: Rig) -> tuple[FloatArray, FloatArray]:
         """Errors of each group with a rig, (f,) each: reprojection in px, the mean of its points;
         and |reconstructed - stated| / stated length, NaN without a bar."""
         seen = self.dataset.changed(primary=rig.primary, secondary=rig.secondary)
-        rows, own = seen.correspondences, errors_of(seen, rig.pose)
-        at, length = np.searchsorted(rows.frames, rows.frame), np.full(len(rows.frames), np.nan)
-        length[at[rows.bars[:, 0]]] = own.length
-        return np.bincount(at, own.reprojection_px) / np.bincount(at), length
+        rows, errors = seen.correspondences, errors_of(seen, rig.pose)
+        group, length = np.searchsorted(rows.frames, rows.frame), np.full(len(rows.frames), np.nan)
+        length[group[rows.bars[:, 0]]] = errors.length
+        return np.bincount(group, errors.reprojection_px) / np.bincount(group), length
 
     def of_groups(self, groups: IntArray) -> "NewImages":
         """Some of the groups, by their indices."""
@@ -82,15 +82,15 @@ class NewImages:
 def images_of_bars(dataset: Pair, rig: RigParameters) -> NewImages:
     """New images of a data set, seen with the lenses of the parameters."""
     for which in CAMERAS:
-        found, wanted = getattr(dataset, which).image_size, getattr(rig, which).image_size
-        if found != wanted:
+        size, wanted = getattr(dataset, which).image_size, getattr(rig, which).image_size
+        if size != wanted:
             raise StereocalError(
-                f"{dataset.name}: the {which}'s images are {found[0]}x{found[1]} px, and the "
+                f"{dataset.name}: the {which}'s images are {size[0]}x{size[1]} px, and the "
                 f"parameters are of {wanted[0]}x{wanted[1]} px: they are not of the same cameras, "
                 "or the images were scaled."
             )
     used = dataset.of_frames(rig.inputs.get("frames") or [])
-    own = rig.inputs.get("sha256") in (dataset.sha256, used.sha256)
+    is_own = rig.inputs.get("sha256") in (dataset.sha256, used.sha256)
     seen = dataset.changed(primary=rig.primary, secondary=rig.secondary)
     rows = seen.correspondences
     notes = list(filter(None, [beyond_in_words(dataset.recording.beyond_view)]))
@@ -115,7 +115,7 @@ def images_of_bars(dataset: Pair, rig: RigParameters) -> NewImages:
         notes.append(f"{LARGEST:,} of {len(rows.frames):,} frames were used, evenly spaced.")
         seen = seen.of_frames(rows.frames[kept])
     rows = seen.correspondences
-    return NewImages(seen, rows.frames, len(rows.bars), tuple(notes), own=own)
+    return NewImages(seen, rows.frames, len(rows.bars), tuple(notes), own=is_own)
 
 
 def _offset_of(seen: Pair, rig: RigParameters) -> MeasuredOffset | None:
@@ -152,12 +152,12 @@ def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
             "match again with a larger threshold."
         )
     whole = np.concatenate(pixels)
-    found = images_of_matches(
+    images = images_of_matches(
         np.concatenate(frames), whole[:, :2], whole[:, 2:], rig, table.label, tuple(notes)
     )
     stated = np.concatenate(sigmas)
     stated = stated[np.isfinite(stated)]
-    return replace(found, stated_px=float(np.sqrt(np.mean(stated**2))) if len(stated) else 0.0)
+    return replace(images, stated_px=float(np.sqrt(np.mean(stated**2))) if len(stated) else 0.0)
 
 
 def images_of_matches(
@@ -170,9 +170,9 @@ def images_of_matches(
 ) -> NewImages:
     """New images of matched points alone, raw pixels (n, 2) of each camera."""
     lost, counts = beyond_either((rig.primary, rig.secondary), (primary, secondary))
-    if told := beyond_in_words(counts):
+    if note := beyond_in_words(counts):
         frames, primary, secondary = frames[~lost], primary[~lost], secondary[~lost]
-        notes = (*notes, told)
+        notes = (*notes, note)
     if len(frames) < FEWEST_PAIRS:
         raise StereocalError(
             f"{name}: {len(frames)} matched points are too few to check anything; at least "
@@ -185,5 +185,5 @@ def images_of_matches(
     rows = Correspondences.from_arrays(
         np.arange(len(order)), "A" * len(order), primary[order], secondary[order]
     )
-    known = Recording.of_two(name, rig.primary, rig.secondary, rig.pose.baseline, 1.0)
-    return NewImages(known.holding(rows).pair(*CAMERAS), frames[order], 0, notes)
+    recording = Recording.of_two(name, rig.primary, rig.secondary, rig.pose.baseline, 1.0)
+    return NewImages(recording.holding(rows).pair(*CAMERAS), frames[order], 0, notes)

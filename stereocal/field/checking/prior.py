@@ -63,7 +63,7 @@ class Prior:
             f, r2 = float(np.mean(self.at.q[places[:2]])), np.square(x).sum(axis=1)
             # Images move by these, over the change of fx, fy, cx, cy, k1, k2, p1, p2.
             moves = [*np.abs(x).T, 1.0, 1.0, f * r2**1.5, f * r2**2.5, 2 * f * r2, 2 * f * r2]
-            sizes = np.array([np.sqrt(np.mean(np.square(each))) for each in moves])
+            sizes = np.array([np.sqrt(np.mean(np.square(move))) for move in moves])
             covariance[places, places] += (LENS_ERROR * self.sigma_px / sizes) ** 2
         return replace(self, root=root_of(covariance))
 
@@ -90,13 +90,13 @@ def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
             "cannot be separated from their errors. Use the refined file of the same calibration "
             "(parameters_refined.json), or calibrate again."
         )
-    about = rig.uncertainties or {}
+    entries = rig.uncertainties or {}
     try:
-        scatter = float((about.get("bar_scatter_m") or {}).get("value", 0.0))
-        bar = about.get("bar_length_m") or {"estimate": 1.0, "stated": 1.0}
+        scatter = float((entries.get("bar_scatter_m") or {}).get("value", 0.0))
+        bar = entries.get("bar_length_m") or {"estimate": 1.0, "stated": 1.0}
         factor = float(bar["estimate"]) / float(bar["stated"])
-        degrees = _degrees(rig, about["sigma_px"])
-        design_effect = float(about.get("design_effect", 1.0))
+        degrees = _degrees(rig, entries["sigma_px"])
+        design_effect = float(entries.get("design_effect", 1.0))
     except DAMAGED as error:
         raise StereocalError(f"{source}: the uncertainties are damaged ({error}).") from error
     root, variances = root_of(covariance), np.abs(np.diag(covariance))
@@ -108,9 +108,9 @@ def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
     numbers = np.array([scatter, factor, sigma_px, design_effect])
     if not (np.isfinite(numbers).all() and scatter >= 0 and factor > 0 and design_effect >= 1):
         raise StereocalError(f"{source}: the uncertainties have an impossible noise or length.")
-    at = rig_at(rig)
-    at.q[FACTOR] = factor
-    return Prior(rig, at, root, sigma_px, degrees, scatter, design_effect)
+    cameras = rig_at(rig)
+    cameras.q[FACTOR] = factor
+    return Prior(rig, cameras, root, sigma_px, degrees, scatter, design_effect)
 
 
 def _degrees(rig: RigParameters, noise: Mapping[str, Any]) -> float:

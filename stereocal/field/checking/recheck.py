@@ -81,9 +81,20 @@ def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -
     both.minimise(outlying, pose_at(pose.at))
     p_pose = min((2 if len(blocks) > 1 else 1) * p_whole, 1.0)
     p_focal = noise.probability(pose.cost - both.cost, len(focal))
-    found = power(pose, smallest)
+    power_of_pose = power(pose, smallest)
     return Recheck(
-        prior, images, after, outlying, noise, since, pose, both, found, smallest, p_pose, p_focal
+        prior,
+        images,
+        after,
+        outlying,
+        noise,
+        since,
+        pose,
+        both,
+        power_of_pose,
+        smallest,
+        p_pose,
+        p_focal,
     )
 
 
@@ -150,14 +161,14 @@ class _Check:
         for groups, change in parts:
             images = self.images.of_groups(groups)
             fit = Fit(self.prior, images, change, sigma_px)
-            found = [fit] * fit.run()
-            if not found or fit.outlying.any():
+            fits = [fit] * fit.run()
+            if not fits or fit.outlying.any():
                 fit = Fit(self.prior, images, change, sigma_px)
                 if pose := robust_start(images.dataset, images.dataset.rays):
                     fit.start_from(pose)
-                    found += [fit] * fit.run()
-            if found:
-                best = min(found, key=lambda each: each.outlying.sum())
+                    fits += [fit] * fit.run()
+            if fits:
+                best = min(fits, key=lambda fit: fit.outlying.sum())
                 total, degrees = total + best.cost, degrees + best.degrees
                 outlying[groups] = best.outlying
         return total, degrees, outlying
@@ -166,17 +177,17 @@ class _Check:
         """The noise with the design effect: the file's or, if larger, that of a part of the images.
         Errors of a lens or of a detector are alike in bars that lie close together."""
         of_file = self.prior.design_effect
-        found = replace(noise, design_effect=of_file)
+        widened = replace(noise, design_effect=of_file)
         for groups, change in parts:
             fit = Fit(self.prior, self.images.of_groups(groups), change, noise.sigma_px)
             fit.minimise(noise.outlying[groups])
             effect, clusters = _design_effect(fit, of_file > 1 or self.images.follow_each_other)
-            if effect > found.design_effect:
+            if effect > widened.design_effect:
                 degrees = min(noise.degrees, float(clusters * max(len(change), 1)))
-                found = replace(found, design_effect=effect, degrees=degrees)
-        if found.design_effect > 1:
-            found = replace(found, degrees=min(found.degrees, EFFECT_DEGREES))
-        return found
+                widened = replace(widened, design_effect=effect, degrees=degrees)
+        if widened.design_effect > 1:
+            widened = replace(widened, degrees=min(widened.degrees, EFFECT_DEGREES))
+        return widened
 
     def settled(self, noise: ImageNoise) -> tuple[ImageNoise, Since | None]:
         """The change point among many groups, if there is one, with the noise that goes with it.
@@ -198,10 +209,10 @@ class _Check:
     def _since(self, noise: ImageNoise) -> Since | None:
         """The change point, if a lasting movement explains the images better than one before."""
         pose = self.pose_fit(noise.counted_px, noise.outlying)
-        found = since_when(self.prior, self.images, pose, noise.outlying)
-        p_since = found.candidates * noise.probability(found.gain, len(pose.change))
-        among = found.lasts and found.low > self.images.numbers[0]
-        return found if among and p_since < self.p_of_movement(noise) else None
+        since = since_when(self.prior, self.images, pose, noise.outlying)
+        p_since = since.candidates * noise.probability(since.gain, len(pose.change))
+        among = since.lasts and since.low > self.images.numbers[0]
+        return since if among and p_since < self.p_of_movement(noise) else None
 
     def p_of_movement(self, noise: ImageNoise) -> float:
         """Probability that an unmoved rig prefers a movement by so much."""

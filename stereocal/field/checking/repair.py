@@ -107,11 +107,11 @@ class Residuals:
 
 def residuals_of(check: Recheck) -> Residuals:
     images = check.images
-    numbers, at = np.unique(images.numbers, return_inverse=True)
+    numbers, row = np.unique(images.numbers, return_inverse=True)
 
     def errors(rig: Rig) -> FrameErrors:
         px, length = images.errors_with(rig)  # bars are one group a frame
-        return FrameErrors(np.bincount(at, px) / np.bincount(at), length if images.bars else None)
+        return FrameErrors(np.bincount(row, px) / np.bincount(row), length if images.bars else None)
 
     repaired = errors(check.repaired) if check.offers_repair else None
     since = check.since if check.changed else None

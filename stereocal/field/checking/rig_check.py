@@ -54,14 +54,14 @@ class RigCheck:
             return ((),)
         for contradicted in (False, True):  # if nothing explains all, a small change was missed
             for size in range(1, len(self.cameras)):
-                found = tuple(
+                sets = tuple(
                     some
                     for some in combinations(self.cameras, size)
                     if all({*some} & {*pair} for pair in moved)
                     and (contradicted or not any({*some} & {*pair} for pair in same))
                 )
-                if found:
-                    return found
+                if sets:
+                    return sets
         return ()
 
     @property
@@ -92,19 +92,19 @@ class RigCheck:
     @property
     def notes(self) -> list[str]:
         """What each pair says, and which could not be checked."""
-        found = [
+        notes = [
             f"{pair_name(pair)}: "
             + (check_words.what_changed(check) if check.changed else check_words.sentence(check))
             for pair, check in self.pairs.items()
         ]
         if self.verdict == "moved":
-            found.append("Calibrate the rig again, with bars recorded since.")
+            notes.append("Calibrate the rig again, with bars recorded since.")
         beyond: dict[str, int] = {}
         for check in self.pairs.values():
             beyond.update(check.images.dataset.recording.beyond_view)
-        found += filter(None, [beyond_in_words(beyond)])
+        notes += filter(None, [beyond_in_words(beyond)])
         unchecked = self.unchecked.items()
-        return found + [f"{pair_name(pair)} was not checked: {why}" for pair, why in unchecked]
+        return notes + [f"{pair_name(pair)} was not checked: {why}" for pair, why in unchecked]
 
     def to_json(self) -> dict[str, Any]:
         """The content of `check.json`."""

@@ -46,10 +46,10 @@ def since_when(prior: Prior, images: NewImages, moved: Fit, outlying: BoolArray)
     first, index = -1, np.arange(len(numbers))
     for _ in range(ROUNDS):
         costs = _costs(prior, change, same, _equations(moved, outlying), starts)
-        found = int(starts[np.argmin(costs)])
-        if found == first:
+        start = int(starts[np.argmin(costs)])
+        if start == first:
             break
-        first = found
+        first = start
         moved = Fit(prior, images, change, sigma_px).minimise(outlying | (index < first))
     without = same.between(first, prior.root @ moved.p[: moved.known])
     with_it = _equations(moved, outlying).between(first, moved.q - prior.at.q)
@@ -97,10 +97,10 @@ def _equations(fit: Fit, outlying: BoolArray) -> _Equations:
     groups = [np.flatnonzero(~outlying[f : f + 1]) + f for f in range(len(outlying))]
     H, g, c = fit.equations(groups)
     x = fit.q - fit.prior.at.q
-    at = np.einsum("fij,j->fi", H, x)
+    Hx = np.einsum("fij,j->fi", H, x)
     sums = (
-        np.cumsum(np.concatenate([each, np.zeros_like(each[:1])])[::-1], axis=0)[::-1]
-        for each in (H, g - at, c + at @ x - 2.0 * g @ x)
+        np.cumsum(np.concatenate([terms, np.zeros_like(terms[:1])])[::-1], axis=0)[::-1]
+        for terms in (H, g - Hx, c + Hx @ x - 2.0 * g @ x)
     )
     return _Equations(*sums)
 

@@ -48,7 +48,7 @@ class PairToCheck:
 
     @property
     def usual_noise(self) -> PointNoise | None:
-        """Of the table, else of the calibration; None if neither says it."""
+        """The noise that the table states, else that of the calibration; None if neither does."""
         stated = self.images.stated_px
         return PointNoise(stated, "columns") if stated else noise_of_calibration(self.parameters)
 
@@ -68,15 +68,15 @@ class PairToCheck:
         Raises:
             StereocalError: the parameters have no covariance, or nothing fits the points.
         """
-        found = recheck(prior_of(self.parameters, source), self.images, smallest)
-        offered = found.offers_repair
+        checked = recheck(prior_of(self.parameters, source), self.images, smallest)
+        offered = checked.offers_repair
         return CheckAnswer(
-            found.verdict,
-            check_words.sentence(found),
-            check_words.notes(found),
-            check_words.to_json(found, REPAIRED if offered else None),
-            {self.parameters.camera_names or CAMERAS: residuals_of(found)},
-            repaired_parameters(found, sha256) if offered else None,
+            checked.verdict,
+            check_words.sentence(checked),
+            check_words.notes(checked),
+            check_words.to_json(checked, REPAIRED if offered else None),
+            {self.parameters.camera_names or CAMERAS: residuals_of(checked)},
+            repaired_parameters(checked, sha256) if offered else None,
         )
 
 
@@ -101,10 +101,10 @@ class RigToCheck:
         Raises:
             StereocalError: no pair of its cameras can be checked.
         """
-        found = check_rig(self.parameters, self.recording, smallest)
-        residuals = {pair: residuals_of(own) for pair, own in found.pairs.items()}
+        checked = check_rig(self.parameters, self.recording, smallest)
+        residuals = {pair: residuals_of(check) for pair, check in checked.pairs.items()}
         return CheckAnswer(
-            found.verdict, found.sentence, found.notes, found.to_json(), residuals, None
+            checked.verdict, checked.sentence, checked.notes, checked.to_json(), residuals, None
         )
 
 

@@ -54,7 +54,7 @@ class Advice:
 
 def advise(fit: ExpectedFit) -> Advice:
     """What limits a plan and what would help, by its expected refined set."""
-    plan, own = fit.plan, fit.plan.uncertainty
+    plan, sigma = fit.plan, fit.plan.uncertainty
     H, P = fit.result.information, fit.result.unknowns.precision
 
     def known(**better: float) -> float:
@@ -73,16 +73,16 @@ def advise(fit: ExpectedFit) -> Advice:
     if limit == "image noise" and halves["baseline"] <= NEARLY_LEAST * halves[limit]:
         limit = "baseline"
     better_lenses = (
-        f"Lenses calibrated twice as well (focal length to {percent(0.5 * own.focal)} %, centre to "
-        f"{digits(0.5 * own.centre_px, 2)} px)"
+        f"Lenses calibrated twice as well (focal length to {percent(0.5 * sigma.focal)} %, centre "
+        f"to {digits(0.5 * sigma.centre_px, 2)} px)"
     )
-    baseline, bar = digits(500 * own.baseline_m, 2), digits(500 * own.bar_m, 2)
+    baseline, bar = digits(500 * sigma.baseline_m, 2), digits(500 * sigma.bar_m, 2)
     noise = digits(0.5 * plan.noise_px, 2)
     positions, better = (
         _position_error(fit, precision) for precision in (P, fit.precision_knowing(LENSES_TWICE))
     )
     # Each with the fraction of the planned error that is left, and that error.
-    found = [
+    improvements = [
         (
             error / fit.length_p95,
             f"{text}: 95 % of lengths within {percent(error)} % instead of "
@@ -102,8 +102,12 @@ def advise(fit: ExpectedFit) -> Advice:
         )
     ]
     instead = f"positions to {distance(better)} instead of {distance(positions)}."
-    found.append((better / positions, f"{better_lenses}: {instead}"))
-    worth = [text for left, text in sorted(found, key=lambda each: each[0]) if left < WORTH_IT]
+    improvements.append((better / positions, f"{better_lenses}: {instead}"))
+    worth = [
+        text
+        for left, text in sorted(improvements, key=lambda improvement: improvement[0])
+        if left < WORTH_IT
+    ]
     nothing = (
         "No single change would help much: neither another baseline, more bars, better known "
         "lenses nor a longer bar."
@@ -116,11 +120,11 @@ def _baseline_scan(fit: ExpectedFit) -> tuple[FloatArray, FloatArray]:
     plan = fit.plan
     baselines = plan.baseline_m * BASELINES
     errors = np.where(BASELINES == 1.0, fit.length_p95, np.nan)
-    for at in np.flatnonzero(BASELINES != 1.0):
+    for k in np.flatnonzero(BASELINES != 1.0):
         with suppress(StereocalError):
-            other = with_baseline(plan, float(baselines[at]))
+            other = with_baseline(plan, float(baselines[k]))
             if len(other.common_points) >= KEPT_VIEW * len(plan.common_points):
-                errors[at] = expect(other).length_p95
+                errors[k] = expect(other).length_p95
     return baselines, errors
 
 
@@ -146,12 +150,12 @@ def _another_baseline(
 ) -> list[tuple[str, float]]:
     if not np.isfinite(errors).any():
         return []
-    at = int(np.flatnonzero(errors <= NEARLY_LEAST * np.nanmin(errors))[0])
-    text = f"A baseline of {rounded(baselines[at])} m instead of {rounded(plan.baseline_m, 3)} m"
-    stated = with_baseline(plan, float(baselines[at])).stated_pose
+    k = int(np.flatnonzero(errors <= NEARLY_LEAST * np.nanmin(errors))[0])
+    text = f"A baseline of {rounded(baselines[k])} m instead of {rounded(plan.baseline_m, 3)} m"
+    stated = with_baseline(plan, float(baselines[k])).stated_pose
     if isinstance(stated, AimedPose):
         text += f", each camera turned in by {rounded(stated.toe_in_deg)}°"
-    return [(text, float(errors[at]))]
+    return [(text, float(errors[k]))]
 
 
 def _more_bars(fit: ExpectedFit) -> tuple[str, float]:
@@ -173,7 +177,7 @@ def _more_bars(fit: ExpectedFit) -> tuple[str, float]:
         )
         for where, among in places.items()
     }
-    return min(errors.items(), key=lambda each: each[1])
+    return min(errors.items(), key=lambda item: item[1])
 
 
 def _position_error(fit: ExpectedFit, precision: FloatArray) -> float:

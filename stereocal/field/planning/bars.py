@@ -67,9 +67,9 @@ def place_planned_bars(plan: Plan, count: int, rng: np.random.Generator) -> Floa
     grid = plan.common_points
     sides = np.ptp(grid[:, :2] / grid[:, 2:], axis=0)
     cell = np.array([*sides, plan.far_m - plan.near_m]) / (COLUMNS - 1, ROWS - 1, DEPTHS - 1)
-    found = np.empty((0, 2, 3))
+    placed = np.empty((0, 2, 3))
     for _ in range(ROUNDS):
-        tried = max(3 * (count - len(found)), 200)
+        tried = max(3 * (count - len(placed)), 200)
         middle = grid[rng.integers(len(grid), size=tried)]
         middle = np.column_stack([middle[:, :2] / middle[:, 2:], middle[:, 2]])
         middle += cell * rng.uniform(-0.5, 0.5, (tried, 3))
@@ -77,9 +77,9 @@ def place_planned_bars(plan: Plan, count: int, rng: np.random.Generator) -> Floa
         along = rng.standard_normal((tried, 3))
         along *= 0.5 * plan.bar_m / np.linalg.norm(along, axis=1, keepdims=True)
         bars = np.stack([middle - along, middle + along], axis=1)
-        found = np.concatenate([found, bars[_in_view(plan, bars)]])
-        if len(found) >= count:
-            return found[:count]
+        placed = np.concatenate([placed, bars[_in_view(plan, bars)]])
+        if len(placed) >= count:
+            return placed[:count]
     raise _hardly_fits(plan)
 
 
@@ -94,15 +94,15 @@ def _in_view(plan: Plan, ends: FloatArray) -> BoolArray:
     """(...): whether both ends (..., 2, 3) are in the volume and in view of both cameras."""
     points = ends.reshape(-1, 3)
     seen = (points[:, 2] >= plan.near_m) & (points[:, 2] <= plan.far_m)
-    for camera, own in ((plan.primary, points), (plan.secondary, plan.pose.apply(points))):
-        seen &= sees(camera, own, margin_px(plan, camera.image_size))
+    for camera, xyz in ((plan.primary, points), (plan.secondary, plan.pose.apply(points))):
+        seen &= sees(camera, xyz, margin_px(plan, camera.image_size))
     return np.asarray(seen.reshape(ends.shape[:-1]).all(axis=-1))
 
 
 def margin_px(plan: Plan, image_size: tuple[int, int]) -> float:
     """Distance from the edge of an image within which no target is planned."""
-    own = plan.uncertainty
-    lens = SIGMAS * (own.centre_px + 0.5 * own.focal * max(image_size))
+    sigma = plan.uncertainty
+    lens = SIGMAS * (sigma.centre_px + 0.5 * sigma.focal * max(image_size))
     return min(MARGIN_PX + lens, MOST_MARGIN * min(image_size))
 
 
@@ -140,14 +140,15 @@ def bar_places(plan: Plan) -> list[BarPlace]:
     middles = np.array([spot[1] for spot in spots])
     ends, positions = _ends(plan, middles), ground_from_primary(plan).apply(middles)
     places = []
-    for k, at in enumerate(chosen):
-        (distance, across, height), _, fitting = spots[at]
-        in_turn = (at + k // count + np.arange(len(DIRECTIONS))) % len(DIRECTIONS)
+    for k, row in enumerate(chosen):
+        (distance, across, height), _, fitting = spots[row]
+        in_turn = (row + k // count + np.arange(len(DIRECTIONS))) % len(DIRECTIONS)
         way = int(in_turn[np.argmax(fitting[in_turn])])
-        own = tuple(DIRECTIONS)[way], positions[at], ends[at, way]
-        places.append((at, BarPlace(distance, across, height, *own)))
+        direction = tuple(DIRECTIONS)[way]
+        bar = BarPlace(distance, across, height, direction, positions[row], ends[row, way])
+        places.append((row, bar))
     # The spots are from near to far, left to right and low to high.
-    return [place for _, place in sorted(places, key=lambda each: each[0])]
+    return [place for _, place in sorted(places, key=lambda entry: entry[0])]
 
 
 def _spots(plan: Plan, distance: int) -> list[tuple[tuple[str, str, str], FloatArray, BoolArray]]:
@@ -171,8 +172,8 @@ def _spots(plan: Plan, distance: int) -> list[tuple[tuple[str, str, str], FloatA
         fitting = _in_view(plan, _ends(plan, tried))
         if (fitting.sum(axis=1) >= enough).all():
             words = itertools.product(DISTANCES[distance : distance + 1], ACROSS, HEIGHTS)
-            found = list(zip(words, tried, fitting, strict=True))
-            return found if share > 1.5 / STEPS else [found[4]]  # one place is left
+            nine = list(zip(words, tried, fitting, strict=True))
+            return nine if share > 1.5 / STEPS else [nine[4]]  # one place is left
     return []
 
 

@@ -92,20 +92,20 @@ def draw_rigs(plan: Plan, seed: int, first: int, end: int) -> DrawnRigs:
     position = np.full(len(errors), np.nan)
     lengths = np.full((len(errors), len(FILE_METHODS), TEST_BARS), np.nan)
     partners = partners_in_groups(TEST_BARS, rng, WRONG_PARTNERS)
-    own, stated = plan.uncertainty, rig_at(plan.rig)
-    for at, error in enumerate(errors):
+    sigma, stated = plan.uncertainty, rig_at(plan.rig)
+    for k, error in enumerate(errors):
         truth = stated._replace(q=stated.q.copy())
         for camera, of_lens in enumerate((LENS, EACH + LENS)):
-            truth.q[of_lens : of_lens + 2] *= 1.0 + own.focal * error[camera]
+            truth.q[of_lens : of_lens + 2] *= 1.0 + sigma.focal * error[camera]
             off = error[2 + 2 * camera : 4 + 2 * camera]
-            truth.q[of_lens + 2 : of_lens + 4] += own.centre_px * off
-        truth.q[pose_places(1)][TRANSLATION:] *= 1.0 + own.baseline_m / plan.baseline_m * error[6]
-        truth.q[FACTOR] += own.bar_m / plan.bar_m * error[7]
+            truth.q[of_lens + 2 : of_lens + 4] += sigma.centre_px * off
+        truth.q[pose_places(1)][TRANSLATION:] *= 1.0 + sigma.baseline_m / plan.baseline_m * error[6]
+        truth.q[FACTOR] += sigma.bar_m / plan.bar_m * error[7]
         shuffled = bars[rng.permutation(len(bars))[: int(SPARE**2 * needed)]]
         try:
-            refined = (first + at) % REFINED_EVERY == 0
-            found, off, position[at] = _one_rig(plan, truth, shuffled, partners, rng, refined)
-            figures[at, : len(found)], lengths[at, : len(found)] = found, off
+            refined = (first + k) % REFINED_EVERY == 0
+            judged, off, position[k] = _one_rig(plan, truth, shuffled, partners, rng, refined)
+            figures[k, : len(judged)], lengths[k, : len(judged)] = judged, off
         except StereocalError:
             continue
     return DrawnRigs(figures, position, lengths)
@@ -140,11 +140,11 @@ def _one_rig(
     seeds = np.random.SeedSequence(int(rng.integers(2**63))).spawn(2)
     everything = np.ones(len(seen), dtype=np.bool_)
     angles = paper_angles(dataset, everything, CalibrationSettings(), *seeds)
-    poses = [Pose.from_angles(Angles(*own.tolist()), plan.baseline_m) for own in angles]
+    poses = [Pose.from_angles(Angles(*row.tolist()), plan.baseline_m) for row in angles]
     sets = [rig_at(Rig(plan.primary, plan.secondary, pose)) for pose in poses[1:]]
     if refined:
-        found = refine(dataset, plan_settings(plan), poses[0]).at
-        sets.append(found._replace(q=np.append(found.q[:FACTOR], 1.0)))
+        cameras = refine(dataset, plan_settings(plan), poses[0]).at
+        sets.append(cameras._replace(q=np.append(cameras.q[:FACTOR], 1.0)))
     return _judged(sets, truth, ends[tested], tests, partners)
 
 

@@ -55,29 +55,35 @@ class ExpectedFit:
     def length_p95_with(
         self, information: FloatArray, precision: FloatArray, noise: float = 1.0
     ) -> float:
-        """The same with another knowledge of the cameras.
+        """The error of `length_p95` with another knowledge of the cameras.
 
         Args:
             information: (33, 33), of images and bars.
             precision: (k, k), of the priors.
             noise: factor of the noise of the points that are measured.
         """
-        own, jacobian = self._of_bars
-        return within_95(self._relative_sigmas(noise**2 * own, jacobian, information, precision))
+        variances, jacobian = self._of_bars
+        return within_95(
+            self._relative_sigmas(noise**2 * variances, jacobian, information, precision)
+        )
 
     def _relative_sigmas(
-        self, own: FloatArray, jacobian: FloatArray, information: FloatArray, precision: FloatArray
+        self,
+        variances: FloatArray,
+        jacobian: FloatArray,
+        information: FloatArray,
+        precision: FloatArray,
     ) -> FloatArray:
         unknowns = replace(self.result.unknowns, precision=precision)
         C, J = unknowns.covariance(information), jacobian @ unknowns.M
-        return np.asarray(np.sqrt(own + np.einsum("ni,ni->n", J @ C, J)))
+        return np.asarray(np.sqrt(variances + np.einsum("ni,ni->n", J @ C, J)))
 
     def information_of(self, among: BoolArray) -> FloatArray:
         """(33, 33): the information of one frame, on average over some of the bars (n,)."""
-        found = refine(
+        refined = refine(
             self.result.dataset, self.result.settings, self.plan.pose, np.repeat(among, 2)
         )
-        return np.asarray(found.information / int(among.sum()))
+        return np.asarray(refined.information / int(among.sum()))
 
     def precision_knowing(self, better: Mapping[str, float]) -> FloatArray:
         """(k, k): the precision of the priors with standard deviations smaller by these factors, by
@@ -96,15 +102,15 @@ class ExpectedFit:
         plan = self.plan
         depths = np.linspace(plan.near_m, plan.far_m, DEPTHS)
         mean, p95, position = np.full((3, DEPTHS), np.nan)
-        for at, depth in enumerate(depths):
+        for k, depth in enumerate(depths):
             try:
-                points = common_points(plan.rig, depths[at : at + 1])
+                points = common_points(plan.rig, depths[k : k + 1])
             except StereocalError:
                 continue
             points = points * (depth / points[:, 2:])
             away, sigmas = self.errors_at(points[:: max(len(points) // POINTS, 1)])
-            mean[at] = uncertainty.MEAN_OF_NORMAL * np.nanmean(sigmas)
-            p95[at], position[at] = within_95(sigmas), np.nanmean(away)
+            mean[k] = uncertainty.MEAN_OF_NORMAL * np.nanmean(sigmas)
+            p95[k], position[k] = within_95(sigmas), np.nanmean(away)
         return ByDepth(depths, mean, p95, position)
 
     def errors_at(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -134,10 +140,10 @@ class ExpectedFit:
         plan, points = self.plan, self.plan.common_points
         axis, across = (1, 0) if plane == "above" else (0, 1)
         inside = points[:, axis].min() <= 0.0 <= points[:, axis].max()
-        at = 0.0 if inside else float(np.median(points[:, axis]))
+        level = 0.0 if inside else float(np.median(points[:, axis]))
         u = np.linspace(points[:, across].min(), points[:, across].max(), size)
         z = np.linspace(plan.near_m, plan.far_m, size)
-        grid = np.full((size * size, 3), at)
+        grid = np.full((size * size, 3), level)
         grid[:, [across, 2]] = np.stack([*np.meshgrid(u, z)], axis=-1).reshape(-1, 2)
         seen = sees(plan.primary, grid) & sees(plan.secondary, plan.pose.apply(grid))
         away, length = np.full(len(grid), np.nan), np.full(len(grid), np.nan)
@@ -145,7 +151,9 @@ class ExpectedFit:
             away[seen], lengths = self.errors_at(grid[seen])
             length[seen] = lengths.mean(axis=0)
         shape = (size, size)
-        return uncertainty.AccuracyMap(plane, at, u, z, away.reshape(shape), length.reshape(shape))
+        return uncertainty.AccuracyMap(
+            plane, level, u, z, away.reshape(shape), length.reshape(shape)
+        )
 
     @cached_property
     def _of_bars(self) -> tuple[FloatArray, FloatArray]:
@@ -157,10 +165,10 @@ class ExpectedFit:
         """Variances of lengths by the noise of their own points (n,), and the derivatives (n, 33)
         of length errors by the errors of the unknowns, all relative.
         """
-        at, noise_px = self.result.at, self.result.sigma_px.value
-        own, jacobian = uncertainty.length_variances(at, noise_px, first_m, second_m)
+        cameras, noise_px = self.result.at, self.result.sigma_px.value
+        variances, jacobian = uncertainty.length_variances(cameras, noise_px, first_m, second_m)
         lengths = np.linalg.norm(first_m - second_m, axis=1)
-        return np.asarray(own / lengths**2), np.asarray(jacobian / lengths[:, None])
+        return np.asarray(variances / lengths**2), np.asarray(jacobian / lengths[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,14 +187,14 @@ class ByDepth:
 def within_95(sigmas: FloatArray) -> float:
     """What 95 % of normal errors are within whose standard deviations differ; NaN if none is
     known."""
-    known = sigmas[np.isfinite(sigmas)]
-    if not len(known):
+    finite = sigmas[np.isfinite(sigmas)]
+    if not len(finite):
         return float("nan")
 
     def outside(limit: float) -> float:
-        return float(2.0 * ndtr(-limit / known).mean()) - 0.05
+        return float(2.0 * ndtr(-limit / finite).mean()) - 0.05
 
-    return float(brentq(outside, 0.0, WIDEST * known.max()))
+    return float(brentq(outside, 0.0, WIDEST * finite.max()))
 
 
 def expect(plan: Plan, seed: int = 0) -> ExpectedFit:
@@ -195,9 +203,9 @@ def expect(plan: Plan, seed: int = 0) -> ExpectedFit:
     pixels = np.empty((2 * BARS, 4))
     photograph(rig_at(plan.rig), ends.reshape(-1, 3), pixels)
     dataset = planned_dataset(plan, pixels)
-    found = refine(dataset, plan_settings(plan), plan.pose)
-    information = found.information * plan.frames / BARS
-    return ExpectedFit(plan, replace(found, information=information), ends)
+    refined = refine(dataset, plan_settings(plan), plan.pose)
+    information = refined.information * plan.frames / BARS
+    return ExpectedFit(plan, replace(refined, information=information), ends)
 
 
 def planned_dataset(plan: Plan, pixels: FloatArray) -> Pair:
@@ -206,18 +214,20 @@ def planned_dataset(plan: Plan, pixels: FloatArray) -> Pair:
     rows = Correspondences.from_arrays(
         np.repeat(np.arange(1, frames + 1), 2), "AB" * frames, pixels[:, :2], pixels[:, 2:]
     )
-    known = plan.name, plan.primary, plan.secondary, plan.baseline_m, plan.bar_m
-    return Recording.of_two(*known).holding(rows).pair(*CAMERAS)
+    recording = Recording.of_two(
+        plan.name, plan.primary, plan.secondary, plan.baseline_m, plan.bar_m
+    )
+    return recording.holding(rows).pair(*CAMERAS)
 
 
 def plan_settings(plan: Plan) -> RefineSettings:
     """Settings with the plan's uncertainties as priors."""
-    own = plan.uncertainty
-    lens = LensPrior(own.focal, own.centre_px)
+    sigma = plan.uncertainty
+    lens = LensPrior(sigma.focal, sigma.centre_px)
     return RefineSettings(
         lenses=dict.fromkeys(CAMERAS, lens),
-        baseline_sigma_m=own.baseline_m,
-        distance_sigma_m=own.bar_m,
+        baseline_sigma_m=sigma.baseline_m,
+        distance_sigma_m=sigma.bar_m,
         sigma_px=plan.noise_px,
         scatter_m=0.0,
         loss="squares",

@@ -111,8 +111,8 @@ class PlanForecast:
         """Share of field days on which 95 % of lengths are as good as needed; None if not asked."""
         if self.plan.needed is None:
             return None
-        at = FILE_METHODS.index(self.measure_with), FIGURES.index("p95_error_3d")
-        within = self.rigs.figures[:, at[0], at[1]]
+        method, figure = FILE_METHODS.index(self.measure_with), FIGURES.index("p95_error_3d")
+        within = self.rigs.figures[:, method, figure]
         return float(np.mean(within[np.isfinite(within)] <= self.plan.needed))
 
     @property
@@ -145,8 +145,8 @@ class PlanForecast:
                 {"depth_m": z, "mean_length_error": error, "position_error_m": away}
                 for z, error, away in zip(
                     *(
-                        own.tolist()
-                        for own in (depths.depths_m, depths.mean_length, depths.position_m)
+                        values.tolist()
+                        for values in (depths.depths_m, depths.mean_length, depths.position_m)
                     ),
                     strict=True,
                 )
@@ -160,8 +160,13 @@ class PlanForecast:
     def _needed_to_json(self) -> dict[str, Any]:
         if self.plan.needed is None:
             return {}
-        about = {"reached": self.reached, "field_days": self.field_days_that_reach}
-        return {"needed": {"length_error": self.plan.needed, **about}}
+        return {
+            "needed": {
+                "length_error": self.plan.needed,
+                "reached": self.reached,
+                "field_days": self.field_days_that_reach,
+            }
+        }
 
     def dumps(self) -> bytes:
         """The file; equal plans and seeds give equal bytes."""
@@ -189,7 +194,7 @@ def forecast(
     ranges = ((first, min(first + CHUNK, rigs)) for first in range(0, rigs, CHUNK))
     tasks = [Task(draw_rigs, (plan, seed, a, b), b - a) for a, b in ranges]
     with closing(run_tasks(tasks, executor, rigs, progress)) as finished:
-        every = ((own.figures, own.position_m, own.length_errors) for _, own in finished)
+        every = ((part.figures, part.position_m, part.length_errors) for _, part in finished)
         parts = zip(*every, strict=True)
         whole = DrawnRigs(*map(np.concatenate, parts))
     if whole.failed > MOST_FAILED * whole.count:
@@ -201,9 +206,9 @@ def forecast(
 
 
 def _over_rigs(values: FloatArray) -> Estimate:
-    known = values[np.isfinite(values)]
-    known = known if len(known) else np.full(1, np.nan)
-    value, (low, high) = float(known.mean()), np.percentile(known, LEVEL).tolist()
+    finite = values[np.isfinite(values)]
+    finite = finite if len(finite) else np.full(1, np.nan)
+    value, (low, high) = float(finite.mean()), np.percentile(finite, LEVEL).tolist()
     return Estimate(value, min(low, value), max(high, value))
 
 
@@ -248,9 +253,9 @@ def _about_needed(forecast: PlanForecast) -> str:
     )
 
 
-def points_per_frame(found: PlanForecast) -> str:
+def points_per_frame(forecast: PlanForecast) -> str:
     """How many points of a frame can be matched, with two digits at most."""
-    value = found.points_per_frame.value
+    value = forecast.points_per_frame.value
     if not value < 10_000:
         return "more than 10,000"
     return str(int(float(f"{value:.2g}"))) if value >= 10 else str(int(value))

@@ -117,14 +117,14 @@ class AimedPose:
     @cached_property
     def _world_from_cameras(self) -> list[FloatArray]:
         """(3, 3) each: of level cameras; the world's y axis points down."""
-        toe, found = np.radians(self.toe_in_deg), []
+        toe, rotations = np.radians(self.toe_in_deg), []
         for inward in (np.sin(toe), -np.sin(toe)):
             axis = np.array([0.0, 0.0, np.cos(toe)]) + inward * self._along
             z = axis / np.linalg.norm(axis)
             x = np.cross([0.0, 1.0, 0.0], z)
             x /= np.linalg.norm(x)
-            found.append(np.column_stack([x, np.cross(z, x), z]))
-        return found
+            rotations.append(np.column_stack([x, np.cross(z, x), z]))
+        return rotations
 
 
 @dataclass(frozen=True)
@@ -286,11 +286,11 @@ def sees(camera: Camera, points_m: FloatArray, margin_px: float = 0.0) -> BoolAr
     pixels = camera.project(points)
     with np.errstate(invalid="ignore"):
         inside = (pixels >= margin_px) & (pixels <= np.array(camera.image_size) - 1.0 - margin_px)
-    found = np.asarray(inside.all(axis=1))
+    in_image = np.asarray(inside.all(axis=1))
     if camera.distortion.any():
         most = FOLD_MARGIN**2 * np.square(rays_of_image(camera)[:, :2]).sum(axis=1).max()
-        found &= np.square(points[:, :2]).sum(axis=1) <= most * points[:, 2] ** 2
-    return found
+        in_image &= np.square(points[:, :2]).sum(axis=1) <= most * points[:, 2] ** 2
+    return in_image
 
 
 def common_points(rig: Rig, depths_m: FloatArray) -> FloatArray:

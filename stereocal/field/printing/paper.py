@@ -135,11 +135,11 @@ def footer(texts: Sequence[str], width_mm: float) -> Group:
     # 100 mm with a tick each 10 mm: the outer ticks' centre lines are exactly 100 mm apart.
     up = MARGIN_MM + RULER_HEIGHT_MM - 1.5
     shapes = Group(stroke(MARGIN_MM, up, MARGIN_MM + RULER_MM, up))
-    for at in range(0, int(RULER_MM) + 1, 10):
-        length = 4.0 if at % 50 == 0 else 2.0
-        shapes.add(stroke(MARGIN_MM + at, up - length, MARGIN_MM + at, up))
-    for at, label in ((0, "0"), (50, "50"), (100, "100 mm")):
-        shapes.add(text(MARGIN_MM + at + 1.0, MARGIN_MM, label, size=2.6))
+    for x in range(0, int(RULER_MM) + 1, 10):
+        length = 4.0 if x % 50 == 0 else 2.0
+        shapes.add(stroke(MARGIN_MM + x, up - length, MARGIN_MM + x, up))
+    for x, label in ((0, "0"), (50, "50"), (100, "100 mm")):
+        shapes.add(text(MARGIN_MM + x + 1.0, MARGIN_MM, label, size=2.6))
     left = MARGIN_MM + (BESIDE_MM if width_mm >= WIDE_MM else 0.0)
     top = footer_height(texts, width_mm)
     for row, (line, font) in enumerate(_lines(texts, width_mm)):
@@ -160,6 +160,6 @@ def _lines(texts: Sequence[str], width_mm: float) -> list[tuple[str, str]]:
     room = width_mm - 2.0 * MARGIN_MM - (BESIDE_MM if width_mm >= WIDE_MM else 0.0)
     return [
         (line, FONT if row else FONT_BOLD)
-        for row, one in enumerate(texts)
-        for line in simpleSplit(one, FONT if row else FONT_BOLD, TEXT_MM, room)
+        for row, content in enumerate(texts)
+        for line in simpleSplit(content, FONT if row else FONT_BOLD, TEXT_MM, room)
     ]

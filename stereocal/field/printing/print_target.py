@@ -44,29 +44,29 @@ class TargetSize:
     @property
     def widths(self) -> list[str]:
         """Width and distance in words, at the far end and, if it is another, at the near end."""
-        found = [f"{self._px_at(self.far_m):.0f} px across at {rounded(self.far_m, 4)} m"]
+        words = [f"{self._px_at(self.far_m):.0f} px across at {rounded(self.far_m, 4)} m"]
         if self.near_m < self.far_m:
-            found.append(f"{self._px_at(self.near_m):.0f} px at {rounded(self.near_m, 4)} m")
-        return found
+            words.append(f"{self._px_at(self.near_m):.0f} px at {rounded(self.near_m, 4)} m")
+        return words
 
     @property
     def advice(self) -> list[str]:
         """What to do if the target is too small, too large, or too large for the bar."""
         least, most = DETECTED_PX
-        found = []
+        sentences = []
         if self._px_at(self.far_m) < least:
-            found.append(f"Detection needs at least {least:.0f} px: print larger targets.")
+            sentences.append(f"Detection needs at least {least:.0f} px: print larger targets.")
         if self._px_at(self.near_m) > most:
-            found.append(
+            sentences.append(
                 f"Detection finds targets of up to {most:.0f} px: keep the bar beyond "
                 f"{rounded(self.focal_px * self.side_m / most, 3)} m, or print smaller targets."
             )
         if self.bar_m is not None and self.bar_m < SEPARATION * self.side_m:
-            found.append(
+            sentences.append(
                 f"On a bar of {rounded(self.bar_m, 4)} m they hide each other: take a bar of at "
                 f"least {rounded(SEPARATION * self.side_m)} m, or smaller targets."
             )
-        return found
+        return sentences
 
 
 def target_size(

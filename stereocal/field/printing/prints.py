@@ -118,12 +118,12 @@ def print_targets(side_m: float, paper: Paper) -> Sheet:
     def sheet(on: Paper) -> Sheet | None:
         for counts, often in (([(2, 1), (1, 2)], PRINT_TWO), ([(1, 1)], PRINT_TWICE)):
             texts, title = _target_texts(side, often), f"Target of {rounded(side, 4)} mm"
-            if found := _sheet(title, on, texts, (side, side), counts, draw, AROUND_MM):
-                return found
+            if printed := _sheet(title, on, texts, (side, side), counts, draw, AROUND_MM):
+                return printed
         return None
 
-    if found := sheet(paper):
-        return found
+    if printed := sheet(paper):
+        return printed
     room = min(_room(paper, _target_texts(100.0, PRINT_TWICE))) - 2.0 * AROUND_MM
     fits = _fitting(sheet)
     what = (
@@ -174,8 +174,8 @@ def print_tags(tags: Tags, side_m: float, paper: Paper) -> Sheet:
         title, counts = f"Tags of {rounded(side, 4)} mm", ((2, 1), (1, 2))
         return _sheet(title, on, texts, (border, border), counts, draw, TAG_MARK_MM)
 
-    if found := sheet(paper):
-        return found
+    if printed := sheet(paper):
+        return printed
     fits = _fitting(sheet)
     raise StereocalError(
         f"Two tags of {rounded(side, 4)} mm do not fit on {paper.name}: take smaller ones"
@@ -210,8 +210,8 @@ def print_board(pattern: BoardPattern, paper: Paper) -> Sheet:
         return shapes
 
     title, texts = f"Board {pattern}, squares of {square}", _board_texts(pattern)
-    if found := _sheet(title, paper, texts, (width, height), [(1, 1)], draw, gap_mm=GAP_MM):
-        return found
+    if printed := _sheet(title, paper, texts, (width, height), [(1, 1)], draw, gap_mm=GAP_MM):
+        return printed
     fits = _fitting(lambda other: largest_square(pattern, other) >= pattern.square_m - 1e-9)
     largest = largest_square(pattern, paper)
     advice = [f"use squares of at most {1e3 * largest:.0f} mm"] if largest else []

@@ -97,10 +97,10 @@ def _checklist(plan: Plan, places: Sequence[bars.BarPlace], width_mm: float) -> 
             continue
         lines = [f"<b>{distance}</b>"]
         for height in reversed(bars.HEIGHTS):
-            up = [lens - one.position_m[1] for one in here if one.height == height]
+            up = [lens - place.position_m[1] for place in here if place.height == height]
             if up:
                 lines.append(f"{height}: {round(float(np.mean(up)), digits) + 0.0:+.{digits}f} m")
-        cells = [[one for one in here if one.across == word] for word in bars.ACROSS]
+        cells = [[place for place in here if place.across == word] for word in bars.ACROSS]
         rows.append(["<br/>".join(lines), *(_boxes(cell, digits) for cell in cells)])
     return _table(rows, [head, *[(width_mm - head) / 3.0] * 3])
 
@@ -109,11 +109,11 @@ def _boxes(places: Sequence[bars.BarPlace], digits: int) -> str:
     """Where a place is, and its frames."""
     if not places:
         return "-"
-    right, _, ahead = np.mean([one.position_m for one in places], axis=0)
+    right, _, ahead = np.mean([place.position_m for place in places], axis=0)
     side = "right" if right > 0 else "left"
     lines = [f"{abs(right):.{digits}f} m {side}, {ahead:.{digits}f} m ahead"]
-    for height, group in itertools.groupby(reversed(places), key=lambda one: one.height):
-        directions = [one.direction for one in group]
+    for height, group in itertools.groupby(reversed(places), key=lambda place: place.height):
+        directions = [place.direction for place in group]
         boxes = BOX * len(directions) if len(directions) <= MOST_BOXES else f"{len(directions)} x "
         ways = list(dict.fromkeys(directions))
         named = ", ".join(ways) if len(ways) <= 2 else "different directions"
@@ -173,9 +173,9 @@ def _draw_from_above(
     _draw_cameras(shapes, to_mm(cameras), axes, f"{rounded(plan.baseline_m, 4)} m")
     depths = plan.common_points[:, 2]
     for depth in (depths.min(), depths.max()):
-        there = common[depths == depth]
-        at = np.add(to_mm(there[there[:, 0].argmax()]), (1.5, -0.8))
-        shapes.add(_note_at(at, f"{rounded(depth, 3)} m", "start"))
+        points = common[depths == depth]
+        place_mm = np.add(to_mm(points[points[:, 0].argmax()]), (1.5, -0.8))
+        shapes.add(_note_at(place_mm, f"{rounded(depth, 3)} m", "start"))
     drawing = Drawing(width_mm * mm, height_mm * mm)
     drawing.add(Group(shapes, transform=(mm, 0, 0, mm, 0, 0)))
     return drawing
@@ -188,19 +188,19 @@ def _draw_cameras(shapes: Group, places: FloatArray, axes: FloatArray, baseline:
     """
     first, second = places
     shapes.add(_line(first, second, black, 0.2))
-    for at, axis in zip(places, axes, strict=True):
+    for place, axis in zip(places, axes, strict=True):
         length = float(np.linalg.norm(axis))
         ahead = axis / length if length > 1e-6 else np.array([0.0, 1.0])
         half, across = 0.5 * CAMERA_MM * ahead, 1.6 * np.array([ahead[1], -ahead[0]])
-        corners = np.array([at - half, at + half + across, at + half - across])
+        corners = np.array([place - half, place + half + across, place + half - across])
         shapes.add(_outline(corners, white, black))
     middle = 0.5 * (first + second)
     if np.linalg.norm(second - first) < NARROW_MM:
         shapes.add(_note_at(np.add(middle, (CAMERA_MM, 0.0)), f"P and S, {baseline}", "start"))
         return
     shapes.add(_note_at(np.add(middle, (0.0, 0.8)), baseline, "middle"))
-    for name, at in zip("PS", places, strict=True):
-        shapes.add(_note_at(np.subtract(at, (0.0, CAMERA_MM + 0.5)), name, "middle"))
+    for name, place in zip("PS", places, strict=True):
+        shapes.add(_note_at(np.subtract(place, (0.0, CAMERA_MM + 0.5)), name, "middle"))
 
 
 def _outline(points: FloatArray, fill: Color, colour: Color = lightgrey) -> Polygon:

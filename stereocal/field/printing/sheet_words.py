@@ -122,14 +122,14 @@ def _aimed(plan: Plan) -> str:
         f"{name} {abs(angle):.1f}° {'in' if angle >= 0 else 'out'}"
         for name, angle in zip("PS", turned, strict=True)
     ]
-    found = f"Turned from straight ahead: <b>{', '.join(how)}</b>."
+    text = f"Turned from straight ahead: <b>{', '.join(how)}</b>."
     if turned.sum() > PARALLEL_DEG:
         meeting = plan.baseline_m / float(np.sum(np.tan(np.radians(turned))))
-        found += (
+        text += (
             f" The axes meet about <b>{rounded(meeting, 3)} m</b> ahead: aim both at a mark there."
         )
     tilts = np.degrees(np.arcsin(-axes @ ground_from_primary(plan).R[1]))
     for name, tilt in zip("PS", tilts, strict=True):
         if abs(tilt) > TILT_DEG:
-            found += f" {name} looks {abs(tilt):.1f}° {'up' if tilt > 0 else 'down'}."
-    return found
+            text += f" {name} looks {abs(tilt):.1f}° {'up' if tilt > 0 else 'down'}."
+    return text

@@ -49,7 +49,7 @@ class Solution:
 
     @cached_property
     def chi_square(self) -> float:
-        """Of the residuals, after what likely errors of the parameters explain of them."""
+        """The chi-square of the residuals, without what likely errors of the parameters explain."""
         r = self.by_rig.shape[1]
         design = np.block([[self.J, self.by_rig], [np.zeros((r, len(self.x))), np.eye(r)]])
         whole = np.concatenate([self.errors, np.zeros(r)])
@@ -84,7 +84,7 @@ class Solution:
         return float(np.sqrt(left / degrees)) if degrees >= FEWEST_DEGREES else None
 
     def scaled(self, factor: float) -> "Solution":
-        """The same where the noise is this factor larger, as the residuals show."""
+        """The solution where the noise is this factor larger, as the residuals show."""
         J, errors, by_rig = self.J / factor, self.errors / factor, self.by_rig / factor
         return Solution(self.x, J, errors, by_rig, noise_is_known=True)
 
@@ -150,10 +150,10 @@ class Blocks:
         for k in range(self.common + self.size):
             block = k - self.common
             moved_ones = slice(k, None, self.size) if block >= 0 else slice(k, k + 1)
-            rows, at = (inside, first + block) if block >= 0 else (everywhere, k)
+            rows, columns = (inside, first + block) if block >= 0 else (everywhere, k)
             moved = x.copy()
             moved[moved_ones] += steps[moved_ones]
-            J[rows, at] = (errors(moved) - here)[rows] / steps[at]
+            J[rows, columns] = (errors(moved) - here)[rows] / steps[columns]
         return J
 
 
@@ -169,10 +169,10 @@ def solve(
         by_rig: (n, r) at the solution: derivatives of the errors by z; None: not known.
         blocks: which unknowns act on which errors; None: all on all.
     """
-    known = blocks or Blocks(len(start), 0, np.full(len(errors(start)), -1))
-    found = least_squares(errors, start, partial(known.jacobian, errors), x_scale="jac")
-    J, e = (np.asarray(each, dtype=np.float64) for each in (found.jac, found.fun))
-    return Solution(found.x, J, e, np.zeros((len(e), 0)) if by_rig is None else by_rig(found.x))
+    sparsity = blocks or Blocks(len(start), 0, np.full(len(errors(start)), -1))
+    minimum = least_squares(errors, start, partial(sparsity.jacobian, errors), x_scale="jac")
+    J, e = (np.asarray(values, dtype=np.float64) for values in (minimum.jac, minimum.fun))
+    return Solution(minimum.x, J, e, np.zeros((len(e), 0)) if by_rig is None else by_rig(minimum.x))
 
 
 def _squares_left(design: FloatArray, errors: FloatArray) -> tuple[float, int]:
@@ -185,10 +185,12 @@ def _squares_left(design: FloatArray, errors: FloatArray) -> tuple[float, int]:
 
 def culprit(names: Sequence[str], agree_without: Callable[[str], bool], most: int) -> str:
     """Which observation contradicts the others, if it is just one; of at most `most` names."""
-    found = []
+    culprits = []
     for name in names if len(names) <= most else []:
         with suppress(StereocalError):
-            found += [name] * agree_without(name)
+            culprits += [name] * agree_without(name)
     return (
-        f"without {found[0]} the others agree" if len(found) == 1 else "cannot tell which is wrong"
+        f"without {culprits[0]} the others agree"
+        if len(culprits) == 1
+        else "cannot tell which is wrong"
     )

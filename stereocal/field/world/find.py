@@ -33,15 +33,15 @@ def find_world(
         with np.errstate(all="ignore"):
             if isinstance(observed, Survey):
                 seen = replace(observed, measured_m=of_first.apply(observed.measured_m))
-                found = world_of_survey(pair, seen, stated)
+                world = world_of_survey(pair, seen, stated)
             elif isinstance(observed, Throw):
-                found = world_of_throw(pair, observed, stated)
+                world = world_of_throw(pair, observed, stated)
             else:
-                found = world_of_lines(pair, observed, stated)
-        told = (found.sentence, *found.notes)
-        sentence, *notes = (_naming(cameras, text) for text in told)
+                world = world_of_lines(pair, observed, stated)
+        texts = (world.sentence, *world.notes)
+        sentence, *notes = (_naming(cameras, text) for text in texts)
         notes += _on_lengths(rig.metric_p95)
-        return replace(found, pose=found.pose @ of_first, sentence=sentence, notes=tuple(notes))
+        return replace(world, pose=world.pose @ of_first, sentence=sentence, notes=tuple(notes))
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
         if isinstance(error, StereocalError):
             raise

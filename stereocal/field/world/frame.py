@@ -138,8 +138,8 @@ def frame_of_up(
         usual: origin and x axis where `axes` names none.
     """
     origins = {**origins, CAMERA: np.zeros(3)}
-    own = {VIEW: np.array([0.0, 0.0, 1.0]), BASELINE: rig.pose.inverse().T}
-    directions = {**own, **directions}
+    of_rig = {VIEW: np.array([0.0, 0.0, 1.0]), BASELINE: rig.pose.inverse().T}
+    directions = {**of_rig, **directions}
     chosen = axes.origin or usual[0], axes.x_axis or usual[1]
     for name, known, what in zip(chosen, (origins, directions), ("origin", "x axis"), strict=True):
         if name not in known:

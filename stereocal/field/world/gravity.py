@@ -39,10 +39,10 @@ class Gravity:
     @property
     def sentence(self) -> str:
         """The measured gravity and what it says."""
-        own, verdict = self.strength, "agrees with" if self.agrees else "disagrees with"
+        strength, verdict = self.strength, "agrees with" if self.agrees else "disagrees with"
         return (
-            f"Gravity is measured as {own.value:.2f} m/s² ({own.low:.2f} to {own.high:.2f}), which "
-            f"{verdict} {STANDARD}."
+            f"Gravity is measured as {strength.value:.2f} m/s² ({strength.low:.2f} to "
+            f"{strength.high:.2f}), which {verdict} {STANDARD}."
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -67,16 +67,16 @@ class Gravity:
 
     @property
     def _note_on_drag(self) -> str:
-        own = self.drag
-        if own is None:
+        drag = self.drag
+        if drag is None:
             return ""
-        figure = f"{rounded(own.value)} per metre ({rounded(own.low)} to {rounded(own.high)})"
-        if own.high < 0:
+        figure = f"{rounded(drag.value)} per metre ({rounded(drag.low)} to {rounded(drag.high)})"
+        if drag.high < 0:
             return (
                 f"The object gains speed along its way (drag {figure}), which no free flight does: "
                 "frames with the object in a hand, or numbers of frames that skip?"
             )
-        if own.low <= 0:
+        if drag.low <= 0:
             fitted = " Drag was fitted all the same, since it may be too small to see."
             return f"The residuals show no drag: {figure}.{fitted * self.with_drag}"
         if not self.with_drag:

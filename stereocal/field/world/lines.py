@@ -126,7 +126,7 @@ def world_of_lines(
 
 def _images(rig: Rig, lines: Sequence[frame.Line]) -> list[Image]:
     """The lines' images with two points or more."""
-    found = []
+    images = []
     for k, line in enumerate(lines):
         for number, (camera, pixels) in enumerate(zip(_cameras(rig), line.pixels, strict=True)):
             check_inside(pixels, camera, CAMERAS[number], (line.name,) * len(pixels))
@@ -138,9 +138,9 @@ def _images(rig: Rig, lines: Sequence[frame.Line]) -> list[Image]:
             # Padded, so that two rows have three singular vectors.
             normal = np.linalg.svd(np.vstack([along, np.zeros(3)]))[2][2]
             off = _distances(camera, rays, normal)
-            here = rig.pose.R.T @ normal if number else normal
-            found.append(Image(k, number, pixels, here, float(off @ off)))
-    return found
+            in_primary = rig.pose.R.T @ normal if number else normal
+            images.append(Image(k, number, pixels, in_primary, float(off @ off)))
+    return images
 
 
 def _noise_of_clicks(images: Sequence[Image], known: ErrorModel) -> ErrorModel:
@@ -148,7 +148,7 @@ def _noise_of_clicks(images: Sequence[Image], known: ErrorModel) -> ErrorModel:
     are not as exact as the targets of the calibration. Too few points can only show that the noise
     is larger than that of the targets.
     """
-    scatter = [(one.scatter, len(one.pixels) - 2) for one in images if len(one.pixels) > 2]
+    scatter = [(image.scatter, len(image.pixels) - 2) for image in images if len(image.pixels) > 2]
     if known.source == "stated" or not scatter:
         return known
     squares, degrees_of = np.array(scatter).T
@@ -195,42 +195,44 @@ def _fit(
     def distances(x: FloatArray, of: Rig, points: Sequence[FloatArray]) -> FloatArray:
         up, along = directions(x)
         turns = dict(zip(free, x[common:], strict=True))
-        found = []
+        off = []
         for k, (image, seen) in enumerate(zip(images, points, strict=True)):
             normal = up
             if k in turns:
                 e = along.get(image.line, up)
                 n = image.normal + turns[k] * np.cross(e, image.normal)
                 normal = n - (n @ e) * e
-            own = of.pose.R @ normal if image.camera else normal
-            found.append(_distances(_cameras(of)[image.camera], seen, own))
-        return np.concatenate(found) / noise.sigma_px
+            in_camera = of.pose.R @ normal if image.camera else normal
+            off.append(_distances(_cameras(of)[image.camera], seen, in_camera))
+        return np.concatenate(off) / noise.sigma_px
 
     points = [image.rays(rig) for image in images]
 
     def by_rig(x: FloatArray) -> FloatArray:
-        def at(of: Rig) -> FloatArray:
+        def distances_with(of: Rig) -> FloatArray:
             return distances(x, of, [image.rays(of) for image in images])
 
-        return derivatives_by_rig(at, rig, noise.spread)
+        return derivatives_by_rig(distances_with, rig, noise.spread)
 
     of_error = [
         np.full(len(seen), free.index(k) if k in free else -1) for k, seen in enumerate(points)
     ]
     blocks = Blocks(common, 1, np.concatenate(of_error))
-    found = solve(lambda x: distances(x, rig, points), np.zeros(count), by_rig, blocks)
-    up, along = directions(found.x)
+    solution = solve(lambda x: distances(x, rig, points), np.zeros(count), by_rig, blocks)
+    up, along = directions(solution.x)
     # What the parameters' errors do to the vertical, beyond what they do to points.
-    beyond = found.shift[:2] - across @ tilt_jacobian(rig, up, _places(rig, images), noise.spread)
-    bound = found.bound(found.covariance[:2, :2] + beyond @ beyond.T)
-    return LineFit(up, {lines[k].name: e for k, e in along.items()}, found, bound)
+    beyond = solution.shift[:2] - across @ tilt_jacobian(
+        rig, up, _places(rig, images), noise.spread
+    )
+    bound = solution.bound(solution.covariance[:2, :2] + beyond @ beyond.T)
+    return LineFit(up, {lines[k].name: e for k, e in along.items()}, solution, bound)
 
 
 def _places(rig: RigParameters, images: Sequence[Image]) -> FloatArray:
     """(n, 3): where the lines are that both cameras see, else the usual place."""
     planes = {image.line: image.normal for image in images if image.camera}
     centre = rig.pose.inverse().T
-    found = []
+    places = []
     for image in images:
         if image.camera or image.line not in planes:
             continue
@@ -238,8 +240,8 @@ def _places(rig: RigParameters, images: Sequence[Image]) -> FloatArray:
         away = planes[image.line] @ ray
         depth = (planes[image.line] @ centre) / away if away else np.nan
         if 0 < depth < FARTHEST * rig.pose.baseline:
-            found.append(depth * ray)
-    return np.array(found) if found else usual_place(rig)
+            places.append(depth * ray)
+    return np.array(places) if places else usual_place(rig)
 
 
 def _start(
@@ -256,7 +258,7 @@ def _start(
             along[k] = np.cross(normals[0], normals[1])
             rows.append(along[k])
         elif line.kind == "horizon":
-            rows += [each for n in normals for each in np.linalg.svd(n[None])[2][1:]]
+            rows += [direction for n in normals for direction in np.linalg.svd(n[None])[2][1:]]
     if len(rows) < 2:
         raise StereocalError(UNDETERMINED)
     up = np.linalg.svd(np.vstack([*rows, np.zeros(3)]))[2][2]

@@ -71,8 +71,8 @@ class MeasuredPoints:
 
 
 def measured_points(rig: Rig, xyz: FloatArray, spread: FloatArray) -> MeasuredPoints:
-    own, jacobian = point_errors(rig_at(rig), 1.0, xyz)
-    return MeasuredPoints(xyz, own, jacobian @ spread)
+    covariances, jacobian = point_errors(rig_at(rig), 1.0, xyz)
+    return MeasuredPoints(xyz, covariances, jacobian @ spread)
 
 
 def tilt_jacobian(rig: Rig, up: FloatArray, places: FloatArray, spread: FloatArray) -> FloatArray:
@@ -98,8 +98,8 @@ def usual_place(rig: RigParameters) -> FloatArray:
 def reconstructed(rig: Rig, pixels: FloatArray, names: tuple[str, ...]) -> FloatArray:
     """Points (n, 3) of raw pixels (n, 4) with their names."""
     seen = pixels[:, :2], pixels[:, 2:]
-    for side, camera, at in zip(CAMERAS, (rig.primary, rig.secondary), seen, strict=True):
-        check_inside(at, camera, side, names)
+    for side, camera, points in zip(CAMERAS, (rig.primary, rig.secondary), seen, strict=True):
+        check_inside(points, camera, side, names)
     xyz, error = rig.reconstruct(*seen), rig.reprojection_errors(*seen).mean(axis=1)
     far = LARGEST_MISFIT * float(np.hypot(*rig.primary.image_size))
     bad = np.flatnonzero(~np.isfinite(xyz).all(axis=1) | ~(error < far))

@@ -106,8 +106,8 @@ def world_of_survey(
         _sentence(pose, residuals, tilt, position),
         tuple(_notes(rig, fit, scaled, scale, noise, sigma_m, hand)),
         {
-            "residuals_m": {name: each.tolist() for name, each in residuals.items()},
-            "scale": {name: float(np.exp(each)) for name, each in vars(scale).items()},
+            "residuals_m": {name: residual.tolist() for name, residual in residuals.items()},
+            "scale": {name: float(np.exp(logarithm)) for name, logarithm in vars(scale).items()},
         },
     )
 
@@ -157,7 +157,7 @@ def _scaled_fit(
 
         def agree_without(name: str) -> bool:
             rest = names != name
-            part = MeasuredPoints(*(own[rest] for own in vars(measured).values()))
+            part = MeasuredPoints(*(values[rest] for values in vars(measured).values()))
             again = fit_rigid(part, world_m[rest], noise, sigma_m, scale=True)
             return again.rms_m < 0.2 * scaled.limit_m
 
@@ -193,13 +193,13 @@ def fit_rigid(
     covariance = noise.sigma_px**2 * measured.own + sigma_m**2 * np.eye(3)
     W = np.linalg.inv(np.linalg.cholesky(covariance))
     middle = measured.xyz.mean(axis=0)
-    about = measured.xyz - middle
+    centred = measured.xyz - middle
     weights = 1.0 / np.trace(covariance, axis1=1, axis2=2)
-    shift, own = (np.average(each, axis=0, weights=weights) for each in (world_m, about))
-    start, _ = Rotation.align_vectors(world_m - shift, about - own, weights=weights)
+    shift, mean = (np.average(points, axis=0, weights=weights) for points in (world_m, centred))
+    start, _ = Rotation.align_vectors(world_m - shift, centred - mean, weights=weights)
     R0 = start.as_matrix()
-    centre0 = shift - R0 @ own
-    log0 = float(np.log(_rms(world_m - shift) / _rms(about - own))) if scale else 0.0
+    centre0 = shift - R0 @ mean
+    log0 = float(np.log(_rms(world_m - shift) / _rms(centred - mean))) if scale else 0.0
 
     def unpacked(x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         factor = np.exp(log0 + x[6]) if scale else 1.0
@@ -207,17 +207,17 @@ def fit_rigid(
 
     def errors(x: FloatArray) -> FloatArray:
         R, centre, factor = unpacked(x)
-        off = about - (world_m - centre) @ R / factor
+        off = centred - (world_m - centre) @ R / factor
         return np.asarray(np.einsum("nij,nj->ni", W, off).ravel())
 
     by_rig = np.einsum("nij,njr->nir", W, measured.by_rig).reshape(3 * len(W), -1)
     # A survey says where the reconstructed points are, right or wrong; only its scale is a
     # statement about the parameters.
-    found = solve(errors, np.zeros(7 if scale else 6), (lambda _: by_rig) if scale else None)
-    R, centre, factor = unpacked(found.x)
-    residuals = factor * about @ R.T + centre - world_m
+    solution = solve(errors, np.zeros(7 if scale else 6), (lambda _: by_rig) if scale else None)
+    R, centre, factor = unpacked(solution.x)
+    residuals = factor * centred @ R.T + centre - world_m
     limit = LARGEST_RESIDUAL * _rms(world_m - world_m.mean(axis=0))
-    return RigidFit(Pose(R, centre - R @ middle), factor, residuals, limit, found)
+    return RigidFit(Pose(R, centre - R @ middle), factor, residuals, limit, solution)
 
 
 def _hand(fit: RigidFit, mirrored: RigidFit) -> int:
@@ -233,7 +233,7 @@ def _rms(vectors: FloatArray) -> float:
 
 
 def _sentence(pose: Pose, residuals: dict[str, FloatArray], tilt: float, position: float) -> str:
-    sizes = {name: float(np.linalg.norm(each)) for name, each in residuals.items()}
+    sizes = {name: float(np.linalg.norm(residual)) for name, residual in residuals.items()}
     worst = max(sizes, key=lambda name: sizes[name])
     x, y, z = pose.T.tolist()
     return (
@@ -255,7 +255,7 @@ def _notes(
 ) -> Iterator[str]:
     """Doubts about scale, residuals and axes; `scale` is the logarithm of the survey's."""
     if not scale.low <= 0 <= scale.high and abs(scale.value) > 0.001:
-        off, *ends = (100 * abs(np.expm1(each)) for each in vars(scale).values())
+        off, *ends = (100 * abs(np.expm1(logarithm)) for logarithm in vars(scale).values())
         yield (
             f"Distances of the survey are {rounded(off)} % ({rounded(min(ends))} to "
             f"{rounded(max(ends))}) {'longer' if scale.value > 0 else 'shorter'} than measured: "

@@ -72,15 +72,15 @@ class FlightFit:
         """Angle that holds the error of the vertical at 95 %, radians."""
         size = float(np.linalg.norm(self.solution.x[:3]))
         tilts = -self.solution.shift[:3] / size - self.tilt_jacobian
-        own = self.solution.covariance[:3, :3] / size**2
+        covariance = self.solution.covariance[:3, :3] / size**2
         across = np.linalg.svd(self.up[None])[2][1:]
-        return self.solution.bound(across @ (own + tilts @ tilts.T) @ across.T)
+        return self.solution.bound(across @ (covariance + tilts @ tilts.T) @ across.T)
 
     @property
     def strength(self) -> Estimate:
         """|g|, m/s^2."""
-        own = float(self.up @ self.solution.covariance[:3, :3] @ self.up)
-        variance = own + float(np.sum((self.up @ self.solution.shift[:3]) ** 2))
+        of_noise = float(self.up @ self.solution.covariance[:3, :3] @ self.up)
+        variance = of_noise + float(np.sum((self.up @ self.solution.shift[:3]) ** 2))
         return self.solution.interval(float(np.linalg.norm(self.solution.x[:3])), variance)
 
 
@@ -126,8 +126,9 @@ def world_of_throw(
         f"{frame.vertical_in_words(pose, chosen.bound)}. {gravity.sentence}"
     )
     limits = {**chosen.noise.entries, "vertical_deg": float(np.degrees(chosen.bound))}
-    about = {"gravity": gravity.to_json()}
-    return frame.WorldFrame(pose, "throw", limits, sentence, gravity.notes, about)
+    return frame.WorldFrame(
+        pose, "throw", limits, sentence, gravity.notes, {"gravity": gravity.to_json()}
+    )
 
 
 def throw_in_step(rig: RigParameters, throw: frame.Throw) -> frame.Throw:
@@ -139,10 +140,12 @@ def throw_in_step(rig: RigParameters, throw: frame.Throw) -> frame.Throw:
     flights_of(throw)  # what is no throw is refused as it was given
     codes, times = np.unique(throw.tracks, return_inverse=True)[1], throw.frames
     seen, offsets = throw.pixels[:, 2:], rig.time_offset.at(times)
-    found = interpolate(codes.astype(np.int64), times, seen, offsets)
-    pixels = np.hstack([throw.pixels[:, :2], found.positions])[found.known]
-    tracks = tuple(name for name, kept in zip(throw.tracks, found.known, strict=True) if kept)
-    return frame.Throw(tracks, times[found.known], pixels, throw.frame_rate)
+    interpolated = interpolate(codes.astype(np.int64), times, seen, offsets)
+    pixels = np.hstack([throw.pixels[:, :2], interpolated.positions])[interpolated.known]
+    tracks = tuple(
+        name for name, kept in zip(throw.tracks, interpolated.known, strict=True) if kept
+    )
+    return frame.Throw(tracks, times[interpolated.known], pixels, throw.frame_rate)
 
 
 def flights_of(throw: frame.Throw) -> list[Flight]:
@@ -207,8 +210,10 @@ def fit_flights(
     def paths(x: FloatArray) -> FloatArray:
         k, begun = float(x[3]) if drag else 0.0, x[head:].reshape(-1, 6)
         with np.errstate(over="ignore", invalid="ignore"):
-            own = zip(flights, begun, strict=True)
-            return np.concatenate([path(f.times, at[:3], at[3:], x[:3], k) for f, at in own])
+            both = zip(flights, begun, strict=True)
+            return np.concatenate(
+                [path(f.times, start[:3], start[3:], x[:3], k) for f, start in both]
+            )
 
     def errors(x: FloatArray) -> FloatArray:
         return np.asarray(np.einsum("nij,nj->ni", W, xyz - paths(x)).ravel())
@@ -218,25 +223,25 @@ def fit_flights(
         on_path = measured_points(rig, paths(x), noise.spread).by_rig
         return np.asarray(np.einsum("nij,njr->nir", W, on_path).reshape(3 * len(W), -1))
 
-    of_error = np.repeat(np.arange(len(flights)), [3 * len(each.times) for each in flights])
+    of_error = np.repeat(np.arange(len(flights)), [3 * len(flight.times) for flight in flights])
     start = np.insert(_start(xyz, flights), 3, [0.0] * drag)
     try:
-        found = solve(errors, start, by_rig, Blocks(head, 6, of_error))
+        solution = solve(errors, start, by_rig, Blocks(head, 6, of_error))
     except (ValueError, np.linalg.LinAlgError):
         return None
-    factor = None if noise.source == "stated" else found.noise_factor
+    factor = None if noise.source == "stated" else solution.noise_factor
     if factor is not None:
-        found = found.scaled(factor)
+        solution = solution.scaled(factor)
         noise = replace(noise, sigma_px=noise.sigma_px * factor, source="residuals")
-    up = -found.x[:3] / np.linalg.norm(found.x[:3])
-    return FlightFit(found, noise, tilt_jacobian(rig, up, xyz, noise.spread))
+    up = -solution.x[:3] / np.linalg.norm(solution.x[:3])
+    return FlightFit(solution, noise, tilt_jacobian(rig, up, xyz, noise.spread))
 
 
 def _start(xyz: FloatArray, flights: Sequence[Flight]) -> FloatArray:
     """The unknowns without drag, by unweighted least squares."""
-    own = block_diag(*(np.column_stack([np.ones(len(f.times)), f.times]) for f in flights))
+    starts = block_diag(*(np.column_stack([np.ones(len(f.times)), f.times]) for f in flights))
     times = np.concatenate([flight.times for flight in flights])
-    x = np.linalg.lstsq(np.column_stack([0.5 * times**2, own]), xyz, rcond=None)[0]
+    x = np.linalg.lstsq(np.column_stack([0.5 * times**2, starts]), xyz, rcond=None)[0]
     return np.asarray(x.ravel())
 
 
@@ -247,7 +252,7 @@ def _per_frame_of_offset(
     that cannot be computed."""
     strengths = []
     order = np.concatenate([flight.rows for flight in flights])
-    speed = [np.gradient(throw.pixels[each.rows, 2:], each.times, axis=0) for each in flights]
+    speed = [np.gradient(throw.pixels[flight.rows, 2:], flight.times, axis=0) for flight in flights]
     for frames in (-0.5, 0.5):
         pixels = throw.pixels[order]
         pixels[:, 2:] += frames / throw.frame_rate * np.concatenate(speed)
