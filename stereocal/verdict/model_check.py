@@ -7,7 +7,9 @@ in the inner and the outer half of the images. Where they are larger than chance
 lacks something.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,12 +78,13 @@ class ModelCheck:
 
     @property
     def _failed(self) -> list[HeldOutRatio]:
-        return [each for each in (self.matching, self.measuring, *self.places) if not each.holds]
+        comparisons = (self.matching, self.measuring, *self.places)
+        return [comparison for comparison in comparisons if not comparison.holds]
 
     @property
     def worst(self) -> HeldOutRatio:
         """The comparison with the clearest excess, of those that fail."""
-        return max(self._failed, key=lambda each: each.standard_errors)
+        return max(self._failed, key=lambda comparison: comparison.standard_errors)
 
     @property
     def holds(self) -> bool:
@@ -93,7 +96,7 @@ class ModelCheck:
         """The largest significant excess in the images and in length, each at least 1."""
         failed = self._failed
         images, length = (
-            max([1.0, *(each.ratio for each in failed if each.what == what)])
+            max([1.0, *(comparison.ratio for comparison in failed if comparison.what == what)])
             for what in (IN_IMAGES, IN_LENGTH)
         )
         return images, length
@@ -107,16 +110,72 @@ class ModelCheck:
         )
         if self.holds:
             cautious = " The forecast of lengths is cautious here."
-            found = f"Checked: {overall}.{cautious * (self.measuring.ratio < CAUTIOUS_BELOW)}"
+            sentence = f"Checked: {overall}.{cautious * (self.measuring.ratio < CAUTIOUS_BELOW)}"
         else:
-            at = self.worst
-            place = f" ({at.ratio:.2f} times {at.where}, {at.what})" if at.where else ""
-            found = (
+            worst = self.worst
+            place = f" ({worst.ratio:.2f} times {worst.where}, {worst.what})" if worst.where else ""
+            sentence = (
                 f"The model does not explain these images: {overall}{place}. Likely causes: a "
                 "wrong distortion, a lens file too sure of itself, cameras out of step. The upper "
                 "ends of the intervals are raised by these factors."
             )
-        return " ".join([found, *self.notes])
+        return " ".join([sentence, *self.notes])
+
+
+class _Ratio(NamedTuple):
+    """Mean of held-out errors over the forecast one."""
+
+    value: float
+    """NaN where the errors are few."""
+    spread: float
+    """Standard error of its logarithm."""
+
+
+@dataclass(frozen=True, eq=False)
+class _HeldOut:
+    """Held-out errors, to be compared with the forecast of the same places."""
+
+    px: FloatArray
+    """(n,): reprojection errors of the pairs."""
+    lengths: FloatArray
+    """(m,): length errors of the bars."""
+    bars: IntArray
+    """(m, 2): the pairs at the ends of each bar."""
+    clusters: IntArray
+    """(n,): the cluster of each pair, within which errors are alike."""
+    draws: ForecastDraws
+    of_bar: float
+    """Mean length error by a bar that bends, which is added to the forecast one."""
+
+    def over_forecast(
+        self, pairs: BoolArray, bars: BoolArray, drawn: BoolArray
+    ) -> tuple[_Ratio, _Ratio]:
+        """Errors over the forecast in the images, of the pairs (n,), and in length, of the bars
+        (m,); `drawn` says which bars of the draws are at these places, like `ForecastDraws.depths`.
+        """
+        forecast_px = self.draws.figures["refined"].mean_reprojection_px.value
+        length = float(np.hypot(self.draws.mean_length_error("refined", drawn), self.of_bar))
+        return (
+            _ratio(self.px[pairs], forecast_px, self.clusters[pairs]),
+            _ratio(self.lengths[bars], length, self.clusters[self.bars[:, 0]][bars]),
+        )
+
+    def by_halves(
+        self, names: tuple[str, str], of_pairs: FloatArray, drawn: FloatArray
+    ) -> Iterator[HeldOutRatio]:
+        """The inner half of the places against the outer one, divided at the median of a measure of
+        the pairs (n,), such as their depth; `drawn` is that of the bars of the draws."""
+        middle = np.median(of_pairs)
+        of_bars = of_pairs[self.bars].mean(axis=1)
+        near_pairs, near_bars, near_drawn = (
+            measure <= middle for measure in (of_pairs, of_bars, drawn)
+        )
+        inner = self.over_forecast(near_pairs, near_bars, near_drawn)
+        outer = self.over_forecast(~near_pairs, ~near_bars, ~near_drawn)
+        for what, near, far in zip((IN_IMAGES, IN_LENGTH), inner, outer, strict=True):
+            more = float(np.log(far.value / near.value) / np.hypot(near.spread, far.spread))
+            yield HeldOutRatio(names[0], what, near.value, -more)
+            yield HeldOutRatio(names[1], what, far.value, more)
 
 
 def check_model(
@@ -127,57 +186,41 @@ def check_model(
     `refined` is the fit of the file, `model` that behind the forecast, with accused inputs freed.
     """
     data = refined.dataset.of_frames(refined.frames[~refined.outlying])
-    clusters = refined.clusters
-    errors = _held_out_errors(data, clusters.of_frames, refined)
+    errors = _held_out_errors(data, refined.clusters.of_frames, refined)
     if errors is None:
         return None
     px, lengths = errors
-    figures, table = draws.figures["refined"], data.correspondences
-    innovations = bar_innovations(model, model.used_rows)
+    table, innovations = data.correspondences, bar_innovations(model, model.used_rows)
     bends = model.scatter_m.value if cause_of_scatter(model, innovations) == BENDS else 0.0
-
     of_bar = 0.8 * bends / data.target_distance_m  # the mean of |N| is 0.8
-    of_pairs = np.arange(len(table))
-    if clusters.has_runs:
-        of_pairs = clusters.of_frames[np.searchsorted(table.frames, table.frame)]
+    clusters = np.arange(len(table))
+    if refined.clusters.has_runs:
+        clusters = refined.clusters.of_frames[np.searchsorted(table.frames, table.frame)]
+    held_out = _HeldOut(px, lengths, table.bars, clusters, draws, of_bar)
 
-    def errors_over_forecast(
-        pairs: BoolArray, bars: BoolArray, drawn: BoolArray
-    ) -> list[tuple[float, float]]:
-        length = float(np.hypot(draws.mean_length_error("refined", drawn), of_bar))
-        return [
-            _ratio(px[pairs], figures.mean_reprojection_px.value, of_pairs[pairs]),
-            _ratio(lengths[bars], length, of_pairs[table.bars[:, 0]][bars]),
-        ]
-
-    everywhere = errors_over_forecast(
+    figures = draws.figures["refined"]
+    in_images, in_length = held_out.over_forecast(
         np.isfinite(px), np.isfinite(lengths), np.isfinite(draws.depths)
     )
-    matching, measuring = (
-        HeldOutRatio("", what, ratio, float(np.log(ratio) / np.hypot(spread, _log_sigma(own))))
-        for what, (ratio, spread), own in zip(
-            (IN_IMAGES, IN_LENGTH),
-            everywhere,
-            (figures.mean_reprojection_px, figures.mean_error_3d),
-            strict=True,
-        )
-    )
-    places: list[HeldOutRatio] = []
     depths = refined.points_m[refined.dataset.correspondences.parts][refined.used_rows, 2]
     radii = image_radii(refined, np.hstack([table.primary, table.secondary]))
-    for names, own, drawn in ((PLACES[:2], depths, draws.depths), (PLACES[2:], radii, draws.radii)):
-        at_bars, middle = own[table.bars].mean(axis=1), np.median(own)
-        halves = (
-            errors_over_forecast(*((each <= middle) == inner for each in (own, at_bars, drawn)))
-            for inner in (True, False)
-        )
-        for what, (inner, of_inner), (outer, of_outer) in zip(
-            (IN_IMAGES, IN_LENGTH), *halves, strict=True
-        ):
-            more = float(np.log(outer / inner) / np.hypot(of_inner, of_outer))
-            places.append(HeldOutRatio(names[0], what, inner, -more))
-            places.append(HeldOutRatio(names[1], what, outer, more))
-    return ModelCheck(matching, measuring, tuple(places), tuple(notes_on_noise(model, innovations)))
+    return ModelCheck(
+        matching=_overall(IN_IMAGES, in_images, figures.mean_reprojection_px),
+        measuring=_overall(IN_LENGTH, in_length, figures.mean_error_3d),
+        places=(
+            *held_out.by_halves(PLACES[:2], depths, draws.depths),
+            *held_out.by_halves(PLACES[2:], radii, draws.radii),
+        ),
+        notes=tuple(notes_on_noise(model, innovations)),
+    )
+
+
+def _overall(what: str, ratio: _Ratio, forecast: Estimate) -> HeldOutRatio:
+    """The errors of all frames, with the standard error of the forecast beside their own."""
+    # The interval holds 95 %, so its logarithm is 2 x 1.96 standard errors wide.
+    sigma = float(np.log(forecast.high / forecast.low)) / (2 * 1.96)
+    excess = float(np.log(ratio.value) / np.hypot(ratio.spread, sigma))
+    return HeldOutRatio("", what, ratio.value, excess)
 
 
 def _held_out_errors(
@@ -193,32 +236,29 @@ def _held_out_errors(
     px, lengths = np.empty(len(table)), np.empty(len(table.bars))
     for fold in range(FOLDS):
         try:
-            found = refine(data, whole.settings, whole.pose, part != fold, near=whole)
+            fit = refine(data, whole.settings, whole.pose, part != fold, near=whole)
         except StereocalError:
             return None
-        errors = errors_of(found.apply(data), found.pose)
+        errors = errors_of(fit.apply(data), fit.pose)
         px[part == fold] = errors.reprojection_px[part == fold]
         of_bars = part[table.bars[:, 0]] == fold
         lengths[of_bars] = errors.length[of_bars]
     return px, lengths
 
 
-def _ratio(errors: FloatArray, forecast: float, clusters: IntArray) -> tuple[float, float]:
+def _ratio(errors: FloatArray, forecast: float, clusters: IntArray) -> _Ratio:
     """Mean of errors (n,) over the forecast one, and the standard error of its logarithm; NaN if
     they are few. The sums of the errors are independent between the clusters (n,).
     """
-    finite = np.isfinite(errors)
-    known, at = errors[finite], np.unique(clusters[finite], return_inverse=True)[1]
-    count = int(at.max(initial=-1)) + 1
+    is_known = np.isfinite(errors)
+    known, cluster = errors[is_known], np.unique(clusters[is_known], return_inverse=True)[1]
+    count = int(cluster.max(initial=-1)) + 1
     if count < MINIMUM_ERRORS:
-        return float("nan"), float("nan")
+        return _Ratio(float("nan"), float("nan"))
     mean = float(known.mean())
-    variance = float(np.sum(np.square(np.bincount(at, known - mean)))) * count / (count - 1)
-    return mean / forecast, variance**0.5 / mean / len(known)
-
-
-def _log_sigma(interval: Estimate) -> float:
-    return float(np.log(interval.high / interval.low)) / (2 * 1.96)
+    sums = np.bincount(cluster, known - mean)
+    variance = float(np.sum(np.square(sums))) * count / (count - 1)
+    return _Ratio(mean / forecast, variance**0.5 / mean / len(known))
 
 
 def cause_of_scatter(model: RefinedResult, bars: Innovations) -> str:
@@ -244,19 +284,19 @@ def cause_of_scatter(model: RefinedResult, bars: Innovations) -> str:
 
 def notes_on_noise(model: RefinedResult, bars: Innovations) -> list[str]:
     """What is unusual about the noise, for the user."""
-    found = []
+    notes = []
     if cause := cause_of_scatter(model, bars):
-        found.append(
+        notes.append(
             f"The lengths of the bar vary by {rounded(1000 * model.scatter_m.value)} mm more than "
             f"the noise of the images explains: {cause}."
         )
     if exceeds_detection(model):
-        found.append(
+        notes.append(
             f"The points scatter by {rounded(model.sigma_px.value)} px, detection states "
             f"{rounded(_stated_noise(model))} px: the rest is what the model lacks (distortion, "
             "vibration, cameras out of step)."
         )
-    return found
+    return notes
 
 
 def exceeds_detection(model: RefinedResult) -> bool:
