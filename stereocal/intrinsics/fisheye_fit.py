@@ -225,8 +225,11 @@ def _linearised(
 def _step(
     boards: Boards, residuals: FloatArray, J: FloatArray, damping: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The step of the lens (8,), turns (boards, 3) and shifts (boards, 3); the poses are
-    eliminated board by board."""
+    """The step of the lens (8,), turns (boards, 3) and shifts (boards, 3).
+
+    The poses are eliminated board by board (Schur complement): with the blocks U of the lens, V of
+    a pose and W between them, the lens is that of sum(U - W V^-1 W'), with damped diagonals.
+    """
     N, g = _sums(boards, residuals, J)
     diagonal = np.einsum("bii->bi", N)
     U, W, V = N[:, :LENS, :LENS].sum(axis=0), N[:, :LENS, LENS:], N[:, LENS:, LENS:]

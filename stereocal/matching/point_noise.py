@@ -354,7 +354,12 @@ def _start(errors: PairErrors, limit: float) -> float:
 def _best_share(
     errors: PairErrors, limit: float, factor: float, degrees: float
 ) -> tuple[float, float]:
-    """The likeliest share of correct pairs, and its log likelihood."""
+    """The likeliest share of correct pairs, and its log likelihood.
+
+    The density of an error is share * peak + (1 - share) / limit, that of the module; its log
+    likelihood is concave in the share, and maximised by Newton's method. A step goes at most half
+    of the way to 0 or to 1.
+    """
     ratio = limit * _peak(errors, limit, factor, degrees) - 1.0
     share = 0.5
     for _ in range(60):
@@ -369,7 +374,8 @@ def _best_share(
 
 
 def _peak(errors: PairErrors, limit: float, factor: float, degrees: float) -> FloatArray:
-    """(n,): density of correct pairs, cut off at the limit."""
+    """(n,): density of correct pairs, cut off at the limit: normal, or Student's for finite
+    degrees of freedom, of distances without their sign."""
     scales = errors.scales(factor)
     inside = found_within(limit / scales, degrees)
     squares = (errors.off_px / scales) ** 2

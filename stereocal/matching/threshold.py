@@ -292,7 +292,11 @@ def _fits(
 
 
 def _choose(mixture: Mixture, sample: _Sample, threshold: float | None) -> tuple[float, Shares]:
-    """The threshold of least lost + wrong, over all frames together, unless it is given."""
+    """The threshold of least lost + wrong, over all frames together, unless it is given.
+
+    lost(t) and wrong(t) are those of the module (docs/matching.md, "The threshold"): n is
+    `correct`, F(t) `inside`, s `per_px`, and the integral up to t `taken`, by trapezoids.
+    """
     errors = mixture.errors
     near = np.flatnonzero(errors.off_px <= 3 * mixture.scales)
     near = near[evenly_spread(len(near), SHAPES)]
@@ -312,6 +316,7 @@ def _choose(mixture: Mixture, sample: _Sample, threshold: float | None) -> tuple
     taken = np.concatenate([[0.0], np.cumsum(0.5 * (free[1:] + free[:-1]) * np.diff(edges))])
     cost = correct * (1 - inside) + per_px * taken
     k = int(np.argmin(cost)) if threshold is None else int(np.searchsorted(edges, threshold))
+    # The mean error is the integral of 1 - F.
     mean_error = float(np.sum((1 - 0.5 * (inside[1:] + inside[:-1])) * np.diff(edges)))
     # Points without a partner are taken once.
     alone = float(np.min((1 - partnered) * sample.points))

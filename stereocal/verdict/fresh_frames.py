@@ -54,7 +54,12 @@ MANY_BARS = 1000
 
 
 def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Generator) -> FloatArray:
-    """Ends A and B of fresh bars, (draws, bars, 2, 3) in metres in the primary's frame."""
+    """Ends A and B of fresh bars, (draws, bars, 2, 3) in metres in the primary's frame.
+
+    Every second draw is filled evenly, as far as `EVEN_TRIES` find places for its bars; all others
+    are the smoothed bootstrap of the module (docs/trust.md, "How it is made"), with bandwidths that
+    get smaller until a bar is in the volume and in view.
+    """
     ends = model.used_points_m
     ends = ends[np.isfinite(ends).all(axis=(1, 2))]
     if len(ends) < MINIMUM_BARS:
@@ -67,6 +72,7 @@ def fresh_bars(model: RefinedResult, draws: int, bars: int, rng: np.random.Gener
     in_front = ends.reshape(-1, 3)[ends[:, :, 2].ravel() > 0]
     volume = Volume.around(_places(in_front, wide))
     drawn = _drawn(len(ends), draws, bars, rng)
+    # Silverman's bandwidth over the standard deviation: (4 / ((d + 2) n))^(1 / (d + 4)).
     rule = (4 / ((DIMENSIONS + 2) * len(ends))) ** (1 / (DIMENSIONS + 4))
     to_camera = wide and _stand_by_rays(places, directions)
     if to_camera:

@@ -261,15 +261,18 @@ def _half_width_of_fcp(
 
 
 def _half_width(frames: int, length: int, spread: Callable[[int], tuple[float, float]]) -> float:
-    """0 if frames that are alike for a length are too few to be divided into runs.
+    """Half width for a further recording (docs/trust.md, "How it is made"); 0 if frames that are
+    alike for a length are too few to be divided into runs.
 
-    By their number, `spread` gives the variances between runs and between random groups of frames.
+    With m runs, the variance w between random groups of frames, and the excess x of that between
+    runs, it is the root of t(m - 1)^2 x (3 / m + 1 / m) + 1.96^2 w 3 / m, at most a factor of 3.
+    `spread` gives the variances between runs, x + w, and between random groups by the number m.
     """
     runs = min(RUNS, max(frames // length, FEWEST))
     if frames < FEWEST * runs:
         return 0.0
     between, of_frames = spread(runs)
-    recordings = 1 / (runs * LENGTH)
+    recordings = 1 / (runs * LENGTH)  # 3 / m
     squares = stdtrit(runs - 1, 0.975) ** 2 * max(between - of_frames, 0.0)
     squares *= recordings + 1 / runs
     return min(float(np.sqrt(squares + 1.96**2 * of_frames * recordings)), LARGEST)

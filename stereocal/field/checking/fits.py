@@ -290,7 +290,11 @@ class Power:
 
 
 def information_of(fit: Fit) -> FloatArray:
-    """(m, m): information of the images of a fit about its change, old parameters eliminated."""
+    """(m, m): information I of the images of a fit about its change d, old parameters eliminated.
+
+    With the information H of the images and the root L of the old parameters' covariance, it is
+    U'HU - U'HL (L'HL + 1)^-1 L'HU: the 1 is the prior of p (docs/check.md, "How").
+    """
     root, U = fit.prior.root, fit.change.directions
     across = U.T @ fit.H @ root
     known = root.T @ fit.H @ root + np.eye(root.shape[1])
@@ -298,7 +302,8 @@ def information_of(fit: Fit) -> FloatArray:
 
 
 def power_of(information: FloatArray, change: FloatArray) -> float:
-    """Probability that a change (m,) is found, for a known noise, with `LEVEL` false alarms."""
+    """Probability that a change d (m,) is found, for a known noise, with `LEVEL` false alarms: the
+    cost difference is noncentral chi-square with d' I d (docs/check.md, "How")."""
     degrees = len(change)
     noncentrality = float(change @ information @ change)
     return float(1.0 - chndtr(chdtri(degrees, LEVEL), degrees, noncentrality))
