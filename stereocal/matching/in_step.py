@@ -305,7 +305,7 @@ class _Both:
             return MeasuredOffset(float(frames[best]), float(drifts[best]))
         return None
 
-    def own(
+    def by_points(
         self, tried: MeasuredOffset, i: IntArray, j: IntArray, moment: IntArray
     ) -> MeasuredOffset | None:
         """The offset by points in pairs, if they tell it and it is not the one near it that was
@@ -363,10 +363,10 @@ class _Both:
         """The points of the second at frames of the first, with the column `SHIFT`, and how.
 
         Args:
-            i, j, moment: as of `own`.
+            i, j, moment: as of `by_points`.
             kept: (n,): which points.
         """
-        measured = self.own(tried, i, j, moment)
+        measured = self.by_points(tried, i, j, moment)
         pixels, known = self.at(measured or tried, moment)
         late, known = self.late(measured or tried, moment)[kept], known[kept]
         moved = self.points.assign(frame=self.renumbered(moment))[kept]

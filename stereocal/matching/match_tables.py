@@ -53,23 +53,23 @@ def match_tables(
             option="NAME=FILE for each",
         )
     stated = stated or Stated()
-    given = TablesByCamera.checked(tables, rig, stated.names)
+    by_camera = TablesByCamera.checked(tables, rig, stated.names)
     in_step, timing = tables_in_step(rig, tables)
     if timing:
-        given = TablesByCamera.checked(in_step, rig, stated.names)
-    matching = views_of(rig).settled(given, stated)
+        by_camera = TablesByCamera.checked(in_step, rig, stated.names)
+    matching = views_of(rig).settled(by_camera, stated)
     tasks = (
         Task(_match_block, (matching, block, unmatched is not None), len(block))
-        for block in _blocks(given.side_by_side())
+        for block in _blocks(by_camera.side_by_side())
     )
-    matched = run_tasks(tasks, executor, len(given.frames), progress, ahead=AHEAD)
+    matched = run_tasks(tasks, executor, len(by_camera.frames), progress, ahead=AHEAD)
     reported = list[pd.DataFrame]()
     with ExitStack() as stack:
         writer = stack.enter_context(open_table(out, matching.columns, passed_on))
         lost = None
         if unmatched is not None:
             further = dict.fromkeys(
-                name for table in given.tables.values() for name in table.further
+                name for table in by_camera.tables.values() for name in table.further
             )
             lost = stack.enter_context(open_table(unmatched, [*LOST_COLUMNS, *further]))
         for _, (groups, lonely) in stack.enter_context(closing(matched)):
@@ -77,8 +77,8 @@ def match_tables(
             if lost is not None and lonely is not None:
                 lost.add(lonely)
             reported.append(groups[matching.told])
-    report = matching.report(together(reported), given)
-    first = filter(None, [*timing, beyond_in_words(given.beyond)])
+    report = matching.report(together(reported), by_camera)
+    first = filter(None, [*timing, beyond_in_words(by_camera.beyond)])
     return replace(report, notes=[*first, *report.notes])
 
 

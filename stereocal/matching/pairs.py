@@ -76,23 +76,23 @@ class BelowThreshold(Matching):
 
     @classmethod
     def of_tables(
-        cls, rig: RigParameters, given: TablesByCamera, stated: Stated
+        cls, rig: RigParameters, by_camera: TablesByCamera, stated: Stated
     ) -> "BelowThreshold":
         """Names and threshold by a sample of the frames."""
         check_depths(stated.depths_m)
-        (first, one), (second, other) = given.contents.items()
+        (first, one), (second, other) = by_camera.contents.items()
         common = np.intersect1d(one.frames, other.frames)
         if not len(common):
             a, b = (f"{contents.frames[0]} to {contents.frames[-1]}" for contents in (one, other))
+            labels = [by_camera.tables[name].label for name in (first, second)]
             raise StereocalError(
-                f"The two tables have no frame in common: {given.tables[first].label} has frames "
-                f"{a}, {given.tables[second].label} has frames {b}. Use the same frame numbers in "
-                "both."
+                f"The two tables have no frame in common: {labels[0]} has frames {a}, {labels[1]} "
+                f"has frames {b}. Use the same frame numbers in both."
             )
         wanted = sample_of(common.tolist(), one.rows / len(one.frames))
-        sample = [(a, b) for frame, (a, b) in given.side_by_side() if frame in wanted]
-        names, note, chosen = names_and_threshold(rig, sample, given.distinct, stated)
-        further = further_names(*(table.further for table in given.tables.values()))
+        sample = [(a, b) for frame, (a, b) in by_camera.side_by_side() if frame in wanted]
+        names, note, chosen = names_and_threshold(rig, sample, by_camera.distinct, stated)
+        further = further_names(*(table.further for table in by_camera.tables.values()))
         reported = ["ambiguous", *([WITHIN, *_named(names)] if names.columns else [])]
         return cls(
             (first, second), further, None, reported, names, note, rig, stated.depths_m, chosen
@@ -122,9 +122,9 @@ class BelowThreshold(Matching):
                 )
         return images, columns
 
-    def report(self, reported: pd.DataFrame, given: TablesByCamera) -> Report:
+    def report(self, reported: pd.DataFrame, by_camera: TablesByCamera) -> Report:
         pairs, chosen = len(reported), self.threshold
-        one, other = given.contents.values()
+        one, other = by_camera.contents.values()
         frames = len(np.intersect1d(one.frames, other.frames))
         by = f", of points of one name ({self.names.in_words})," if self.names.columns else ""
         sentence = (
@@ -136,7 +136,7 @@ class BelowThreshold(Matching):
         )
         doubts = [
             purpose_warning(self.rig, "matching"),
-            *self._on_tables(given),
+            *self._on_tables(by_camera),
             self.contradiction,
             self._on_few(pairs, min(one.rows, other.rows)),
             self._on_scatter(),
@@ -191,11 +191,11 @@ class BelowThreshold(Matching):
             f"{WITHIN}; {named}): these names may be of different points, or exchanged in a camera."
         )
 
-    def _on_tables(self, given: TablesByCamera) -> Iterator[str]:
+    def _on_tables(self, by_camera: TablesByCamera) -> Iterator[str]:
         """Notes on frames and rows of the tables, and on images that look scaled down."""
-        contents = list(given.contents.values())
+        contents = list(by_camera.contents.values())
         for which, content, other in zip(CAMERAS, contents, contents[::-1], strict=True):
-            label, left_out = given.tables[which].label, given.left_out
+            label, left_out = by_camera.tables[which].label, by_camera.left_out
             alone = np.setdiff1d(content.frames, other.frames)
             if len(alone):
                 shown = ", ".join(str(frame) for frame in alone[:3])

@@ -101,5 +101,5 @@ class Matching(ABC):
         does not see the point, and columns about each."""
 
     @abstractmethod
-    def report(self, reported: pd.DataFrame, given: TablesByCamera) -> Report:
+    def report(self, reported: pd.DataFrame, by_camera: TablesByCamera) -> Report:
         """The result, by the columns `told` of all frames."""

@@ -47,19 +47,21 @@ class InGroups(Matching):
     """Share of wrong tracks, at most about, by the number of cameras; empty if unknown."""
 
     @classmethod
-    def of_tables(cls, fitter: ViewFitter, given: TablesByCamera, stated: Stated) -> "InGroups":
+    def of_tables(cls, fitter: ViewFitter, by_camera: TablesByCamera, stated: Stated) -> "InGroups":
         """The names that decide, and the noise, by a sample of the frames."""
         check_sigma(stated.sigma_px)
         rig = fitter.rig
-        some = given.frames[:: max(len(given.frames) // SAMPLE_FRAMES, 1)].tolist()
-        by_two, frames = _samples(rig, given, some)
-        names, note = choose_names(by_two, given.distinct, given.columns, stated.names != AUTO)
+        some = by_camera.frames[:: max(len(by_camera.frames) // SAMPLE_FRAMES, 1)].tolist()
+        by_two, frames = _samples(rig, by_camera, some)
+        names, note = choose_names(
+            by_two, by_camera.distinct, by_camera.columns, stated.names != AUTO
+        )
         sigma_px = max(stated.sigma_px or _noise_of_two(rig, by_two[0], names), 1e-3)
         wrong: Mapping[int, float] = {}
-        if len(given.frames) >= FEWEST_DECOYS:
+        if len(by_camera.frames) >= FEWEST_DECOYS:
             points, numbers = zip(*(_images(rig, names, rows) for rows in frames), strict=True)
             wrong = expected_wrong(fitter, points, sigma_px, numbers)
-        tables = given.tables
+        tables = by_camera.tables
         further = [
             {key: f"{key}_{name}" for key in table.further} for name, table in tables.items()
         ]
@@ -90,7 +92,7 @@ class InGroups(Matching):
             CHI_SQUARE: groups.chi_square,
         }
 
-    def report(self, reported: pd.DataFrame, given: TablesByCamera) -> Report:
+    def report(self, reported: pd.DataFrame, by_camera: TablesByCamera) -> Report:
         rig, views = self.fitter.rig, reported["views"].to_numpy(dtype=np.int64)
         chi_square = reported[CHI_SQUARE].to_numpy(dtype=np.float64)
         noise = noise_of_tracks(rig, views, chi_square, self.stated_px)
@@ -108,7 +110,7 @@ class InGroups(Matching):
         by = f", of one name ({self.names.in_words})" if self.names.columns else ""
         sentences = [
             scatter.get(noise.source, f"Your points scatter by {shown}, as stated."),
-            f"{count(len(reported), 'point')} in {count(len(given.frames), 'frame')}{by}: "
+            f"{count(len(reported), 'point')} in {count(len(by_camera.frames), 'frame')}{by}: "
             f"{seen} cameras; "
             f"{reported['ambiguous'].sum()} ambiguous (another partner fits as well).",
             f"At most about {wrong} are wrong."
@@ -116,7 +118,7 @@ class InGroups(Matching):
             else "The share of wrong ones cannot be estimated from so few frames.",
         ]
         far = on_far(noise.sigma_px, rig.noise_px) if noise.source == "estimated" else ""
-        notes = [*filter(None, [self.contradiction, far]), *given.left_out.values()]
+        notes = [*filter(None, [self.contradiction, far]), *by_camera.left_out.values()]
         return Report(len(reported), sentences, notes, sigma_px=self.stated_px, names=self.names)
 
 
@@ -148,23 +150,23 @@ def _images(rig: Parameters, names: Names, rows: Rows) -> tuple[list[FloatArray]
 
 
 def _samples(
-    rig: Parameters, given: TablesByCamera, some: Sequence[int]
+    rig: Parameters, by_camera: TablesByCamera, some: Sequence[int]
 ) -> tuple[list[TwoCameras], list[Rows]]:
     """Every two cameras, first those that see most points together; and the rows of some frames."""
     wanted = dict[CameraPair, list[int]]()
-    for pair in combinations([name for name in rig.placed if name in given.tables], 2):
-        one, other = (given.contents[name].frames for name in pair)
+    for pair in combinations([name for name in rig.placed if name in by_camera.tables], 2):
+        one, other = (by_camera.contents[name].frames for name in pair)
         common = np.intersect1d(one, other)
         wanted[pair] = common[:: max(len(common) // SAMPLE_FRAMES, 1)].tolist()
     looked_at = {*some}.union(*wanted.values())
     seen, rows = Counter[CameraPair](), dict[int, Rows]()
-    for frame, tables in given.side_by_side():
-        by_camera = dict(zip(given.tables, tables, strict=True))
+    for frame, tables in by_camera.side_by_side():
+        of_frame = dict(zip(by_camera.tables, tables, strict=True))
         for pair in wanted:
-            seen[pair] += min(len(by_camera[name]) for name in pair)
+            seen[pair] += min(len(of_frame[name]) for name in pair)
         if frame in looked_at:
-            rows[frame] = by_camera
-    columns = [*POINT, *given.columns]
+            rows[frame] = of_frame
+    columns = [*POINT, *by_camera.columns]
     by_two = [
         TwoCameras(
             rig.pair(a, b),

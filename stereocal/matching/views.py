@@ -84,9 +84,9 @@ class Views:
 
     # Matching
 
-    def settled(self, given: TablesByCamera, stated: Stated) -> Matching:
+    def settled(self, by_camera: TablesByCamera, stated: Stated) -> Matching:
         """How the points of tables are matched."""
-        return InGroups.of_tables(self._fitter, given, stated)
+        return InGroups.of_tables(self._fitter, by_camera, stated)
 
     def settled_by_hand(self, tables: Tables, stated: Stated, usual_px: float) -> Settled:
         """The noise of points that a person clicked, and the threshold.
@@ -192,8 +192,8 @@ class TwoViews(Views):
         super().__init__(rig)
         self.pair = rig
 
-    def settled(self, given: TablesByCamera, stated: Stated) -> Matching:
-        return BelowThreshold.of_tables(self.pair, given, stated)
+    def settled(self, by_camera: TablesByCamera, stated: Stated) -> Matching:
+        return BelowThreshold.of_tables(self.pair, by_camera, stated)
 
     def settled_by_hand(self, tables: Tables, stated: Stated, usual_px: float) -> Settled:
         first, second = tables.values()
