@@ -253,9 +253,9 @@ def add_baselines(
 
 @compiled
 def length_innovations(
-    stated: Cameras, units: Units, points: FloatArray, found: FloatArray
+    stated: Cameras, units: Units, points: FloatArray, innovations: FloatArray
 ) -> None:
-    """Write the length of each unit as the pixels alone determine it, to `found` (n, 2).
+    """Write the length of each unit as the pixels alone determine it, to `innovations` (n, 2).
 
     Column 0: the distance between `points`, which must be fitted to the pixels alone, minus the
     stated length, in metres. Column 1: its variance from the noise of the pixels, in square metres:
@@ -264,7 +264,7 @@ def length_innovations(
     cameras, count = with_lenses(stated), len(stated.R)
     work, gradient, still = work_of(count), np.empty(OWN), np.empty((0, count, 3))
     for n in range(len(units.pixels)):
-        found[n, 0] = found[n, 1] = np.nan
+        innovations[n, 0] = innovations[n, 1] = np.nan
         if np.isnan(units.distances[n]) or np.isnan(points[n, 0]):
             continue
         unit = Unit(units.pixels[n], still, units.distances[n], units.weight, 1.0)
@@ -275,6 +275,6 @@ def length_innovations(
         fill_normal_matrix(unit, 0.0, work)
         if factor(work.V, 0.0):
             forward(work.V, gradient)
-            found[n, 0], found[n, 1] = work.along[OWN], 0.0
+            innovations[n, 0], innovations[n, 1] = work.along[OWN], 0.0
             for i in range(OWN):
-                found[n, 1] += gradient[i] * gradient[i]
+                innovations[n, 1] += gradient[i] * gradient[i]

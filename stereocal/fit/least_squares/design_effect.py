@@ -37,14 +37,14 @@ def clusters_in(rows: Correspondences, rig: Rig, frames: IntArray) -> Clusters:
         rig: that was fitted to them.
         frames: (f,): the numbers of the frames, ascending.
     """
-    at = np.searchsorted(frames, rows.frame)
+    frame_of = np.searchsorted(frames, rows.frame)
     times = np.empty(len(frames), dtype=np.int64)
     errors = np.full((len(frames), len(rows.names)), np.nan)
-    times[at] = rows.time_frame
-    errors[at, rows.target] = rig.epipolar_errors(rows.primary, rows.secondary)
+    times[frame_of] = rows.time_frame
+    errors[frame_of, rows.target] = rig.epipolar_errors(rows.primary, rows.secondary)
     order = np.argsort(times)
-    found = clusters_of(times[order], errors[order])
-    return Clusters(found.of_frames[np.argsort(order)], found.length)
+    in_time = clusters_of(times[order], errors[order])
+    return Clusters(in_time.of_frames[np.argsort(order)], in_time.length)
 
 
 def design_effect(
@@ -79,7 +79,7 @@ def lenses_without(dataset: Pair, settings: RefineSettings) -> dict[str, FloatAr
 
     Empty where a lens has another uncertainty than that of its boards.
     """
-    found: dict[str, FloatArray] = {}
+    changes: dict[str, FloatArray] = {}
     priors = lenses_of(dataset.recording, settings).values()
     stated = zip(dataset.recording.cameras.values(), priors, strict=True)
     for number, (camera, prior) in enumerate(stated):
@@ -87,8 +87,8 @@ def lenses_without(dataset: Pair, settings: RefineSettings) -> dict[str, FloatAr
         if known is None or not known.without or prior != lens_prior(camera, None):
             return {}
         for frame, change in known.without.items():
-            found.setdefault(frame, np.zeros(OF_PAIR))[lens_places(number)] = change
-    return found
+            changes.setdefault(frame, np.zeros(OF_PAIR))[lens_places(number)] = change
+    return changes
 
 
 def covariance_of_boards(
@@ -124,6 +124,6 @@ def covariance_of_boards(
     apart = np.array([*scores.values()])
     apart -= apart.mean(axis=0)
     others = np.where(np.abs(to_free @ np.array([*without.values()]).T).max(axis=1) > 0, 0.0, 1.0)
-    found = C @ (apart.T @ apart * (n - 1) / n + P * np.outer(others, others)) @ C
+    by_scatter = C @ (apart.T @ apart * (n - 1) / n + P * np.outer(others, others)) @ C
     share = WORTH / (WORTH + n - 1)
-    return np.asarray((1 - share) * found + share * by_model)
+    return np.asarray((1 - share) * by_scatter + share * by_model)

@@ -122,24 +122,24 @@ def distortion_derivatives(
 
 
 @internal
-def set_distortion(q: FloatArray, first: int, each: int, lenses: FloatArray) -> FloatArray:
-    """A copy of `lenses` (c, 23) with the k1, k2, p1, p2 that begin at q[first + each * camera]."""
-    found = np.empty(lenses.shape)
+def set_distortion(q: FloatArray, first: int, stride: int, lenses: FloatArray) -> FloatArray:
+    """A copy of `lenses` (c, 23) with the k1, k2, p1, p2 that begin at q[first + stride * c]."""
+    changed = np.empty(lenses.shape)
     for camera in range(len(lenses)):
         for i in range(TERMS + 1):
-            found[camera, i] = lenses[camera, i]
+            changed[camera, i] = lenses[camera, i]
         for i in range(4):
-            found[camera, 1 + i] = q[first + each * camera + i]
-    return found
+            changed[camera, 1 + i] = q[first + stride * camera + i]
+    return changed
 
 
 def pixel_scales_of(focal_lengths: FloatArray, lenses: FloatArray) -> FloatArray:
-    """As `camera.pixel_scales`, of fx and fy (c, 2) and lenses (c, 23) with their distortion."""
+    """The `camera.pixel_scales` of fx and fy (c, 2) and lenses (c, 23) with their distortion."""
     fisheye = lenses[:, 1 + TILTED] == FISHEYE
     scales = np.column_stack([focal_lengths[:, 0], lenses[:, 0], focal_lengths[:, 1]])
     if not fisheye.any():
         return scales
-    found = np.zeros((len(lenses), 2, 4))
-    found[:, 0, :3], found[:, 0, 3] = scales, np.where(fisheye, lenses[:, 5], 0.0)
-    found[:, 1] = lenses[:, 1:5]
-    return found
+    with_fisheye = np.zeros((len(lenses), 2, 4))
+    with_fisheye[:, 0, :3], with_fisheye[:, 0, 3] = scales, np.where(fisheye, lenses[:, 5], 0.0)
+    with_fisheye[:, 1] = lenses[:, 1:5]
+    return with_fisheye

@@ -54,9 +54,9 @@ class Observations:
         n = len(first)
 
         def by_unit(images: FloatArray) -> FloatArray:
-            found = np.full((n, 2, *images.shape[2:]), np.nan)
-            found[part, place] = images[of_rows]
-            return found
+            values = np.full((n, 2, *images.shape[2:]), np.nan)
+            values[part, place] = images[of_rows]
+            return values
 
         targets = np.full((n, 2), -1)
         targets[part, place] = of_rows[1]
@@ -68,8 +68,8 @@ class Observations:
             variances[of_rows] = np.nanmean(of_images[of_rows], axis=(1, 2))
         distances = known.object.distance(*targets.T)
         if known.distance_m is not None and known.object.names == TARGETS:
-            own = by_unit(known.images(known.distance_m[:, None])[1])
-            stated = np.fmax.reduce(own, axis=(1, 2, 3))
+            measured_m = by_unit(known.images(known.distance_m[:, None])[1])
+            stated = np.fmax.reduce(measured_m, axis=(1, 2, 3))
             distances = np.where(np.isfinite(stated), stated, distances)
         return cls(
             known,

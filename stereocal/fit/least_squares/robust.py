@@ -181,8 +181,8 @@ class RobustFit:
 
         Those of the poses stay 0: the first poses are the other fit's.
         """
-        found = np.array([known.get(name, 0.0) for name in self.unknowns.names])
-        self.p = np.where(self.of_poses, 0.0, found)
+        values = np.array([known.get(name, 0.0) for name in self.unknowns.names])
+        self.p = np.where(self.of_poses, 0.0, values)
         self.sigma_px = sigma_px if self.source_px == ESTIMATED else self.sigma_px
 
     def start_near(self, known: Mapping[str, float], sigma_px: float, scatter_m: float) -> bool:
@@ -232,8 +232,8 @@ class RobustFit:
     @property
     def poses(self) -> list[Pose]:
         """`camera_from_reference` of each camera."""
-        at = self.at
-        return [pose_at(at, number) for number in range(len(at.R))]
+        cameras = self.at
+        return [pose_at(cameras, number) for number in range(len(cameras.R))]
 
     @property
     def recording(self) -> Recording:
@@ -247,13 +247,13 @@ class RobustFit:
 
     def _measured(self) -> tuple[FloatArray, FloatArray, float]:
         """Normal equations (Q, Q) and (Q,) of the measured baselines, and their cost."""
-        at = self.at
-        H, g = np.zeros((len(at.q),) * 2), np.zeros(len(at.q))
-        return H, g, add_baselines(self.baselines, at.q, at.R, H, g)
+        cameras = self.at
+        H, g = np.zeros((len(cameras.q),) * 2), np.zeros(len(cameras.q))
+        return H, g, add_baselines(self.baselines, cameras.q, cameras.R, H, g)
 
     @property
     def prior_cost(self) -> float:
-        """Of priors and measured baselines."""
+        """The cost of priors and measured baselines."""
         return self._measured()[2] + float(self.p @ self.unknowns.precision @ self.p)
 
     @property
@@ -333,12 +333,12 @@ class RobustFit:
         begin, q = self.begin, self.begin.q + self.unknowns.M @ p
         R = turned(begin.R, q)
         poses_in(q)[:, :TRANSLATION] = 0.0
-        at = Cameras(q, R, begin.lenses)
+        cameras = Cameras(q, R, begin.lenses)
         if self.goes_along.any():
             from_here = begin.q.copy()
             poses_in(from_here)[:] = poses_in(q)
             p, begin = np.where(self.goes_along, 0.0, p), Cameras(from_here, R, begin.lenses)
-        return p, begin, at
+        return p, begin, cameras
 
     @property
     def _turns(self) -> FloatArray:
@@ -392,13 +392,13 @@ class RobustFit:
         Returns:
             H (g, Q, Q), J r (g, Q), and the costs (g,).
         """
-        every, found = np.ones(len(self.free), dtype=np.bool_), []
+        every, sums = np.ones(len(self.free), dtype=np.bool_), []
         for group in groups:
             units = np.flatnonzero(np.isin(self.frame_of, group)) if self.seen.has_parts else group
             n = len(units)
-            own = np.full(n, np.inf), np.full((n, OWN), np.nan), np.empty(n)
-            found.append(self.sum_at(1 / self.scatter, *own, units, every))
-        c, H, g = map(np.array, zip(*found, strict=True))
+            limits, points, chi_squares = np.full(n, np.inf), np.full((n, OWN), np.nan), np.empty(n)
+            sums.append(self.sum_at(1 / self.scatter, limits, points, chi_squares, units, every))
+        c, H, g = map(np.array, zip(*sums, strict=True))
         lost = ~np.isfinite(c)
         H[lost], g[lost], c[lost] = 0.0, 0.0, 0.0
         return H, g, c

@@ -57,16 +57,16 @@ def rig_at(rig: Rig) -> Cameras:
 @compiled
 def turned(R: FloatArray, q: FloatArray) -> FloatArray:
     """(c, 3, 3): the rotations R after the small ones of q (Rodrigues)."""
-    found, K = R.copy(), np.zeros((3, 3))
+    rotations, K = R.copy(), np.zeros((3, 3))
     for c in range(len(R)):
         x, y, z = q[EACH * c], q[EACH * c + 1], q[EACH * c + 2]
         angle = np.sqrt(x * x + y * y + z * z)
         if angle > 0.0:
             K[0, 1], K[0, 2], K[1, 0], K[1, 2], K[2, 0], K[2, 1] = -z, y, z, -x, -y, x
             across = K @ R[c]
-            found[c] += np.sin(angle) / angle * across
-            found[c] += 2.0 * (np.sin(0.5 * angle) / angle) ** 2 * (K @ across)
-    return found
+            rotations[c] += np.sin(angle) / angle * across
+            rotations[c] += 2.0 * (np.sin(0.5 * angle) / angle) ** 2 * (K @ across)
+    return rotations
 
 
 def poses_in(q: FloatArray) -> FloatArray:
@@ -76,33 +76,35 @@ def poses_in(q: FloatArray) -> FloatArray:
 
 def without_turns(q: FloatArray) -> FloatArray:
     """q with small rotations of 0."""
-    found = q.copy()
-    poses_in(found)[:, :TRANSLATION] = 0.0
-    return found
+    unturned = q.copy()
+    poses_in(unturned)[:, :TRANSLATION] = 0.0
+    return unturned
 
 
-def moved(at: Cameras, step: FloatArray) -> Cameras:
+def moved(cameras: Cameras, step: FloatArray) -> Cameras:
     """The cameras after a step (Q,) of any size."""
-    return Cameras(without_turns(at.q + step), turned(at.R, step), at.lenses)
+    return Cameras(without_turns(cameras.q + step), turned(cameras.R, step), cameras.lenses)
 
 
-def step_between(other: Cameras, at: Cameras) -> FloatArray:
+def step_between(other: Cameras, cameras: Cameras) -> FloatArray:
     """(Q,): the step from cameras to others, so that `moved` of it gives those."""
-    step = other.q - at.q
-    turns = Rotation.from_matrix(other.R @ at.R.transpose(0, 2, 1)).as_rotvec()
+    step = other.q - cameras.q
+    turns = Rotation.from_matrix(other.R @ cameras.R.transpose(0, 2, 1)).as_rotvec()
     poses_in(step)[:, :TRANSLATION] = turns
     return np.asarray(step)
 
 
-def pose_at(at: Cameras, number: int = 1) -> Pose:
+def pose_at(cameras: Cameras, number: int = 1) -> Pose:
     """`camera_from_reference` of a camera."""
-    return Pose(at.R[number], at.q[pose_places(number)][TRANSLATION:])
+    return Pose(cameras.R[number], cameras.q[pose_places(number)][TRANSLATION:])
 
 
-def rig_of(primary: Camera, secondary: Camera, at: Cameras) -> Rig:
+def rig_of(primary: Camera, secondary: Camera, cameras: Cameras) -> Rig:
     """The rig of two cameras with the unknowns instead of their stated lenses."""
-    first, second = (with_lens(each, at.q, k) for k, each in enumerate((primary, secondary)))
-    return Rig(first, second, pose_at(at))
+    first, second = (
+        with_lens(camera, cameras.q, k) for k, camera in enumerate((primary, secondary))
+    )
+    return Rig(first, second, pose_at(cameras))
 
 
 def with_lens(stated: Camera, q: FloatArray, number: int) -> Camera:
@@ -117,22 +119,22 @@ def with_lens(stated: Camera, q: FloatArray, number: int) -> Camera:
     return Camera(K, whole, stated.image_size, model=stated.model)
 
 
-def baseline_direction(at: Cameras) -> FloatArray:
+def baseline_direction(cameras: Cameras) -> FloatArray:
     """(Q,): the derivative of the distance between two cameras, the first of which is the
     reference."""
-    found, T = np.zeros(len(at.q)), at.q[pose_places(1)][TRANSLATION:]
-    found[pose_places(1)][TRANSLATION:] = T / np.linalg.norm(T)
-    return found
+    direction, T = np.zeros(len(cameras.q)), cameras.q[pose_places(1)][TRANSLATION:]
+    direction[pose_places(1)][TRANSLATION:] = T / np.linalg.norm(T)
+    return direction
 
 
-def largest_turn_sigma(at: Cameras, covariance: FloatArray) -> float:
+def largest_turn_sigma(cameras: Cameras, covariance: FloatArray) -> float:
     """The largest standard error, in radians, of a rotation of the second of two cameras about an
     axis of its own, or of the direction of the baseline."""
-    C, t = covariance[pose_places(1), pose_places(1)], baseline_direction(at)[pose_places(1)]
+    C, t = covariance[pose_places(1), pose_places(1)], baseline_direction(cameras)[pose_places(1)]
     along = np.outer(t, t)
     along[:TRANSLATION, :TRANSLATION] = 0.0
     across = np.eye(len(C)) - along
-    across[TRANSLATION:] /= np.linalg.norm(at.q[pose_places(1)][TRANSLATION:])
+    across[TRANSLATION:] /= np.linalg.norm(cameras.q[pose_places(1)][TRANSLATION:])
     return float(np.sqrt(np.diag(across @ C @ across.T).max()))
 
 
@@ -144,10 +146,10 @@ def derivatives_by_rig(
     Args:
         spread: (Q, r): steps of the unknowns, by whose factors the derivatives are.
     """
-    at = rig_at(rig)
+    cameras = rig_at(rig)
 
     def after(step: FloatArray) -> FloatArray:
-        return errors(rig_of(rig.primary, rig.secondary, moved(at, step)))
+        return errors(rig_of(rig.primary, rig.secondary, moved(cameras, step)))
 
     columns = [0.5 * (after(along) - after(-along)) for along in spread.T]
     return np.stack(columns, axis=1) if columns else np.zeros((len(errors(rig)), 0))
@@ -170,8 +172,8 @@ def undistort_rays(q: FloatArray, lenses: FloatArray, pixels: FloatArray, rays: 
         False if it does not converge.
     """
     for camera in range(len(lenses)):
-        at = EACH * camera + LENS
-        fx, fy, cx, cy = q[at], q[at + 1], q[at + 2], q[at + 3]
+        first = EACH * camera + LENS
+        fx, fy, cx, cy = q[first], q[first + 1], q[first + 2], q[first + 3]
         skew = lenses[camera, 0]
         for k in range(len(pixels)):
             by = (pixels[k, 2 * camera + 1] - cy) / fy

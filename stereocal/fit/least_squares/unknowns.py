@@ -139,16 +139,18 @@ class RefineSettings(Settings):
             raise StereocalError("maximum_steps must be at least 1.")
 
     def to_json(self) -> dict[str, Any]:
-        """As of `Settings`, with the lenses under the labels of their cameras."""
-        own = super().to_json()
-        lenses = own.pop("lenses")
-        return {**dict.fromkeys(CAMERAS), **lenses, **own}
+        """The settings, with the lenses under the labels of their cameras."""
+        content = super().to_json()
+        lenses = content.pop("lenses")
+        return {**dict.fromkeys(CAMERAS), **lenses, **content}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """As of `Settings`; earlier versions had `rest`, of a pair of a rig: it is made again."""
-        own = {each.name for each in fields(cls)}
-        lenses = {key: it for key, it in data.items() if key not in own and isinstance(it, Mapping)}
+        """Settings of a file; earlier versions had `rest`, of a pair of a rig: it is made again."""
+        known = {setting.name for setting in fields(cls)}
+        lenses = {
+            key: it for key, it in data.items() if key not in known and isinstance(it, Mapping)
+        }
         rest = {key: it for key, it in data.items() if key not in (*lenses, *CAMERAS, "rest")}
         return super().from_json({"lenses": lenses, **rest})
 
@@ -368,21 +370,21 @@ def lenses_of(recording: Recording, settings: RefineSettings) -> dict[str, LensP
 
 def stated_lenses(recording: Recording, settings: RefineSettings) -> dict[str, LensPrior]:
     """Those of the settings, and those whose distortion is free, by the cameras' names."""
-    found: dict[str, LensPrior] = {}
+    priors: dict[str, LensPrior] = {}
     for label, (name, camera) in zip(recording.labels, recording.cameras.items(), strict=True):
         words = (label,) if name in recording.labels else (label, name)
         given = next((settings.lenses[word] for word in words if word in settings.lenses), None)
         if {*words} & {*settings.free_distortion}:
             given = replace(lens_prior(camera, given), distortion=free_distortion(camera))
         if given is not None:
-            found[name] = given
-    return found
+            priors[name] = given
+    return priors
 
 
 def of_some(recording: Recording, settings: RefineSettings, names: Sequence[str]) -> RefineSettings:
     """The settings of a fit of some of the cameras."""
-    stated, own = stated_lenses(recording, settings), zip(labels_of(names), names, strict=True)
-    lenses = {label: stated[name] for label, name in own if name in stated}
+    stated, labelled = stated_lenses(recording, settings), zip(labels_of(names), names, strict=True)
+    lenses = {label: stated[name] for label, name in labelled if name in stated}
     return replace(settings, lenses=lenses, free_distortion=())
 
 

@@ -119,22 +119,22 @@ def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> f
         for c in range(len(R)):
             if np.isnan(pixels[e, c, 0]):
                 continue
-            at, p = EACH * c, 3 * e
-            X = R[c, 0, 0] * x[p] + R[c, 0, 1] * x[p + 1] + R[c, 0, 2] * x[p + 2] + q[at + 3]
-            Y = R[c, 1, 0] * x[p] + R[c, 1, 1] * x[p + 1] + R[c, 1, 2] * x[p + 2] + q[at + 4]
-            Z = R[c, 2, 0] * x[p] + R[c, 2, 1] * x[p + 1] + R[c, 2, 2] * x[p + 2] + q[at + 5]
+            first, p = EACH * c, 3 * e
+            X = R[c, 0, 0] * x[p] + R[c, 0, 1] * x[p + 1] + R[c, 0, 2] * x[p + 2] + q[first + 3]
+            Y = R[c, 1, 0] * x[p] + R[c, 1, 1] * x[p + 1] + R[c, 1, 2] * x[p + 2] + q[first + 4]
+            Z = R[c, 2, 0] * x[p] + R[c, 2, 1] * x[p + 1] + R[c, 2, 2] * x[p + 2] + q[first + 5]
             if not Z > 0.0:
                 return np.inf
-            near, fx, fy, skew = 1.0 / Z, q[at + LENS], q[at + LENS + 1], lenses[c, 0]
+            near, fx, fy, skew = 1.0 / Z, q[first + LENS], q[first + LENS + 1], lenses[c, 0]
             nx, ny = X * near, Y * near
             bx, by, xx, xy, yx, yy = distort(nx, ny, lenses, c)
             u, v = pixels[e, c, 0], pixels[e, c, 1]
             if len(motion):
-                delay = q[at + TIME] + q[at + DRIFT] * motion[e, c, 2]
+                delay = q[first + TIME] + q[first + DRIFT] * motion[e, c, 2]
                 u -= delay * motion[e, c, 0]
                 v -= delay * motion[e, c, 1]
-            r[e, c, 0] = weight * (fx * bx + skew * by + q[at + LENS + 2] - u)
-            r[e, c, 1] = weight * (fy * by + q[at + LENS + 3] - v)
+            r[e, c, 0] = weight * (fx * bx + skew * by + q[first + LENS + 2] - u)
+            r[e, c, 1] = weight * (fy * by + q[first + LENS + 3] - v)
             total += r[e, c, 0] ** 2 + r[e, c, 1] ** 2
             scale = weight * near
             ux, uy = scale * (fx * xx + skew * yx), scale * (fx * xy + skew * yy)
@@ -217,9 +217,9 @@ def fit_unit(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> float:
         backward(V, step)
         for i in range(OWN):
             tried[i] = x[i] - step[i]
-        found = fill_residuals(cameras, unit, tried, work)
-        if found <= best:
-            best = found
+        total = fill_residuals(cameras, unit, tried, work)
+        if total <= best:
+            best = total
             for i in range(OWN):
                 x[i] = tried[i]
             damping *= 0.1
@@ -261,11 +261,11 @@ def nearest_point(
             continue
         seen += 1
         norm = 1.0 / np.sqrt(x * x + y * y + 1.0)
-        at = EACH * c + TRANSLATION
-        inner = norm * (x * q[at] + y * q[at + 1] + q[at + 2])
+        first = EACH * c + TRANSLATION
+        inner = norm * (x * q[first] + y * q[first + 1] + q[first + 2])
         for i in range(3):
             along = norm * (R[c, 0, i] * x + R[c, 1, i] * y + R[c, 2, i])
-            centre = R[c, 0, i] * q[at] + R[c, 1, i] * q[at + 1] + R[c, 2, i] * q[at + 2]
+            centre = R[c, 0, i] * q[first] + R[c, 1, i] * q[first + 1] + R[c, 2, i] * q[first + 2]
             b[i] += inner * along - centre
             V[i, i] += 1.0
             for j in range(3):
@@ -291,12 +291,12 @@ def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, distorted: bool, wo
         for c in range(len(R)):
             if np.isnan(pixels[e, c, 0]):
                 continue
-            at, p = EACH * c, 3 * e
+            first, p = EACH * c, 3 * e
             a = R[c, 0, 0] * x[p] + R[c, 0, 1] * x[p + 1] + R[c, 0, 2] * x[p + 2]
             b = R[c, 1, 0] * x[p] + R[c, 1, 1] * x[p + 1] + R[c, 1, 2] * x[p + 2]
             d = R[c, 2, 0] * x[p] + R[c, 2, 1] * x[p + 1] + R[c, 2, 2] * x[p + 2]
-            near = 1.0 / (d + q[at + 5])
-            nx, ny = (a + q[at + 3]) * near, (b + q[at + 4]) * near
+            near = 1.0 / (d + q[first + 5])
+            nx, ny = (a + q[first + 3]) * near, (b + q[first + 4]) * near
             bx, by, _, _, _, _ = distort(nx, ny, lenses, c)
             for k in range(2):
                 row, by_point = Js[e, c, k], Jx[e, c, k]
@@ -313,7 +313,7 @@ def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, distorted: bool, wo
             if not distorted:
                 continue
             distortion_derivatives(nx, ny, lenses, c, by_lens)
-            fx, fy = q[at + LENS], q[at + LENS + 1]
+            fx, fy = q[first + LENS], q[first + LENS + 1]
             for i in range(4):
                 Js[e, c, 0, DISTORTION + i] = weight * (
                     fx * by_lens[0, i] + lenses[c, 0] * by_lens[1, i]
@@ -351,14 +351,14 @@ def fit_points(
     )
     _fill_fits(cameras, np.ascontiguousarray(pixels), np.ascontiguousarray(rays), fits)
     if derivatives:
-        at = np.flatnonzero(np.isfinite(fits.points[:, 0]))
-        by_point, by_view = jacobians_of(cameras, fits.points[at])
-        by_point[np.isnan(pixels[at, :, 0])] = 0.0
-        gain = np.einsum("nij,nckj->nick", fits.covariances[at], by_point)
-        fits.by_shared[at, :, :-1] = -np.einsum("nick,nckv->nicv", gain, by_view).reshape(
-            len(at), 3, -1
+        rows = np.flatnonzero(np.isfinite(fits.points[:, 0]))
+        by_point, by_view = jacobians_of(cameras, fits.points[rows])
+        by_point[np.isnan(pixels[rows, :, 0])] = 0.0
+        gain = np.einsum("nij,nckj->nick", fits.covariances[rows], by_point)
+        fits.by_shared[rows, :, :-1] = -np.einsum("nick,nckv->nicv", gain, by_view).reshape(
+            len(rows), 3, -1
         )
-        fits.by_shared[at, :, -1] = 0.0
+        fits.by_shared[rows, :, -1] = 0.0
     return fits
 
 
