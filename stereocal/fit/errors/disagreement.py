@@ -75,9 +75,9 @@ INPUTS: Mapping[str, tuple[tuple[str, ...], list[int]]] = {
     "baseline": ((), []),
     "distance": (("object",), [FACTOR]),
     **{
-        f"{camera} {part}": (tuple(f"{camera} {key}" for key in keys), lens_places(number)[own])
+        f"{camera} {part}": (tuple(f"{camera} {key}" for key in keys), lens_places(number)[span])
         for number, camera in enumerate(CAMERAS)
-        for part, keys, own in (
+        for part, keys, span in (
             ("focal", ("focal", "fx", "fy"), slice(0, 2)),
             ("centre", ("cx", "cy"), slice(2, 4)),
             ("distortion", LENS_UNKNOWNS[4:], slice(4, 8)),
@@ -106,7 +106,7 @@ def compare_inputs(result: RefinedResult) -> InputComparison:
         return InputComparison([], result)
     current = _with_its_noise(result)
     tests = _tests(current)
-    found = {key: _input(result, key, value) for key, (value, _) in tests.items()}
+    inputs = {key: _input(result, key, value) for key, (value, _) in tests.items()}
     named: list[str] = []
     undetermined: set[str] = set()
     while True:
@@ -125,19 +125,19 @@ def compare_inputs(result: RefinedResult) -> InputComparison:
         key, *rivals = sorted(alike, key=lambda k: suspects[k][1] / UNCERTAINTY_FACTOR.get(k, 1.0))
         try:
             freed = {
-                each: refine(result.dataset, _freed(current, each), current.pose, result.rows)
-                for each in (key, *(set(rivals) & LENGTHS.keys() if key in LENGTHS else ()))
+                k: refine(result.dataset, _freed(current, k), current.pose, result.rows)
+                for k in (key, *(set(rivals) & LENGTHS.keys() if key in LENGTHS else ()))
             }
         except StereocalError:  # the other data do not say what it is instead
             undetermined.add(key)
             continue
         named.append(key)
-        found[key] = _accused(found[key], freed, tuple(rivals), found)
+        inputs[key] = _accused(inputs[key], freed, tuple(rivals), inputs)
         current = freed[key]
         tests = _tests(current)
     rest = sorted(
-        (key for key in found if key not in named),
-        key=lambda key: -np.nan_to_num(found[key].standard_errors, nan=-1.0),
+        (key for key in inputs if key not in named),
+        key=lambda key: -np.nan_to_num(inputs[key].standard_errors, nan=-1.0),
     )
     model = result
     if named:
@@ -145,7 +145,7 @@ def compare_inputs(result: RefinedResult) -> InputComparison:
             current.settings, sigma_px=result.settings.sigma_px, scatter_m=result.settings.scatter_m
         )
         model = refine(result.dataset, settings, current.pose, result.rows)
-    return InputComparison([found[key] for key in [*named, *rest]], model)
+    return InputComparison([inputs[key] for key in [*named, *rest]], model)
 
 
 def _with_its_noise(result: RefinedResult) -> RefinedResult:
@@ -177,13 +177,13 @@ def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
 
     The error is in units of the input's own uncertainty; of a distortion without one it is 1.
     """
-    found, M, C = {}, result.unknowns.M, result.p_covariance_by_model
+    tests, M, C = {}, result.unknowns.M, result.p_covariance_by_model
     # What frames that follow each other add to the variance of the estimates, but not to C.
     spread = C - (result.design_effect - 1.0) * C @ M.T @ result.information @ M @ C
     for key in INPUTS:
         columns = _columns(result, key)
         if not len(columns) and key.endswith("distortion"):
-            found[key] = _distortion_test(result, key), 1.0
+            tests[key] = _distortion_test(result, key), 1.0
         if not len(columns) or not np.isfinite(prior := _prior(result, key, columns)).all():
             continue
         gained = prior - columns @ spread @ columns.T
@@ -192,12 +192,12 @@ def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
         moved = along.T @ (columns @ result.p * scale)
         keep = informed > MINIMUM_INFORMATION
         if not keep.any():
-            found[key] = float("nan"), float("nan")
+            tests[key] = float("nan"), float("nan")
             continue
         moved, informed = moved[keep], informed[keep]
         square = float(np.sum(np.square(moved) / informed))
-        found[key] = _as_normal(square, len(moved)), float(np.linalg.norm(moved / informed))
-    return found
+        tests[key] = _as_normal(square, len(moved)), float(np.linalg.norm(moved / informed))
+    return tests
 
 
 def _distortion_test(result: RefinedResult, key: str) -> float:
@@ -242,10 +242,10 @@ def _prior(result: RefinedResult, key: str, columns: FloatArray) -> FloatArray:
     """(m, m): the prior covariance of an input; infinite if it has none."""
     if key == "baseline":
         return np.full((1, 1), baseline_sigma_m(result.dataset, result.settings) ** 2)
-    at = np.flatnonzero(columns.any(axis=0))
-    if not np.isfinite(result.unknowns.sigma[at]).all():
-        return np.full((len(at), len(at)), np.inf)
-    return result.unknowns.prior_covariance(at.tolist())
+    free = np.flatnonzero(columns.any(axis=0))
+    if not np.isfinite(result.unknowns.sigma[free]).all():
+        return np.full((len(free), len(free)), np.inf)
+    return result.unknowns.prior_covariance(free.tolist())
 
 
 def _values(result: RefinedResult, key: str) -> tuple[FloatArray, FloatArray]:
@@ -266,8 +266,8 @@ def _input(result: RefinedResult, key: str, standard_errors: float) -> Input:
         stated, before = np.array([result.dataset.baseline_m]), np.sqrt(np.diag(prior))
     else:
         unit = result.dataset.target_distance_m if key == "distance" else 1.0
-        M, at = result.unknowns.M[places], np.flatnonzero(columns.any(axis=0))
-        spread = np.abs(M[:, at]) * result.unknowns.sigma[at]
+        M, free = result.unknowns.M[places], np.flatnonzero(columns.any(axis=0))
+        spread = np.abs(M[:, free]) * result.unknowns.sigma[free]
         before = unit * np.sqrt(np.square(spread).sum(axis=1))
         stated = unit * result.unknowns.origin[places]
     estimate, after = _values(result, key)

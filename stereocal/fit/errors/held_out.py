@@ -57,8 +57,8 @@ def point_fits(
     where not seen."""
     shape = -1, seen.pixels.shape[2], 2
     pixels, rays = (values[units].reshape(shape) for values in (seen.pixels, seen.rays))
-    found = fit_points(cameras, pixels, rays)
-    return found.points.reshape(-1, 2, 3), found.residuals.reshape(-1, 2, *shape[1:])
+    fits = fit_points(cameras, pixels, rays)
+    return fits.points.reshape(-1, 2, 3), fits.residuals.reshape(-1, 2, *shape[1:])
 
 
 def frame_errors(residuals: FloatArray, of_frame: IntArray, frames: int) -> FloatArray:
@@ -76,8 +76,8 @@ def frame_errors(residuals: FloatArray, of_frame: IntArray, frames: int) -> Floa
 
 def relative_length_errors(points: FloatArray, distances: FloatArray) -> FloatArray:
     """Relative errors of the known distances (n,) of points (n, 2, 3)."""
-    found = np.linalg.norm(points[:, 0] - points[:, 1], axis=1) / distances - 1.0
-    return np.asarray(found[np.isfinite(found)])
+    errors = np.linalg.norm(points[:, 0] - points[:, 1], axis=1) / distances - 1.0
+    return np.asarray(errors[np.isfinite(errors)])
 
 
 def seen_by_others(fit: RobustFit, seen: Observations, units: IntArray) -> FloatArray:
@@ -151,6 +151,6 @@ def _errors(fit: RobustFit, parts: IntArray) -> HeldOut | None:
         float(np.sqrt(np.nanmean(np.square(every)))),
         float(np.quantile(np.abs(relative), 0.95)) if len(relative) else None,
     )
-    known = (own[np.isfinite(own)] for own in distances.T)
-    medians = (float(np.median(own)) if len(own) else float("nan") for own in known)
+    known = (px[np.isfinite(px)] for px in distances.T)
+    medians = (float(np.median(px)) if len(px) else float("nan") for px in known)
     return HeldOut(errors, dict(zip(fit.recording.cameras, medians, strict=True)))

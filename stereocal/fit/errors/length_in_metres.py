@@ -40,14 +40,14 @@ class BarKnown:
     def of(
         cls, word: str, length_m: float, stated_m: float | None, p95: float | None
     ) -> "BarKnown":
-        """By what is stated of a bar, else by the default.
+        """What is known by what is stated of a bar, else by the default.
 
         Args:
             p95: by a fit that knows the baseline too; None: by what is stated alone.
         """
         sigma = DEFAULT_DISTANCE * length_m if stated_m is None else stated_m
-        own = NORMAL_95 * sigma / length_m if p95 is None else p95
-        return cls(word, length_m, sigma, stated_m is not None, own)
+        error_p95 = NORMAL_95 * sigma / length_m if p95 is None else p95
+        return cls(word, length_m, sigma, stated_m is not None, error_p95)
 
     @property
     def _by_itself(self) -> float:

@@ -68,16 +68,16 @@ def misfit_of(result: RefinedResult) -> Misfit:
     seen, by_chance = sums[known] / root, by_chance[:, known] / root
     rng = np.random.default_rng([0, 0x515])
     flipped = rng.choice([-1.0, 1.0], (FLIPS, len(by_chance))) @ by_chance
-    found, chance = np.square(seen), np.square(flipped)
-    probability = float((1 + np.sum(chance.sum(axis=1) >= found.sum())) / (FLIPS + 1))
+    squares, chance = np.square(seen), np.square(flipped)
+    probability = float((1 + np.sum(chance.sum(axis=1) >= squares.sum())) / (FLIPS + 1))
     spread = np.sqrt(np.square(by_chance).sum(axis=0))
     limit = np.quantile((np.abs(flipped) / spread).max(axis=1, initial=0.0), LEVEL)
     apart = (probability < SURE) & (np.abs(seen) > limit * spread)
     first = int(fields[0].known.sum())
     shares, total = [], np.square(result.rig.epipolar_errors(*pixels)).sum()
-    for field, own in zip(fields, (slice(first), slice(first, None)), strict=True):
-        field.apart[field.known] = apart[own]
-        shares.append(max(float((found - chance.mean(axis=0))[own].sum() / total), 0.0))
+    for field, part in zip(fields, (slice(first), slice(first, None)), strict=True):
+        field.apart[field.known] = apart[part]
+        shares.append(max(float((squares - chance.mean(axis=0))[part].sum() / total), 0.0))
     return Misfit(fields, (shares[0], shares[1]), probability)
 
 
@@ -104,8 +104,8 @@ def _sums_of_clusters(
     steps = _sums(J * errors[:, None], group, groups) @ C
     parts = []
     for cell, count in zip(cells, counts, strict=True):
-        own = np.bincount(group * count + cell, errors, groups * count).reshape(groups, count)
-        parts.append((own.sum(axis=0), own - steps @ _sums(J, cell, count).T))
+        of_groups = np.bincount(group * count + cell, errors, groups * count).reshape(groups, count)
+        parts.append((of_groups.sum(axis=0), of_groups - steps @ _sums(J, cell, count).T))
     # Residuals are smaller than the noise by the degrees of freedom that the fit has absorbed.
     left = max(1.0 - float(np.sum((J @ C) * J)) / len(errors), MINIMUM_LEFT)
     sums, by_chance = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
@@ -115,20 +115,20 @@ def _sums_of_clusters(
 def _fields(
     result: RefinedResult, pixels: tuple[FloatArray, FloatArray]
 ) -> tuple[ResidualField, ResidualField]:
-    """Of both cameras; with more points in smaller cells."""
+    """The mean residuals of both cameras; with more points in smaller cells."""
     shifts, rows = result.rig.epipolar_residuals(*pixels), len(pixels[0]) / TYPICAL_POINTS
     rows = int(np.clip(round(np.sqrt(rows)), 2, MOST_ROWS))
 
     def field(camera: int, size: tuple[int, int]) -> ResidualField:
         grid = max(round(rows * size[0] / size[1]), 1), rows
-        own = shifts[:, 2 * camera : 2 * camera + 2]
-        return residual_field(pixels[camera], own, size, grid, FEWEST_POINTS)
+        shift = shifts[:, 2 * camera : 2 * camera + 2]
+        return residual_field(pixels[camera], shift, size, grid, FEWEST_POINTS)
 
     return field(0, result.primary.image_size), field(1, result.secondary.image_size)
 
 
 def _sums(values: FloatArray, of: IntArray, count: int) -> FloatArray:
     """(count, k): sums of the rows of values (n, k) that belong together."""
-    found = np.zeros((count, values.shape[1]))
-    np.add.at(found, of, values)
-    return found
+    sums = np.zeros((count, values.shape[1]))
+    np.add.at(sums, of, values)
+    return sums

@@ -75,7 +75,7 @@ def undetectable_errors(inputs: Sequence[Input]) -> str:
         if not unstated:
             continue
         # Of the two cameras, the one about which the images have most information.
-        item = min(unstated, key=lambda each: float(each.detectable.min() / each.prior_sigma.min()))
+        item = min(unstated, key=lambda item: float(item.detectable.min() / item.prior_sigma.min()))
         detectable, unit = float(item.detectable.min()), item.unit
         sigma = float(item.prior_sigma.min())
         if unit == "m":
@@ -100,7 +100,7 @@ def moved_lengths(inputs: Sequence[Input]) -> str:
     Such a length may be within what chance allows, and so not accused, but it is another one than
     was measured, and the refined set has it.
     """
-    found = (
+    messages = (
         moved_length(
             _LENGTH_NAMES[item.key],
             float(item.estimate[0]),
@@ -111,7 +111,7 @@ def moved_lengths(inputs: Sequence[Input]) -> str:
         for item in inputs
         if item.key in LENGTHS
     )
-    return " ".join(filter(None, found))
+    return " ".join(filter(None, messages))
 
 
 def moved_length(name: str, fitted_m: float, measured_m: float, sigma_m: float, known: str) -> str:
@@ -206,8 +206,8 @@ def advice_on(
             "or widen its uncertainty.",
         ),
     }[part or key]
-    found = f"{in_digits(say, sigma)} ± {in_digits(sigma, sigma)}"
-    return f"{name} {in_digits(stated, sigma)}{unit}; {others} say {found}{unit}. {remedy}"
+    estimate = f"{in_digits(say, sigma)} ± {in_digits(sigma, sigma)}"
+    return f"{name} {in_digits(stated, sigma)}{unit}; {others} say {estimate}{unit}. {remedy}"
 
 
 def note_on_rivals(rivals: tuple[str, ...]) -> str:
@@ -219,7 +219,7 @@ def note_on_rivals(rivals: tuple[str, ...]) -> str:
 
 
 def _names(key: str) -> tuple[str, str]:
-    """Of an input: its title, and its name in a sentence."""
+    """The title of an input, and its name in a sentence."""
     if key in LENGTHS:
         return LENGTHS[key]
     camera, _, part = key.partition(" ")
@@ -249,12 +249,12 @@ def pair_advice(cases_of: Sequence[tuple[Input, FloatArray, FloatArray]]) -> str
     """
     item = cases_of[0][0]
     cases = []
-    for each, say, sigma in cases_of:
-        off = float(np.abs(say - each.stated)[0] / each.prior_sigma[0])
-        stated, (_, name) = "stated" if each.sigma_stated else "assumed", _names(each.key)
+    for length, say, sigma in cases_of:
+        off = float(np.abs(say - length.stated)[0] / length.prior_sigma[0])
+        stated, (_, name) = "stated" if length.sigma_stated else "assumed", _names(length.key)
         cases.append(
             f"{name} is {in_digits(say, sigma)} ± {in_digits(sigma, sigma)} m and not "
-            f"{in_digits(each.stated, sigma)} m, an error of {rounded(off)} times its {stated} "
+            f"{in_digits(length.stated, sigma)} m, an error of {rounded(off)} times its {stated} "
             "uncertainty"
         )
     reason = (

@@ -37,7 +37,7 @@ def point_covariances(result: RefinedResult, points_m: npt.ArrayLike) -> FloatAr
 
 
 def length_sigmas(
-    at: Cameras,
+    cameras: Cameras,
     sigma_px: float,
     covariance: FloatArray,
     first_m: npt.ArrayLike,
@@ -49,21 +49,21 @@ def length_sigmas(
         covariance: (33, 33); the others as in `point_errors`.
         first_m, second_m: (n, 3) each, in the primary's frame.
     """
-    of_pixels, jacobian = length_variances(at, sigma_px, first_m, second_m)
+    of_pixels, jacobian = length_variances(cameras, sigma_px, first_m, second_m)
     return np.asarray(np.sqrt(of_pixels + np.einsum("ni,ni->n", jacobian @ covariance, jacobian)))
 
 
 def length_variances(
-    at: Cameras, sigma_px: float, first_m: npt.ArrayLike, second_m: npt.ArrayLike
+    cameras: Cameras, sigma_px: float, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
     """Variances (n,) of distances from the noise of their pixels, and derivatives (n, 33) of the
     distances by the unknowns of `views`; arguments as in `point_errors`.
     """
     a, b = (np.asarray(points, dtype=np.float64) for points in (first_m, second_m))
     along = (a - b) / np.linalg.norm(a - b, axis=1, keepdims=True)
-    own_a, jacobian_a = point_errors(at, sigma_px, a)
-    own_b, jacobian_b = point_errors(at, sigma_px, b)
-    of_pixels = np.einsum("ni,nij,nj->n", along, own_a + own_b, along)
+    covariance_a, jacobian_a = point_errors(cameras, sigma_px, a)
+    covariance_b, jacobian_b = point_errors(cameras, sigma_px, b)
+    of_pixels = np.einsum("ni,nij,nj->n", along, covariance_a + covariance_b, along)
     return of_pixels, np.einsum("ni,nij->nj", along, jacobian_a - jacobian_b)
 
 
@@ -95,11 +95,11 @@ def accuracy_map(result: RefinedResult, size: int = 60, plane: Plane = "above") 
     ends = result.used_points_m.reshape(-1, 3)
     ends = ends[np.isfinite(ends).all(axis=1)]
     axis = 0 if plane == "above" else 1
-    at = 0.0 if plane == "above" else float(np.median(ends[:, 0]))
+    at_m = 0.0 if plane == "above" else float(np.median(ends[:, 0]))
     far = 1.2 * float(ends[:, 2].max())
     half = 1.2 * float(np.abs(ends[:, axis]).max())
     across, z = np.linspace(-half, half, size), np.linspace(far / size, far, size)
-    points = np.full((size * size, 3), at)
+    points = np.full((size * size, 3), at_m)
     points[:, [axis, 2]] = np.stack([*np.meshgrid(across, z)], axis=-1).reshape(-1, 2)
     seen = result.primary.sees(points) & result.secondary.sees(result.pose.apply(points))
     point, distance = np.full(len(points), np.nan), np.full(len(points), np.nan)
@@ -114,30 +114,31 @@ def accuracy_map(result: RefinedResult, size: int = 60, plane: Plane = "above") 
         ]
         distance[seen] = np.mean(sigmas, axis=0) / length
     shape = (size, size)
-    return AccuracyMap(plane, at, across, z, point.reshape(shape), distance.reshape(shape))
+    return AccuracyMap(plane, at_m, across, z, point.reshape(shape), distance.reshape(shape))
 
 
 def point_errors(
-    at: Cameras, sigma_px: float | FloatArray, points_m: npt.ArrayLike
+    cameras: Cameras, sigma_px: float | FloatArray, points_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
     """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 33)
     of the points by the unknowns of `views`; NaN behind a camera.
 
     Args:
-        at: two cameras.
+        cameras: two of them.
         sigma_px: standard deviation of a pixel coordinate, of all points or (n, 2) of each point in
             both cameras.
         points_m: (n, 3), in the primary's frame.
     """
     points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)
-    by_point, by_shared = point_jacobians(at, points)
+    by_point, by_shared = point_jacobians(cameras, points)
     usable = np.asarray(np.isfinite(by_point).all(axis=(1, 2)))
     of_pixels = np.full((len(points), 3, 3), np.nan)
     jacobian = np.full((len(points), 3, OF_PAIR), np.nan)
     J = by_point[usable]
-    each = J.reshape(-1, 2, 2, 3)  # J_c^+ = J_c^T (J_c J_c^T)^-1, in a fifth of the time of `pinv`
-    own = np.linalg.solve(each @ each.transpose(0, 1, 3, 2), each)
-    shifts = own.reshape(-1, 4, 3).transpose(0, 2, 1)
+    of_cameras = J.reshape(-1, 2, 2, 3)
+    # J_c^+ = J_c^T (J_c J_c^T)^-1, in a fifth of the time of `pinv`.
+    pseudo_inverse = np.linalg.solve(of_cameras @ of_cameras.transpose(0, 1, 3, 2), of_cameras)
+    shifts = pseudo_inverse.reshape(-1, 4, 3).transpose(0, 2, 1)
     gain = np.linalg.solve(shifts @ J, shifts)
     sigmas = np.broadcast_to(np.asarray(sigma_px, dtype=np.float64), (len(points), 2))[usable]
     weighted = gain * np.repeat(sigmas, 2, axis=1)[:, None, :]
@@ -146,21 +147,21 @@ def point_errors(
     return of_pixels, jacobian
 
 
-def point_jacobians(at: Cameras, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def point_jacobians(cameras: Cameras, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Derivatives of the pixels of points (n, 3) in two cameras by the points (n, 4, 3) and by the
     unknowns of `views` (n, 4, 33); NaN behind a camera."""
     n = len(points_m)
-    by_point, by_views = jacobians_of(at, points_m)
+    by_point, by_views = jacobians_of(cameras, points_m)
     by_unknown = np.zeros((n, 4, OF_PAIR))
     for camera in range(2):
-        own = slice(EACH * camera, EACH * (camera + 1))
-        by_unknown[:, 2 * camera : 2 * camera + 2, own] = by_views[:, camera]
+        places = slice(EACH * camera, EACH * (camera + 1))
+        by_unknown[:, 2 * camera : 2 * camera + 2, places] = by_views[:, camera]
     return by_point.reshape(n, 4, 3), by_unknown
 
 
 @dataclass(frozen=True)
 class Innovations:
-    """Of each frame, or part of one; NaN without a bar."""
+    """The lengths of bars from pixels alone, of each frame or part of one; NaN without a bar."""
 
     frames: IntArray
     """(f,)."""
