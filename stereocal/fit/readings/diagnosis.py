@@ -104,7 +104,7 @@ def _exchanged(fit: RobustFit) -> str:
 
 def _lens_warnings(fit: RobustFit) -> list[str]:
     """Cameras whose files the images contradict, by focal length or centre."""
-    found = list[str]()
+    warnings = list[str]()
     priors = lenses_of(fit.recording, fit.settings).values()
     cameras = zip(fit.recording.cameras.items(), priors, strict=True)
     for number, ((name, camera), prior) in enumerate(cameras):
@@ -124,19 +124,19 @@ def _lens_warnings(fit: RobustFit) -> list[str]:
             f"{'longer' if longer > 0.0 else 'shorter'}. Is it the file of this camera, with this "
             "zoom and focus?"
         )
-        found.append(f"The images contradict the stated lens of {camera_in_words(name)}: {what}")
-    return found
+        warnings.append(f"The images contradict the stated lens of {camera_in_words(name)}: {what}")
+    return warnings
 
 
-def moved_in_words(found: Movement, names: Sequence[str], settings: RefineSettings) -> str:
+def moved_in_words(movement: Movement, names: Sequence[str], settings: RefineSettings) -> str:
     """What to do about a camera that moved.
 
     Args:
         names: of the camera, or of all that it may be.
     """
-    seems = f"seems to have moved at about frame {found.first}"
+    seems = f"seems to have moved at about frame {movement.first}"
     which = (
-        f"{camera_in_words(names[0], begins=True)} {seems}, by {found.in_words}"
+        f"{camera_in_words(names[0], begins=True)} {seems}, by {movement.in_words}"
         if len(names) == 1
         else f"A camera {seems}, and it cannot be told which: {' or '.join(names)}"
     )

@@ -135,27 +135,27 @@ class Judge:
         self,
         whole: Recording,
         names: Sequence[str],
-        about: Sequence[str],
+        concerned: Sequence[str],
         known: Iterable[PairFit] = (),
         fit: RobustFit | None = None,
         out_of_step: bool = False,
     ) -> None:
-        """Of some cameras of a recording.
+        """A judge of some cameras of a recording.
 
         Args:
             names: of the cameras.
-            about: those that the readings are to concern.
+            concerned: those that the readings are to concern.
             known: fits of pairs.
             fit: of all cameras, if there is one.
             out_of_step: whether cameras out of step seem to explain the data. They fit otherwise
                 estimated values too, and somewhat better many a wrong camera.
         """
         self.whole, self.fit, self.out_of_step = whole, fit, out_of_step
-        self.part, self.about = fewer_points(whole.of_cameras(names)), about
+        self.part, self.about = fewer_points(whole.of_cameras(names)), concerned
         self.known = [pair for pair in known if {*pair.pair} <= {*names}]
         self.bars = shared_bars(self.part)
         self.groups = list[Group]()
-        for name in about:  # with the camera with which it shares most bars
+        for name in concerned:  # with the camera with which it shares most bars
             others = (pair[pair[0] == name] for pair in self.bars if name in pair)
             if other := next(others, None):
                 self.groups.append(Group((name,), (other, name)))
@@ -164,23 +164,23 @@ class Judge:
     @cached_property
     def nominal(self) -> Noise:
         """What the fit leaves as given."""
-        found = noise_of(self.part, self.known)
-        if self.fit is not None and not np.isfinite(found.px):
+        noise = noise_of(self.part, self.known)
+        if self.fit is not None and not np.isfinite(noise.px):
             return Noise(self.fit.sigma_px, largest_noise(self.part, self.fit.sigma_px))
-        return found
+        return noise
 
     @cached_property
     def suspected(self) -> list[Reading]:
         """The readings that seem to fit better. A fit of all cameras shows by itself that lenses
         or lengths are wrong; lengths of a few boards that face the cameras do not tell."""
-        found = [*self._of_one_file()]
+        of_one_file = [*self._of_one_file()]
         points = (it for it in self._readings(OF_POINTS) if it.way.is_likely)
         looked_at = [*self._readings(OF_CAMERAS), *points]
         if self.fit is None:
             looked_at += self._exchanged(self.part)
             if self.part.object.board is not None and not self.out_of_step:
                 looked_at += self._readings(SCALED)
-        return found + suspects(self.part, looked_at)
+        return of_one_file + suspects(self.part, looked_at)
 
     def _readings(self, rows: Iterable[Row]) -> Iterator[Reading]:
         return readings_of(self.part, rows, self.groups, [*self.whole.cameras])
@@ -214,17 +214,17 @@ class Judge:
     def _fitted(self, readings: Iterable[Reading]) -> Iterator[JudgedReading]:
         """The readings that are worth a fit, with what it leaves."""
         names = [*self.part.cameras]
-        found = list[tuple[Reading, Recording, dict[CameraPair, PoseFit]]]()
+        candidates = list[tuple[Reading, Recording, dict[CameraPair, PoseFit]]]()
         for reading in readings:
             with suppress(StereocalError):
                 data = fewer_points(reading.way.corrected().of_cameras(names))
                 quick = _quick_fits(data, reading.group.names, shared_bars(data))
-                found.append((reading, data, quick))
+                candidates.append((reading, data, quick))
         as_given = _quick_fits(self.part, names, self.bars)
         limit = FAR * fitting_px(self.part.cameras.values())
         if len(names) > 2:  # whose fits take longer
-            limit = WORTH_A_FIT * min(map(_mean_px, [as_given, *(it[-1] for it in found)]))
-        for reading, data, quick in found:
+            limit = WORTH_A_FIT * min(map(_mean_px, [as_given, *(it[-1] for it in candidates)]))
+        for reading, data, quick in candidates:
             if _mean_px(quick) <= limit < np.inf:
                 of = {*reading.group.names}
                 alike = [it for it in self.nominal.pairs if not {*it.pair} & of]
@@ -299,8 +299,8 @@ class Judge:
 
 
 def fewer_points(recording: Recording) -> Recording:
-    """Of the frames in which cameras see a bar together, and of a large object's points, enough;
-    of cameras that share few bars, all."""
+    """The recording with enough of the frames in which cameras see a bar together, and of a large
+    object's points; of cameras that share few bars, with all frames."""
     frames, images = recording.images()
     common = np.flatnonzero((np.isfinite(images[..., 0]).sum(axis=2) > 1).any(axis=1))
     worth = pairs_worth_a_fit(recording)
@@ -308,9 +308,9 @@ def fewer_points(recording: Recording) -> Recording:
         names, bars = list(recording.cameras), bars_by_frame(recording)
         common = common[evenly_spread(len(common), MOST_FRAMES)]
         for pair in worth:
-            own = np.flatnonzero(bars[:, names.index(pair[0]), names.index(pair[1])])
-            if np.isin(own, common).sum() < LEAST_BARS:
-                common = np.union1d(common, own[evenly_spread(len(own), LEAST_BARS)])
+            of_pair = np.flatnonzero(bars[:, names.index(pair[0]), names.index(pair[1])])
+            if np.isin(of_pair, common).sum() < LEAST_BARS:
+                common = np.union1d(common, of_pair[evenly_spread(len(of_pair), LEAST_BARS)])
     kept = np.isin(recording.frame, frames[common])
     count, board = len(recording.object.names), recording.object.board
     if board is None:
@@ -368,11 +368,13 @@ def noise_of(
         least = min(pair.noise_px for pair in pairs)
         fit.start_at({}, least)
         if fit.run() and fit.is_determined:
-            own = enumerate(recording.cameras.items())
-            cameras = {name: with_lens(camera, fit.q, number) for number, (name, camera) in own}
+            numbered = enumerate(recording.cameras.items())
+            cameras = {
+                name: with_lens(camera, fit.q, number) for number, (name, camera) in numbered
+            }
             largest = largest_noise(recording, least)
-            found = _noise_left(fit, fit.sigma_px, fit.poses, largest, cameras)
-            return replace(found, pairs=tuple(pairs))
+            noise = _noise_left(fit, fit.sigma_px, fit.poses, largest, cameras)
+            return replace(noise, pairs=tuple(pairs))
     return Noise()
 
 
@@ -402,23 +404,23 @@ def _first_pairs(
     lenses: Mapping[str, LensPrior],
 ) -> list[PairFit]:
     """Sound pairs that connect the cameras, those with the most bars."""
-    found, names = [*known], [*recording.cameras]
+    fits, names = [*known], [*recording.cameras]
     limit = fitting_px(recording.cameras.values())
-    if len(reached(names, [fit.pair for fit in found])) == len(names):
-        return sorted(found, key=lambda fit: fit.noise_px)
+    if len(reached(names, [fit.pair for fit in fits])) == len(names):
+        return sorted(fits, key=lambda fit: fit.noise_px)
     near = {
         pair: quick[pair] if pair in quick else essential_fit(recording.pair(*pair))
         for pair in pairs_worth_a_fit(recording)
     }
     far = FAR * min((fit.px for fit in near.values()), default=np.inf)
     for pair, start in near.items():
-        if not start.px < far or pair[1] in groups_of(names, [fit.pair for fit in found])[pair[0]]:
+        if not start.px < far or pair[1] in groups_of(names, [fit.pair for fit in fits])[pair[0]]:
             continue
         with suppress(StereocalError, np.linalg.LinAlgError):
             fit = _fit_of_pair(recording, pair, near, lenses)
             if fit.sigma_px.value < limit:
-                found.append(PairFit.of(pair, fit))
-    return sorted(found, key=lambda fit: fit.noise_px)
+                fits.append(PairFit.of(pair, fit))
+    return sorted(fits, key=lambda fit: fit.noise_px)
 
 
 def _held(longest_m: float) -> RefineSettings:
@@ -448,17 +450,19 @@ def _one_file(recording: Recording, group: Group) -> Iterator[Way]:
     """Lenses of their own for cameras that have one."""
     names = group.names
     given = {name: recording.cameras[name] for name in names}
-    files = {name: scaled(own, 1.0 / (own.size_factor or 1.0)) for name, own in given.items()}
+    files = {
+        name: scaled(camera, 1.0 / (camera.size_factor or 1.0)) for name, camera in given.items()
+    }
     lenses = dict.fromkeys(names, ANY_LENS)
     fitted = noise_of(with_files(recording, files), lenses=lenses).cameras
     if fitted is not None:
-        found = {name: replace(fitted[name], uncertainty=None) for name in names}
+        cameras = {name: replace(fitted[name], uncertainty=None) for name in names}
         values = {
             "names": " and ".join(names),
             "stated": f"{given[names[0]].K[0, 0]:.0f}",
-            "fitting": " and ".join(f"{camera.K[0, 0]:.0f}" for camera in found.values()),
+            "fitting": " and ".join(f"{camera.K[0, 0]:.0f}" for camera in cameras.values()),
         }
-        yield Way(partial(with_files, recording, found), values, is_likely=True)
+        yield Way(partial(with_files, recording, cameras), values, is_likely=True)
 
 
 def _elsewhere(recording: Recording, group: Group) -> Iterator[Way]:

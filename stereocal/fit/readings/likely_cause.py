@@ -107,13 +107,13 @@ def heads_in_words(poses: Sequence[Pose], names: Sequence[str]) -> list[str]:
     Args:
         poses: as of `on_their_heads`, of the cameras with these names.
     """
-    found = on_their_heads(poses, UPRIGHT)
-    one = [camera_in_words(names[number], begins=True) for number in found]
+    turned = on_their_heads(poses, UPRIGHT)
+    one = [camera_in_words(names[number], begins=True) for number in turned]
     others = "others" if len(names) > 2 else "other"
     return [
         f"{which} stands on its head beside the {others}. If it was not mounted so, its images are "
         "turned by half a turn."
-        for which in (one if len(names) > 2 else ["One of the two cameras"][: len(found)])
+        for which in (one if len(names) > 2 else ["One of the two cameras"][: len(turned)])
     ]
 
 
@@ -130,10 +130,10 @@ def claimed_offset(screening: Screening) -> MeasuredOffset | None:
     if not unjudged or not enough_frames(dataset):
         return None
     try:
-        found, note = with_offset_if_out_of_step(dataset, wide_settings(dataset))
+        fit, note = with_offset_if_out_of_step(dataset, wide_settings(dataset))
     except StereocalError:
         return None
-    return found.time_offset if note else None
+    return fit.time_offset if note else None
 
 
 def offer_time_offset(offset: MeasuredOffset | None) -> str:

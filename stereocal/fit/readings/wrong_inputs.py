@@ -116,7 +116,7 @@ def _judges(
     fit: RobustFit | None = None,
     out_of_step: bool = False,
 ) -> Iterator[Judge]:
-    """Of groups of cameras that share bars; of large ones, each of one camera."""
+    """Judges of groups of cameras that share bars; of a large group, one for each camera."""
     worth = pairs_worth_a_fit(recording)
     if not worth or len(recording.pair(*worth[0]).correspondences.bars) < MINIMUM_BARS:
         return
@@ -127,5 +127,5 @@ def _judges(
         group = [name]
         while len(group) < MOST_CAMERAS:  # the camera that shares most bars with one of the group
             group += next({*pair} - {*group} for pair in worth if len({*pair} & {*group}) == 1)
-        ordered = [each for each in names if each in group]
+        ordered = [camera for camera in names if camera in group]
         yield Judge(recording, ordered, [name], known, fit, out_of_step)
