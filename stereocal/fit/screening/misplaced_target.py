@@ -72,13 +72,13 @@ def misplaced_target(fit: RefinedResult) -> str:
 
 
 def _distances(fit: RefinedResult) -> list[_Distance]:
-    """Of every two targets that enough frames show."""
+    """The distances of every two targets that enough frames show."""
     used = fit.used_rows
     rows = fit.dataset.correspondences.where(used)
     assert rows.rigid_object is not None
     points = np.full((len(rows.frames), len(rows.names), 3), np.nan)
-    at = np.searchsorted(rows.frames, rows.frame)
-    points[at, rows.target] = fit.rig.reconstruct(rows.primary, rows.secondary)
+    frame_of = np.searchsorted(rows.frames, rows.frame)
+    points[frame_of, rows.target] = fit.rig.reconstruct(rows.primary, rows.secondary)
     sigma_m, distances = distance_sigma_m(fit.dataset.recording, fit.settings), []
     for a, b in combinations(range(len(rows.names)), 2):
         stated = rows.rigid_object.distance(a, b)

@@ -104,9 +104,11 @@ def movement(fit: RobustFit, fitted: Fitted) -> Movement | None:
         if max((step.ratio for step in tested.values()), default=0.0) > LEAST_RATIO:
             named = {step.camera: step.explained for step in steps}
             far = not named or fit.sigma_px > FAR * max(part.sigma_px for part in parts)
-            told = {camera: step.ratio for camera, step in tested.items()} if far else named
-            ranked = sorted(told, key=lambda camera: -told[camera])
-            cameras = tuple(each for each in ranked if APART * told[each] > told[ranked[0]])
+            evidence = {camera: step.ratio for camera, step in tested.items()} if far else named
+            ranked = sorted(evidence, key=lambda camera: -evidence[camera])
+            cameras = tuple(
+                camera for camera in ranked if APART * evidence[camera] > evidence[ranked[0]]
+            )
             first = _first_after(fit, parts)
             last = int(fit.frames[fit.frames < first][-1])
             return Movement(last, first, cameras, tested[ranked[0]].change, far)
@@ -138,22 +140,24 @@ def _steps(fit: RobustFit, parts: Sequence[RobustFit]) -> list[_Step]:
         starts = range(len(_blocks(parts[0], 2)), len(_blocks(parts[0], 2)) + 1)
     if len(blocks) < 2 * OF_SIDE:
         return []
-    H, g = map(np.array, zip(*(_equations(fit, *each) for each in blocks), strict=True))
+    H, g = map(
+        np.array, zip(*(_equations(fit, part, block) for part, block in blocks), strict=True)
+    )
     M = fit.unknowns.M
     C = inverse_of(M.T @ H.sum(axis=0) @ M + fit.unknowns.precision, SMALLEST)
     step = C @ (M.T @ g.sum(axis=0) + fit.unknowns.precision @ fit.p)
     freedom = sum(int(part.degrees_of_freedom[block].sum()) for part, block in blocks)
     cost = sum(float(part.chi_squares[block].sum()) for part, block in blocks)
-    found = list[_Step]()
+    steps = list[_Step]()
     for camera in range(len(fit.seen.lenses)):
         pose = slice(EACH * camera, EACH * camera + LENS)
         by_all = M.T @ H[:, :, pose]
         K = -np.einsum("aki,kl,blj->aibj", by_all, C, by_all)
         K[np.arange(len(H)), :, np.arange(len(H))] += H[:, pose, pose]
-        found.append(
+        steps.append(
             _best_step(K, g[:, pose] - step @ by_all, starts, (freedom - len(fit.p), cost), camera)
         )
-    return sorted(found, key=lambda step: -step.explained)
+    return sorted(steps, key=lambda step: -step.explained)
 
 
 def _best_step(
@@ -169,8 +173,10 @@ def _best_step(
     """
     index = np.arange(len(g))
     after = [(index[:, None] >= start).astype(np.float64) for start in starts]
-    tried = [(*_explained(K, g, each), start) for each, start in zip(after, starts, strict=True)]
-    explained, size, change, start = max(tried, key=lambda each: each[0])
+    tried = [
+        (*_explained(K, g, weights), start) for weights, start in zip(after, starts, strict=True)
+    ]
+    explained, size, change, start = max(tried, key=lambda trial: trial[0])
     in_all, of_all, _ = _explained(K, g, np.eye(len(g))[:, 1:])
     of_drift, _, _ = _explained(K, g, (index - index.mean())[:, None])
     freedom, cost = left
@@ -235,8 +241,8 @@ def _left_out_as_one(fit: RobustFit, parts: Sequence[RobustFit]) -> bool:
 def _parts(fit: RobustFit, fitted: Fitted, first: int) -> list[RobustFit]:
     """Fits of the frames before one and of those from it on; empty where one fails."""
     both = fit.frames[fit.frames < first], fit.frames[fit.frames >= first]
-    found = [part for part in map(fitted, both) if part is not None]
-    return found if len(found) == 2 else []
+    fits = [part for part in map(fitted, both) if part is not None]
+    return fits if len(fits) == 2 else []
 
 
 def _first_after(fit: RobustFit, parts: Sequence[RobustFit]) -> int:

@@ -26,9 +26,9 @@ def frame_reprojection_px(calibration: Calibration, method: Method) -> FloatArra
     """
     rows = calibration.dataset.correspondences
     worst = np.full(len(rows.frames), -np.inf)
-    at = np.searchsorted(rows.frames, rows.frame)
+    frame_of = np.searchsorted(rows.frames, rows.frame)
     with np.errstate(invalid="ignore"):  # NumPy 1 warns about NaN
-        np.maximum.at(worst, at, calibration.errors[method].reprojection_px)
+        np.maximum.at(worst, frame_of, calibration.errors[method].reprojection_px)
     return worst
 
 
@@ -57,14 +57,14 @@ def outlying(values: FloatArray, smallest_excess: float) -> npt.NDArray[np.bool_
 
 def reprojection_outliers(calibration: Calibration) -> list[int]:
     """Numbers of the frames whose reprojection error with the 2D set is an outlier, ascending."""
-    found = outlying(frame_reprojection_px(calibration, "2d"), SMALLEST_EXCESS_PX)
-    return [int(frame) for frame in calibration.dataset.correspondences.frames[found]]
+    outliers = outlying(frame_reprojection_px(calibration, "2d"), SMALLEST_EXCESS_PX)
+    return [int(frame) for frame in calibration.dataset.correspondences.frames[outliers]]
 
 
 def length_outliers(calibration: Calibration) -> list[int]:
     """Numbers of the frames whose length error with the 3D set is an outlier, ascending."""
-    found = outlying(calibration.errors["3d"].length, SMALLEST_EXCESS_LENGTH)
-    return [int(frame) for frame in bar_frames(calibration)[found]]
+    outliers = outlying(calibration.errors["3d"].length, SMALLEST_EXCESS_LENGTH)
+    return [int(frame) for frame in bar_frames(calibration)[outliers]]
 
 
 def outlying_frames(calibration: Calibration) -> list[int]:

@@ -114,19 +114,19 @@ class Screening:
 
     @property
     def shift(self) -> MeasuredOffset | None:
-        """By which the secondary points were shifted in time; None if they are as recorded."""
+        """The offset by which the secondary points were shifted in time; None if as recorded."""
         offset, measured = self.full_dataset.time_offset, self.measured_offset
         if offset is None or measured is None or not offset.is_shift:
             return None
         return replace(measured, frames=offset.frames, drift=offset.drift)
 
-    def solved_for(self, own: RefineSettings, asked: CalibrationSettings) -> RefineSettings:
+    def solved_for(self, refined: RefineSettings, asked: CalibrationSettings) -> RefineSettings:
         """The settings of the refined method with the unknowns of time that were asked for, and
         those by which the points were shifted."""
         late, drift = asked.time_offset, asked.time_drift
         if (shift := self.shift) is not None:
             late, drift = True, drift or shift.drift != 0.0
-        return replace(own, time_offset=late, time_drift=drift)
+        return replace(refined, time_offset=late, time_drift=drift)
 
     @property
     def share(self) -> float:
@@ -165,14 +165,14 @@ def screen(
         return unscreened(dataset, by_user=by_user, copies=copies)
     note, measured = "", None
     try:
-        fit, found = _fit(rest, time_offset, time_drift)
+        fit, in_step = _fit(rest, time_offset, time_drift)
     except StereocalError as error:
         return unscreened(dataset, str(error), by_user, copies)
-    if found is not None:
-        note = found.note
-        if found.fit is not None and found.fit.dataset.time_offset is not None:
-            measured = found.fit.time_offset
-            dataset = dataset.shifted(found.fit.dataset.time_offset)
+    if in_step is not None:
+        note = in_step.note
+        if in_step.fit is not None and in_step.fit.dataset.time_offset is not None:
+            measured = in_step.fit.time_offset
+            dataset = dataset.shifted(in_step.fit.dataset.time_offset)
     out = fit.outlying & ~np.isin(fit.frames, list(put_back))
     exchanged = out & _fit_exchanged(fit, rest)
     return Screening(
@@ -193,8 +193,8 @@ def _fit(dataset: Pair, time_offset: bool, time_drift: bool) -> tuple[RefinedRes
     cameras are out of step."""
     settings = wide_settings(dataset)
     if time_offset:
-        found = fit_time_offset(dataset, replace(settings, time_drift=time_drift))
-        return found.fit or refine(dataset, settings), found
+        in_step = fit_time_offset(dataset, replace(settings, time_drift=time_drift))
+        return in_step.fit or refine(dataset, settings), in_step
     fit, note = with_offset_if_out_of_step(dataset, settings)
     return fit, InStep(fit, note) if note else None
 
@@ -224,8 +224,8 @@ def _fit_exchanged(fit: RefinedResult, recorded: Pair) -> BoolArray:
     """
     bad, offset = fit.frames[fit.outlying], fit.dataset.time_offset
     if offset is None or not offset.is_shift:
-        found = _fitting(fit, fit.dataset.with_targets_exchanged(bad))
-        return np.asarray(fit.outlying & np.isin(fit.frames, found))
+        fitting = _fitting(fit, fit.dataset.with_targets_exchanged(bad))
+        return np.asarray(fit.outlying & np.isin(fit.frames, fitting))
     # One by one: a point between two frames is wrong too if one of them is exchanged.
     exchanged = [
         frame
@@ -258,14 +258,14 @@ def screened(dataset: Pair, settings: CalibrationSettings) -> Screening:
     if settings.all_frames and not settings.time_offset:
         return unscreened(dataset, by_user=by_user)
     put_back = frames.tolist() if settings.all_frames else settings.frames_put_back
-    found = screen(dataset, put_back, by_user, settings.time_offset, settings.time_drift)
-    fit = found.fit
+    screening = screen(dataset, put_back, by_user, settings.time_offset, settings.time_drift)
+    fit = screening.fit
     size = fit and other_size(fit, MAXIMUM_LEFT_OUT)
     if fit and (moved := camera_moved(fit)):
         raise MovedError(f"{size} Or: {moved}" if size else moved)
     if size:
         raise StereocalError(size)
-    return found
+    return screening
 
 
 def common_cause(fit: RefinedResult, out: BoolArray) -> str:
@@ -279,10 +279,10 @@ def common_cause(fit: RefinedResult, out: BoolArray) -> str:
     if np.count_nonzero(first) < MINIMUM_CASES:
         return ""
     rows, from_centre = fit.dataset.correspondences, np.zeros(len(fit.frames))
-    at = np.searchsorted(fit.frames, rows.frame)
+    frame_of = np.searchsorted(fit.frames, rows.frame)
     for points, camera in ((rows.primary, fit.primary), (rows.secondary, fit.secondary)):
         middle = 0.5 * (np.array(camera.image_size) - 1.0)
-        np.maximum.at(from_centre, at, np.linalg.norm(points - middle, axis=1))
+        np.maximum.at(from_centre, frame_of, np.linalg.norm(points - middle, axis=1))
     depth = fit.middles_m[:, 2]
     properties = (
         (from_centre, "farther from the centre of the images", "a wrong lens distortion"),
@@ -349,8 +349,8 @@ def _like_neighbours(fit: RefinedResult, out: BoolArray) -> bool:
     kept = np.flatnonzero(~left_out)
     ratios = []
     for frame in fit.frames[out]:
-        own = np.flatnonzero(rows.frame == frame)
-        worst = own[np.argmax(np.abs(signed[own]))]
+        of_frame = np.flatnonzero(rows.frame == frame)
+        worst = of_frame[np.argmax(np.abs(signed[of_frame]))]
         distance = np.linalg.norm(positions[kept] - positions[worst], axis=1)
         nearest = kept[np.argsort(distance)[:NEIGHBOURS]]
         ratios.append(np.median(signed[nearest]) / signed[worst])

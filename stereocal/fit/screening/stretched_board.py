@@ -36,11 +36,11 @@ def stretched_board(fit: RefinedResult) -> str:
     board = fit.dataset.board
     if board is None:
         return ""
-    found, level = _stretches(fit).T
-    if len(found) < FEWEST:
+    stretches, level = _stretches(fit).T
+    if len(stretches) < FEWEST:
         return ""
-    stretch = float(found.mean())
-    sigma = float(found.std(ddof=1)) * np.sqrt(fit.design_effect / len(found))
+    stretch = float(stretches.mean())
+    sigma = float(stretches.std(ddof=1)) * np.sqrt(fit.design_effect / len(stretches))
     if abs(stretch) < max(SMALLEST, SURE * sigma):
         return ""
     row, column = (1000.0 * board.square_m * (n - 1) for n in (board.columns, board.rows))
@@ -71,14 +71,14 @@ def _stretches(fit: RefinedResult) -> FloatArray:
     rows = fit.dataset.correspondences.where(fit.used_rows)
     assert rows.rigid_object is not None
     points = fit.rig.reconstruct(rows.primary, rows.secondary)
-    known, found = np.isfinite(points).all(axis=1), []
-    own = np.column_stack([rows.rigid_object.points[rows.target][:, :2], np.ones(len(rows))])
+    known, stretches = np.isfinite(points).all(axis=1), []
+    corners = np.column_stack([rows.rigid_object.points[rows.target][:, :2], np.ones(len(rows))])
     for frame in rows.frames:
         of_frame = known & (rows.frame == frame)
-        if of_frame.sum() < FEWEST or np.linalg.matrix_rank(own[of_frame]) < 3:
+        if of_frame.sum() < FEWEST or np.linalg.matrix_rank(corners[of_frame]) < 3:
             continue
-        sides = np.linalg.lstsq(own[of_frame], points[of_frame], rcond=None)[0][:2]
+        sides = np.linalg.lstsq(corners[of_frame], points[of_frame], rcond=None)[0][:2]
         along, across = np.linalg.norm(sides, axis=1)
         level = np.cos(2.0 * np.arctan2(sides[0, 1], sides[0, 0]))
-        found.append((np.log(along / across), level))
-    return np.array(found).reshape(-1, 2)
+        stretches.append((np.log(along / across), level))
+    return np.array(stretches).reshape(-1, 2)

@@ -43,12 +43,12 @@ def camera_moved(fit: RefinedResult) -> str:
     Args:
         fit: a fit with wide priors, such as that of the screening.
     """
-    found = movement_of_pair(fit)
-    if found is None:
+    moved = movement_of_pair(fit)
+    if moved is None:
         return ""
     return (
-        f"A camera moved between frames {found.last} and {found.first}: from then on the pose of "
-        f"the cameras is another, by {found.in_words}. Two cameras cannot tell which of them it "
+        f"A camera moved between frames {moved.last} and {moved.first}: from then on the pose of "
+        f"the cameras is another, by {moved.in_words}. Two cameras cannot tell which of them it "
         "was. Calibrate the frames before it and those after it each by themselves."
     )
 
@@ -62,17 +62,18 @@ def other_size(fit: RefinedResult, least: float = 0.0) -> str:
     rows = fit.dataset.correspondences
     lengths = fit.apply(fit.dataset).reconstructed_lengths_m(fit.pose)
     logs = np.log(lengths / fit.dataset.bar_distances_m)
-    at = np.searchsorted(fit.frames, rows.frame[rows.bars[:, 0]])
+    frame_of = np.searchsorted(fit.frames, rows.frame[rows.bars[:, 0]])
     known = np.isfinite(logs)
-    seen = np.bincount(at[known], None, len(fit.frames))
-    has, sums = seen > 0, np.bincount(at[known], logs[known], len(fit.frames))
+    seen = np.bincount(frame_of[known], None, len(fit.frames))
+    has, sums = seen > 0, np.bincount(frame_of[known], logs[known], len(fit.frames))
     frames, sizes = fit.frames[has], np.asarray(sums[has] / seen[has])
     others = _apart(sizes)
     if np.count_nonzero(others) < max(FEWEST, least * len(fit.frames)):
         return ""
     residuals = np.abs(fit.standardised_residuals)
     of_both = [
-        float(np.median(residuals[np.isin(rows.frame, frames[own])])) for own in (others, ~others)
+        float(np.median(residuals[np.isin(rows.frame, frames[group])]))
+        for group in (others, ~others)
     ]
     if max(of_both) > WORSE * min(of_both):
         return ""
@@ -99,11 +100,13 @@ def _apart(sizes: FloatArray) -> BoolArray:
     low = none.copy()
     low[order[: lower[between.argmax()]]] = True
     # As many frames: those that the fit does not follow, whose sizes are farther from the stated.
-    middles = [float(np.median(sizes[own])) for own in (low, ~low)]
-    ranks = [(-np.count_nonzero(own), abs(m)) for own, m in zip((low, ~low), middles, strict=True)]
+    middles = [float(np.median(sizes[group])) for group in (low, ~low)]
+    ranks = [
+        (-np.count_nonzero(group), abs(m)) for group, m in zip((low, ~low), middles, strict=True)
+    ]
     away = abs(middles[1] - middles[0])
-    for own, middle in zip((low, ~low), middles, strict=True):
-        alike = np.abs(sizes[own] - middle) < ALIKE * away
+    for group, middle in zip((low, ~low), middles, strict=True):
+        alike = np.abs(sizes[group] - middle) < ALIKE * away
         if np.mean(alike) < MOST_ALIKE:
             return none
     return (low if ranks[0] > ranks[1] else ~low) if away > OTHER_SIZE else none

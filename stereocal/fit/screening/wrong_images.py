@@ -107,14 +107,14 @@ def _fitting(fit: RobustFit, trials: list[_Trial]) -> list[bool]:
     unknowns = replace(fit.unknowns, origin=fit.begin.q)
     tried = RobustFit(changed, unknowns, fit.settings, fit.begin.R, fit.baselines)
     explained = tried.take(fit.p, fit.sigma_px, fit.scatter).explained()
-    return [bool(each) for each in explained & (tried.pixel_freedom > 0)]
+    return [bool(fits) for fits in explained & (tried.pixel_freedom > 0)]
 
 
 def _targets(seen: Observations, frame: int, camera: int) -> list[int]:
     """What a camera sees of a frame."""
     mine = seen.frame_of == frame
-    found: list[int] = seen.targets[mine][np.isfinite(seen.pixels[mine, :, camera, 0])].tolist()
-    return found
+    targets: list[int] = seen.targets[mine][np.isfinite(seen.pixels[mine, :, camera, 0])].tolist()
+    return targets
 
 
 def _changed(images: FloatArray, targets: IntArray, trial: _Trial) -> FloatArray:
