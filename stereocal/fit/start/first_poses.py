@@ -38,10 +38,10 @@ def first_poses(
         start = replace(start, T=start.T * (dataset.baseline_m / start.baseline))
     magsac = robust_start(dataset, rays) if robust else None
     known = [pose for pose in (start, magsac) if pose is not None]
-    off = sorted((median_residual(pose, rays), at) for at, pose in enumerate(known))
-    starts = [known[at] for _, at in off]
-    for residual, at in off:
-        twin = depth_reversed(known[at], rays)
+    off = sorted((median_residual(pose, rays), k) for k, pose in enumerate(known))
+    starts = [known[k] for _, k in off]
+    for residual, k in off:
+        twin = depth_reversed(known[k], rays)
         if twin is not None and median_residual(twin, rays) < PLAUSIBLE * residual:
             starts.append(twin)
     apart: list[Pose] = []
@@ -66,14 +66,14 @@ def depth_reversed(pose: Pose, rays: FloatArray) -> Pose | None:
     seen = pose.apply(middle)
     # Both views mirrored along the line of sight: together a rotation again.
     of_primary, of_secondary = (
-        np.eye(3) - 2.0 * np.outer(at, at) / (at @ at) for at in (middle, seen)
+        np.eye(3) - 2.0 * np.outer(point, point) / (point @ point) for point in (middle, seen)
     )
     R = of_secondary @ pose.R @ of_primary
     return Pose(R, seen - R @ middle)
 
 
 def median_residual(pose: Pose, rays: FloatArray) -> float:
-    """Of the absolute residuals of pairs with rays (4, n)."""
+    """The median of the absolute residuals of pairs with rays (4, n)."""
     return float(np.median(np.abs(residuals(pose.essential, rays[:2].T, rays[2:].T))))
 
 

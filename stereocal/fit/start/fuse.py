@@ -144,13 +144,13 @@ def difference(
 
 def pair_at(first: int, second: int, q: FloatArray, R: FloatArray, lenses: FloatArray) -> Cameras:
     """Two cameras of a rig, the first of which is their reference."""
-    found, (a, b) = np.zeros(OF_PAIR), (EACH * first, EACH * second)
+    q_pair, (a, b) = np.zeros(OF_PAIR), (EACH * first, EACH * second)
     R_pair = R[second] @ R[first].T
-    found[pose_places(1)][TRANSLATION:] = q[b + 3 : b + 6] - R_pair @ q[a + 3 : a + 6]
+    q_pair[pose_places(1)][TRANSLATION:] = q[b + 3 : b + 6] - R_pair @ q[a + 3 : a + 6]
     for number, camera in enumerate((first, second)):
-        found[lens_places(number)] = q[lens_places(camera)]
-    found[EACH + TIME], found[FACTOR] = q[b + TIME] - q[a + TIME], q[FACTOR]
-    return Cameras(found, np.array([np.eye(3), R_pair]), lenses)
+        q_pair[lens_places(number)] = q[lens_places(camera)]
+    q_pair[EACH + TIME], q_pair[FACTOR] = q[b + TIME] - q[a + TIME], q[FACTOR]
+    return Cameras(q_pair, np.array([np.eye(3), R_pair]), lenses)
 
 
 def pair_derivatives(first: int, second: int, q: FloatArray, R: FloatArray) -> FloatArray:

@@ -54,7 +54,7 @@ class Pairs:
 
 
 def pair_name(pair: CameraPair) -> str:
-    """Such as `left-right`."""
+    """The name of a pair, such as `left-right`."""
     return "-".join(pair)
 
 
@@ -62,8 +62,8 @@ def shared_bars(recording: Recording) -> dict[CameraPair, int]:
     """How many bars each pair of cameras sees, of all pairs that see any; most first."""
     counts, names = bars_by_frame(recording).sum(axis=0), list(recording.cameras)
     pairs = combinations(range(len(names)), 2)
-    found = {(names[i], names[j]): int(counts[i, j]) for i, j in pairs if counts[i, j]}
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+    bars = {(names[i], names[j]): int(counts[i, j]) for i, j in pairs if counts[i, j]}
+    return dict(sorted(bars.items(), key=lambda item: -item[1]))
 
 
 def bars_by_frame(recording: Recording) -> BoolArray:
@@ -135,8 +135,8 @@ def calibrate_pairs(
         if (movement := movement_of_pair(fit)) is not None:
             moved[pair] = movement
         del fits[pair]
-    found = {pair: PairFit.of(pair, fit) for pair, fit in fits.items()}
-    best = sorted(found.items(), key=lambda item: -item[1].frames / item[1].noise_px ** 2)
+    sound = {pair: PairFit.of(pair, fit) for pair, fit in fits.items()}
+    best = sorted(sound.items(), key=lambda item: -item[1].frames / item[1].noise_px ** 2)
     return Pairs(bars, dict(best), failed, moved)
 
 
@@ -158,7 +158,7 @@ def _fit(
 
 
 def groups_of(cameras: Sequence[str], pairs: Iterable[CameraPair]) -> dict[str, set[str]]:
-    """Of each camera those that pairs connect with it, itself among them."""
+    """The cameras that pairs connect with each camera, itself among them."""
     groups = {name: {name} for name in cameras}
     for first, second in pairs:
         joined = groups[first] | groups[second]

@@ -96,13 +96,15 @@ class OffsetOfPair:
     def sentence(self) -> str:
         """In words that a person can check."""
         first, second = self.pair
-        found = self.measured
-        at = in_frames(self.exact, found.sigma)
+        measured = self.measured
+        offset = in_frames(self.exact, measured.sigma)
         drift = ""
-        if found.drift_sigma:
-            drift = f", drifting by {1e6 * found.drift:.1f} ± {1e6 * found.drift_sigma:.1f} ppm"
+        if measured.drift_sigma:
+            drift = (
+                f", drifting by {1e6 * measured.drift:.1f} ± {1e6 * measured.drift_sigma:.1f} ppm"
+            )
         return (
-            f"Frame 0 of {second} is frame {at} of {first}{drift}: the "
+            f"Frame 0 of {second} is frame {offset} of {first}{drift}: the "
             f"points then lie {rounded(self.px)} px from their epipolar lines, one frame off "
             f"{rounded(self.one_off_px)} px, at the best other offset ({self.other:.0f}) "
             f"{rounded(self.other_px)} px."
@@ -140,19 +142,19 @@ def offset_of_pair(
     two, searches = recording.of_cameras(pair), list[_Search]()
     # Each count begins at its first frame, in whole numbers.
     begin = two.first_frames
-    two, origin = two.counted_from({name: -at for name, at in begin.items()}), begin[pair[0]]
-    about = near[pair[1]] - near[pair[0]] if {*pair} <= near.keys() else None
-    about = None if about is None else about + begin[pair[1]] - origin
-    content = [repr([about, begin, *two.cameras.items()]).encode()]
+    two, origin = two.counted_from({name: -start for name, start in begin.items()}), begin[pair[0]]
+    expected = near[pair[1]] - near[pair[0]] if {*pair} <= near.keys() else None
+    expected = None if expected is None else expected + begin[pair[1]] - origin
+    content = [repr([expected, begin, *two.cameras.items()]).encode()]
     for number, order in enumerate(orders or [np.arange(len(recording.object.names))]):
         named = with_targets(two, pair[1], order)
         shown = np.unique(named.target)
         few = shown[evenly_spread(len(shown), TARGETS)]
-        own = named.where(np.isin(named.target, few))
-        searches.append(_Search(own, about, number, begin))
-        content += map(bytes, (own.frame, own.camera, own.target, own.points))
-    found = partial(_offset, searches)
-    return once_or_refused("time offset", hashlib.sha256(b"".join(content)).hexdigest(), found)
+        fewer = named.where(np.isin(named.target, few))
+        searches.append(_Search(fewer, expected, number, begin))
+        content += map(bytes, (fewer.frame, fewer.camera, fewer.target, fewer.points))
+    compute = partial(_offset, searches)
+    return once_or_refused("time offset", hashlib.sha256(b"".join(content)).hexdigest(), compute)
 
 
 class _Candidate(NamedTuple):
@@ -199,22 +201,24 @@ class _Search:
         """The rays of both."""
         shown, tracks = np.unique(self.recording.target), []
         for number, (name, camera) in enumerate(self.recording.cameras.items()):
-            own = self.recording.where(self.recording.camera == number)
-            if not len(own.frame):
+            of_camera = self.recording.where(self.recording.camera == number)
+            if not len(of_camera.frame):
                 raise StereocalError(f"{camera_in_words(name, begins=True)} saw no points.")
-            first, many = int(own.frame.min()), int(np.ptp(own.frame))
+            first, many = int(of_camera.frame.min()), int(np.ptp(of_camera.frame))
             if many >= LONGEST:
                 raise StereocalError(f"The {many:,} frames of {name} are too many to search.")
             rays = np.full((many + 1, len(shown), 2), np.nan)
-            at = own.frame - first, np.searchsorted(shown, own.target)
-            rays[at] = camera.undistort(own.points)
+            places = of_camera.frame - first, np.searchsorted(shown, of_camera.target)
+            rays[places] = camera.undistort(of_camera.points)
             tracks.append(Track(first, rays))
         return tracks[0], tracks[1]
 
     @cached_property
     def focal_px(self) -> float:
         """Pixels per unit on the plane z = 1."""
-        return float(np.sqrt(np.prod([each.K[0, 0] for each in self.recording.cameras.values()])))
+        return float(
+            np.sqrt(np.prod([camera.K[0, 0] for camera in self.recording.cameras.values()]))
+        )
 
     @cached_property
     def scanned(self) -> tuple[FloatArray, FloatArray]:
@@ -224,7 +228,7 @@ class _Search:
         whole = whole + one.first - other.first
         if self.near is not None:
             whole = whole[np.abs(whole - self.near) <= AROUND]
-        both = [scan(one, each, whole) for each in (other, other.earlier(0.5))]
+        both = [scan(one, track, whole) for track in (other, other.earlier(0.5))]
         return (whole[:, None] + [0.0, 0.5]).ravel(), self.focal_px * np.column_stack(both).ravel()
 
     @cached_property
@@ -262,12 +266,14 @@ class _Search:
 
     def valleys(self) -> list[float]:
         """The offsets with the smallest errors, each some frames from the others."""
-        (offsets, errors), found = self.scanned, list[float]()
+        (offsets, errors), valleys = self.scanned, list[float]()
         order = np.argsort(errors, kind="stable")[: np.isfinite(errors).sum()]
         for offset in offsets[order].tolist():
-            if len(found) < CANDIDATES and all(abs(offset - each) > APART for each in found):
-                found.append(offset)
-        return found
+            if len(valleys) < CANDIDATES and all(
+                abs(offset - valley) > APART for valley in valleys
+            ):
+                valleys.append(offset)
+        return valleys
 
     def valley(self, best: float) -> tuple[float, float]:
         """The offsets about the best one at which the errors are far below those at others."""
@@ -294,10 +300,10 @@ class _Search:
         fit, note = fit_time_offset(dataset, settings, best.offset - whole)
         if fit is None:
             raise StereocalError(note)
-        found = fit.time_offset
-        sigma = max(found.sigma, spread_over_runs(fit))
-        reference = found.reference + self.begin[pair[0]]
-        return replace(found, frames=whole + found.frames, reference=reference, sigma=sigma)
+        offset = fit.time_offset
+        sigma = max(offset.sigma, spread_over_runs(fit))
+        reference = offset.reference + self.begin[pair[0]]
+        return replace(offset, frames=whole + offset.frames, reference=reference, sigma=sigma)
 
 
 def _offset(searches: Sequence[_Search]) -> OffsetOfPair:
@@ -336,23 +342,23 @@ def _offset(searches: Sequence[_Search]) -> OffsetOfPair:
 def _two_best(searches: Sequence[_Search]) -> tuple[_Candidate, _Candidate]:
     """The offset that stands out, and the best of the others."""
     every = (search.at(offset) for search in searches for offset in search.valleys())
-    judged = [each for each in every if each.px < np.inf]
-    if (places := len({each.offset for each in judged})) < FEWEST_OTHERS:
+    judged = [candidate for candidate in every if candidate.px < np.inf]
+    if (places := len({candidate.offset for candidate in judged})) < FEWEST_OTHERS:
         raise StereocalError(
             f"at no more than {count(places, 'offset')} do both cameras see {FEWEST} moments of a "
             "motion, so none stands out. Record both cameras for longer while the object moves "
             "through what both see; one at rest tells nothing."
         )
     # Short arcs of a motion fit well at wrong offsets too, near the ends of the recordings.
-    likely = sorted(judged, key=lambda each: -each.evidence)[:FINALISTS]
-    near = sorted(judged, key=lambda each: each.score)[:FINALISTS]
-    finalists = {(each.offset, each.order): each for each in (*likely, *near)}
-    judged += (searches[each.order].nearby(each) for each in finalists.values())
-    best = max(judged, key=lambda each: each.evidence)
+    likely = sorted(judged, key=lambda candidate: -candidate.evidence)[:FINALISTS]
+    near = sorted(judged, key=lambda candidate: candidate.score)[:FINALISTS]
+    finalists = {(candidate.offset, candidate.order): candidate for candidate in (*likely, *near)}
+    judged += (searches[candidate.order].nearby(candidate) for candidate in finalists.values())
+    best = max(judged, key=lambda candidate: candidate.evidence)
     low, high = searches[best.order].valley(best.offset)
-    others = [each for each in judged if not low <= each.offset <= high]
+    others = [candidate for candidate in judged if not low <= candidate.offset <= high]
     least = RIVAL * best.evidence if best.evidence > ENOUGH else -np.inf
-    rival = _best(each for each in others if each.evidence > least)
+    rival = _best(candidate for candidate in others if candidate.evidence > least)
     stated = searches[0].stated
     if best.px > fitting_px(searches[0].recording.cameras.values()):
         raise StereocalError(
@@ -386,11 +392,11 @@ def _named_alike(dataset: Pair, pose: Pose, near: float) -> Pair:
         near: how far points are from their epipolar lines, on z = 1.
     """
     rows = dataset.correspondences
-    frames, at = np.unique(rows.frame, return_inverse=True)
+    frames, frame_of = np.unique(rows.frame, return_inverse=True)
 
     def apart(named: Pair) -> FloatArray:
         squares = np.square(sampson(pose.essential, named.rays.T))
-        return np.asarray(np.sqrt(np.bincount(at, squares) / np.bincount(at)))
+        return np.asarray(np.sqrt(np.bincount(frame_of, squares) / np.bincount(frame_of)))
 
     wrong = apart(dataset) > EXCHANGED * (apart(dataset.with_targets_exchanged(frames)) + near)
     if not wrong.any():
@@ -398,14 +404,14 @@ def _named_alike(dataset: Pair, pose: Pose, near: float) -> Pair:
     rows = dataset.with_targets_exchanged(frames[wrong]).correspondences
     held = rows.rigid_object or RigidObject.bar(dataset.target_distance_m)
     places = np.full((len(frames), len(held.names), 4), np.nan)
-    places[at, rows.target] = np.hstack([rows.primary, rows.secondary])
+    places[frame_of, rows.target] = np.hstack([rows.primary, rows.secondary])
     turns = exchanged_ends(places[:, held.longest])
-    names = np.where(turns[at], held.half_turn[rows.target], rows.target)
+    names = np.where(turns[frame_of], held.half_turn[rows.target], rows.target)
     return dataset.changed(correspondences=replace(rows, target=names))
 
 
 def _best(some: Iterable[_Candidate]) -> _Candidate:
-    return min(some, key=lambda each: each.score, default=_Candidate(np.nan))
+    return min(some, key=lambda candidate: candidate.score, default=_Candidate(np.nan))
 
 
 def _of_lengths(pose: Pose, ends: FloatArray) -> float:
@@ -419,7 +425,7 @@ def _of_lengths(pose: Pose, ends: FloatArray) -> float:
     if len(ends) < FEWEST_LENGTHS or (ends[:, 0] == ends[:, 1]).all():
         return np.nan
     rays = (np.ascontiguousarray(ends[:, k].T) for k in (0, 1))
-    first, last = (triangulate_rays(pose.R, pose.T, each) for each in rays)
+    first, last = (triangulate_rays(pose.R, pose.T, end) for end in rays)
     lengths = np.nan_to_num(np.linalg.norm(first - last, axis=1), nan=np.inf)
     middle = np.median(lengths)
     return float(np.median(np.abs(lengths / middle - 1.0))) if middle < np.inf else np.inf

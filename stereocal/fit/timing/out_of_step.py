@@ -64,12 +64,15 @@ def with_offset_if_out_of_step(
         if not also_failing:
             raise
         recorded, failure = None, error
-    found = None
+    with_offset = None
     if recorded is None or _is_worth_trying(recorded):
         with suppress(StereocalError):
-            found = _certain_fit(dataset, settings)
-    if found is not None:
-        return found, f"The cameras are out of step. {offset_note(found)}{_counted(found)}"
+            with_offset = _certain_fit(dataset, settings)
+    if with_offset is not None:
+        return (
+            with_offset,
+            f"The cameras are out of step. {offset_note(with_offset)}{_counted(with_offset)}",
+        )
     if recorded is None:
         assert failure is not None
         raise failure
@@ -84,18 +87,18 @@ def _certain_fit(dataset: Pair, settings: RefineSettings) -> RefinedResult | Non
     """
     few, start = fewer_corners(dataset), None
     if few is not dataset:
-        found = _fit_with_offset(few, settings)
-        offset = found.dataset.time_offset
+        fit = _fit_with_offset(few, settings)
+        offset = fit.dataset.time_offset
         if (
             offset is None
-            or found.outlying.mean() > MOST_OUTLYING
-            or not found.time_offset.is_claimed(TRIED)
+            or fit.outlying.mean() > MOST_OUTLYING
+            or not fit.time_offset.is_claimed(TRIED)
         ):
             return None
-        start = replace(offset, drift=0.0), found.pose
-    found = _fit_with_offset(dataset, settings, start)
-    certain = _is_certain(found) and _fits_held_out_frames(dataset, found, settings)
-    return found if certain else None
+        start = replace(offset, drift=0.0), fit.pose
+    fit = _fit_with_offset(dataset, settings, start)
+    certain = _is_certain(fit) and _fits_held_out_frames(dataset, fit, settings)
+    return fit if certain else None
 
 
 def _fit_with_offset(
@@ -120,12 +123,12 @@ def _is_certain(fit: RefinedResult) -> bool:
 
 def _is_worth_trying(fit: RefinedResult) -> bool:
     """Whether a fit without an offset is poor, or leaves residuals that follow the motion."""
-    found = apparent_offset(fit)
-    if found is None:
+    offset = apparent_offset(fit)
+    if offset is None:
         return False
     poor = fit.sigma_px.value > POOR_PX or fit.outlying.mean() > MOST_OUTLYING
-    alike = fit.design_effect > ALIKE or found.is_claimed(TRIED)
-    return poor or (alike and found.most(fit.dataset.correspondences.time_frame) >= SMALLEST)
+    alike = fit.design_effect > ALIKE or offset.is_claimed(TRIED)
+    return poor or (alike and offset.most(fit.dataset.correspondences.time_frame) >= SMALLEST)
 
 
 def _fits_held_out_frames(dataset: Pair, fit: RefinedResult, settings: RefineSettings) -> bool:
@@ -140,21 +143,23 @@ def _fits_held_out_frames(dataset: Pair, fit: RefinedResult, settings: RefineSet
     with_offset, offsets = 0.0, list[TimeOffset]()
     for part, rest in parts:
         try:
-            found = refine(shifted.of_frames(rest), fit.settings, fit.pose, near=fit)
+            fit_of_rest = refine(shifted.of_frames(rest), fit.settings, fit.pose, near=fit)
         except StereocalError:
             return False
-        offsets.append(found.time_offset)
-        with_offset += _chi_square(found, shifted.of_frames(part), noise)
+        offsets.append(fit_of_rest.time_offset)
+        with_offset += _chi_square(fit_of_rest, shifted.of_frames(part), noise)
     # The jackknife over runs, whose errors are alike.
-    spread = (PARTS - 1) ** 0.5 * np.std([(own.frames, own.drift) for own in offsets], axis=0)
-    own = fit.time_offset
-    if not (np.abs([own.frames, own.drift]) > SIGNIFICANT * spread).any():
+    spread = (PARTS - 1) ** 0.5 * np.std(
+        [(measured.frames, measured.drift) for measured in offsets], axis=0
+    )
+    measured = fit.time_offset
+    if not (np.abs([measured.frames, measured.drift]) > SIGNIFICANT * spread).any():
         return False
     without = 0.0
     for part, rest in parts:  # mostly the first is enough; points out of step take long to fit
         try:
-            found = refine(dataset.of_frames(rest), settings, fit.pose)
-            without += _chi_square(found, dataset.of_frames(part), noise)
+            fit_of_rest = refine(dataset.of_frames(rest), settings, fit.pose)
+            without += _chi_square(fit_of_rest, dataset.of_frames(part), noise)
         except StereocalError:
             without = np.inf
         if with_offset < without:
@@ -163,7 +168,7 @@ def _fits_held_out_frames(dataset: Pair, fit: RefinedResult, settings: RefineSet
 
 
 def _chi_square(fit: RefinedResult, dataset: Pair, noise_px: float) -> float:
-    """Of the points of frames that were not fitted; infinite behind a camera."""
+    """The chi-square of points of frames that were not fitted; infinite behind a camera."""
     solve = fit.fit_of(dataset)
     solve.sigma_px = noise_px
     solve.evaluate(np.zeros(len(solve.frames)))

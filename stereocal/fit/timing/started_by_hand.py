@@ -46,16 +46,16 @@ class BroughtIntoStep(TableAnswer):
     @property
     def answer(self) -> list[str]:
         """What was found, of each pair and of the cameras together."""
-        told = [found.sentence() for found in self.pairs.values()]
+        sentences = [offset.sentence() for offset in self.pairs.values()]
         first, *others = self.offsets
-        each = [
+        started = [
             f"{name} was started {in_frames(abs(self._exact(name)), sigma)} frames "
             f"{'later' if value >= 0 else 'earlier'} than {first}"
             for name, (value, sigma) in self.offsets.items()
             if name != first
         ]
-        together = f"All pairs together: {', '.join(each)}."
-        return [*told, together] if len(others) > 1 else told
+        together = f"All pairs together: {', '.join(started)}."
+        return [*sentences, together] if len(others) > 1 else sentences
 
     def _exact(self, camera: str) -> Decimal:
         return exact(self.recording.start_frames[camera], self.late[camera])
@@ -64,14 +64,14 @@ class BroughtIntoStep(TableAnswer):
         """The offset of each pair in frames, and the distances from the epipolar lines in px."""
         rows = {
             "-".join(pair): {
-                "frames": own.measured.frames,
-                "sigma_frames": own.measured.sigma,
-                "median_px": own.px,
-                "one_frame_off_px": own.one_off_px,
-                "other_offset": own.other,
-                "other_px": own.other_px,
+                "frames": offset.measured.frames,
+                "sigma_frames": offset.measured.sigma,
+                "median_px": offset.px,
+                "one_frame_off_px": offset.one_off_px,
+                "other_offset": offset.other,
+                "other_px": offset.other_px,
             }
-            for pair, own in self.pairs.items()
+            for pair, offset in self.pairs.items()
         }
         return pd.DataFrame(rows).T.rename_axis("pair")
 
@@ -91,33 +91,35 @@ def bring_into_step(
         StereocalError: the data do not tell it, or pairs contradict each other.
     """
     names = list(recording.cameras)
-    found, failed = dict[CameraPair, OffsetOfPair](), dict[CameraPair, str]()
+    of_pairs, failed = dict[CameraPair, OffsetOfPair](), dict[CameraPair, str]()
     for pair in recording.pairs:
         try:
-            found[pair] = offset_of_pair(recording, pair, near, orders)
+            of_pairs[pair] = offset_of_pair(recording, pair, near, orders)
         except StereocalError as error:
             failed[pair] = str(error)
-    lost = [name for name in names if name not in reached(names, found)]
-    if lost or not found:
-        told = failed[pair := next(pair for pair in failed if not lost or {*pair} & {*lost})]
+    lost = [name for name in names if name not in reached(names, of_pairs)]
+    if lost or not of_pairs:
+        why = failed[pair := next(pair for pair in failed if not lost or {*pair} & {*lost})]
         # Of photographs, which have orders, the rates are known.
-        raise StereocalError(told if orders else told + _what_fits(recording, pair))
-    measured = {pair: replace(own.measured, frames=own.part) for pair, own in found.items()}
-    origins = {pair: own.origin for pair, own in found.items()}
+        raise StereocalError(why if orders else why + _what_fits(recording, pair))
+    measured = {
+        pair: replace(offset.measured, frames=offset.part) for pair, offset in of_pairs.items()
+    }
+    origins = {pair: offset.origin for pair, offset in of_pairs.items()}
     starts, covariance = _closed(names, measured, origins)
     errors = np.sqrt(np.diag(covariance)).tolist()
     begin = recording.first_frames
-    more = {name: begin[names[0]] - at for name, at in begin.items()}
+    more = {name: begin[names[0]] - frame for name, frame in begin.items()}
     near_0 = dict(zip(names, starts.tolist(), strict=True))
     whole = {name: round(value) + more[name] for name, value in near_0.items()}
     late = {name: value - round(value) for name, value in near_0.items()}
     values = (value + more[name] for name, value in near_0.items())
     offsets = dict(zip(names, zip(values, errors, strict=True), strict=True))
-    in_order = _in_order(names, found, orders) if orders else {}
+    in_order = _in_order(names, of_pairs, orders) if orders else {}
     counted = replace(recording.counted_from(whole), start_frames=whole)
     for name, order in in_order.items():
         counted = with_targets(counted, name, order)
-    brought = BroughtIntoStep(counted, offsets, found, in_order, late)
+    brought = BroughtIntoStep(counted, offsets, of_pairs, in_order, late)
     notes = (*recording.step_notes, *brought.answer)
     return replace(brought, recording=replace(counted, step_notes=notes))
 
@@ -125,15 +127,15 @@ def bring_into_step(
 def _in_order(
     names: Sequence[str], pairs: Mapping[CameraPair, OffsetOfPair], orders: Sequence[IntArray]
 ) -> dict[str, IntArray]:
-    """Of each camera, the order in which its targets are those of the first, by pairs that reach
+    """The order in which the targets of each camera are those of the first, by pairs that reach
     all."""
     known = {names[0]: orders[0]}
     while len(known) < len(names):
-        for (a, b), own in pairs.items():
+        for (a, b), offset in pairs.items():
             if a in known:
-                known.setdefault(b, orders[own.order][known[a]])
+                known.setdefault(b, orders[offset.order][known[a]])
             elif b in known:
-                known[a] = np.argsort(orders[own.order])[known[b]]
+                known[a] = np.argsort(orders[offset.order])[known[b]]
     return known
 
 
@@ -142,7 +144,7 @@ def _closed(
     pairs: Mapping[CameraPair, MeasuredOffset],
     origins: Mapping[CameraPair, int],
 ) -> tuple[FloatArray, FloatArray]:
-    """By how many frames of the first each of n cameras was started later, (n,), and their
+    """How many frames of the first later each of n cameras was started, (n,), and their
     covariance (n, n), from the offsets of pairs that reach all.
 
     Args:
@@ -151,19 +153,19 @@ def _closed(
     Raises:
         StereocalError: the pairs contradict each other.
     """
-    values, sigmas = np.array([[own.frames, own.sigma] for own in pairs.values()]).T
+    values, sigmas = np.array([[offset.frames, offset.sigma] for offset in pairs.values()]).T
     sigmas = np.maximum(sigmas, LEAST_SIGMA)
     rows = np.array([[(name == b) - (name == a) for name in names[1:]] for a, b in pairs], float)
     covariance = np.linalg.inv(rows.T @ (rows / sigmas[:, None] ** 2))
     starts = covariance @ rows.T @ (values / sigmas**2)
     off = np.abs(rows @ starts - values)
     if (off > CLOSED + 5 * sigmas).any():
-        each = ", ".join(
-            f"{'-'.join(pair)} {exact(origins[pair], own.frames):.2f}"
-            for pair, own in pairs.items()
+        listed = ", ".join(
+            f"{'-'.join(pair)} {exact(origins[pair], offset.frames):.2f}"
+            for pair, offset in pairs.items()
         )
         raise StereocalError(
-            f"The offsets of the pairs contradict each other by {off.max():.2f} frames: {each}. "
+            f"The offsets of the pairs contradict each other by {off.max():.2f} frames: {listed}. "
             "One of them is wrong: record an irregular motion that all cameras see."
         )
     return np.array([0.0, *starts]), np.pad(covariance, ((1, 0), (1, 0)))
@@ -176,18 +178,18 @@ def _what_fits(recording: Recording, pair: CameraPair) -> str:
     for (slow, fast), (low, high) in product((pair, pair[::-1]), USUAL_RATES):
         rates = {slow: low, fast: high}
         with suppress(StereocalError):
-            found = offset_of_pair(at_slowest(two, rates), pair)
+            offset = offset_of_pair(at_slowest(two, rates), pair)
             stated = ", ".join(f'"{name}": {rates[name]}' for name in pair)
             return (
                 f" With {high} frames of {fast} for {low} of {slow}, the points do fit, "
-                f"{rounded(found.px)} px from their lines: state the frame rates in dataset.json, "
+                f"{rounded(offset.px)} px from their lines: state the frame rates in dataset.json, "
                 f'such as "frame_rates": {{{stated}}}.'
             )
     with suppress(StereocalError):
-        found = offset_of_pair(two, pair, orders=[two.object.half_turn])
-        one, other = (two.object.names[at] for at in two.object.longest)
+        offset = offset_of_pair(two, pair, orders=[two.object.half_turn])
+        one, other = (two.object.names[target] for target in two.object.longest)
         return (
             f" With {one} and {other} exchanged in one of the two, in all frames, the points do "
-            f"fit, {rounded(found.px)} px from their lines: exchange them in its table."
+            f"fit, {rounded(offset.px)} px from their lines: exchange them in its table."
         )
     return ""

@@ -142,9 +142,9 @@ def drifting(dataset: Pair, fit: RefinedResult) -> RefinedResult:
     """The fit with a drift of the offset, if that is significant; else as it is."""
     offset = fit.dataset.time_offset
     assert offset is not None
-    found = fit_in_step(dataset, replace(fit.settings, time_drift=True), offset, fit.pose)
-    own = found.time_offset
-    return found if abs(own.drift) > DRIFTING * own.drift_sigma else fit
+    with_drift = fit_in_step(dataset, replace(fit.settings, time_drift=True), offset, fit.pose)
+    measured = with_drift.time_offset
+    return with_drift if abs(measured.drift) > DRIFTING * measured.drift_sigma else fit
 
 
 def first_value(dataset: Pair, reference: float) -> tuple[TimeOffset, Pose | None]:
@@ -161,9 +161,9 @@ def first_value(dataset: Pair, reference: float) -> tuple[TimeOffset, Pose | Non
         pose = robust_pose(cameras, rays, SAMPLES)
         if pose is None:
             continue
-        found = median_residual(pose, rays)
-        if found < best[0]:
-            best = found, offset, pose
+        residual = median_residual(pose, rays)
+        if residual < best[0]:
+            best = residual, offset, pose
     _, offset, pose = best
     return offset, pose and Pose(pose.R, dataset.baseline_m * pose.T)
 
@@ -175,23 +175,26 @@ def fit_in_step(
     fit: RefinedResult | None = None
     for _ in range(MAXIMUM_ROUNDS):
         fit = refine(usable_after(dataset, offset), settings, pose, near=fit)
-        found, pose = fit.time_offset, fit.pose
-        move, turn = found.frames - offset.frames, found.drift - offset.drift
-        if abs(move) <= CONVERGED * found.sigma and abs(turn) <= CONVERGED * found.drift_sigma:
+        measured, pose = fit.time_offset, fit.pose
+        move, turn = measured.frames - offset.frames, measured.drift - offset.drift
+        if (
+            abs(move) <= CONVERGED * measured.sigma
+            and abs(turn) <= CONVERGED * measured.drift_sigma
+        ):
             break
         offset = replace(
             offset,
             frames=offset.frames + float(np.clip(move, -LARGEST_MOVE, LARGEST_MOVE)),
-            drift=found.drift,
+            drift=measured.drift,
         )
-        fit = _left_at(fit, found, offset)
+        fit = _left_at(fit, measured, offset)
     assert fit is not None
     return fit
 
 
-def _left_at(fit: RefinedResult, found: MeasuredOffset, shift: TimeOffset) -> RefinedResult:
+def _left_at(fit: RefinedResult, measured: MeasuredOffset, shift: TimeOffset) -> RefinedResult:
     """The fit as a start for points that are shifted further: with what remains of its offset."""
-    remaining = {TIME_OFFSET: found.frames - shift.frames, TIME_DRIFT: 0.0}
+    remaining = {TIME_OFFSET: measured.frames - shift.frames, TIME_DRIFT: 0.0}
     names = fit.unknowns.names
     p = [remaining.get(name, value) for name, value in zip(names, fit.p.tolist(), strict=True)]
     return replace(fit, p=np.array(p))
