@@ -39,7 +39,7 @@ class RigFigures:
 
 @dataclass(frozen=True)
 class Gap:
-    """By how much three pairs by themselves do not close."""
+    """How far three pairs by themselves are from closing."""
 
     rotation_deg: float
     translation_m: float

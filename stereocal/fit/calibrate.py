@@ -72,8 +72,8 @@ def calibrate_rig(
     if disagree and (wrong := find_wrong_input(recording)):
         raise StereocalError(wrong)
     possible = check_inputs(rig.fit.recording, rig.fit, [*rig.pairs.fits.values()])
-    told = [*possible, *rig.warnings, rig.moved, _question(rig)]
-    return replace(rig, warnings=tuple(filter(None, told)), sha256=recording.sha256)
+    warnings = [*possible, *rig.warnings, rig.moved, _question(rig)]
+    return replace(rig, warnings=tuple(filter(None, warnings)), sha256=recording.sha256)
 
 
 def _question(rig: RigCalibration) -> str:
@@ -92,8 +92,8 @@ def _calibrated(
     """The rig, however well it fits."""
     pairs = calibrate_pairs(recording, settings, late, progress)
     if pairs.out_of_step:
-        found = _calibrated(recording, settings, True, progress)
-        return found if found.out_of_step else _calibrated(recording, settings, False, progress)
+        rig = _calibrated(recording, settings, True, progress)
+        return rig if rig.out_of_step else _calibrated(recording, settings, False, progress)
     drifting = bool(late) and settings.time_drift
     settings = replace(settings, time_offset=bool(late), time_drift=drifting)
     return _of_pairs(recording, pairs, settings, progress)
@@ -118,9 +118,9 @@ def _of_pairs(
     start = Start(fused.poses, fused.unknowns.named(fused.p), noise)
     screening, _ = joint_fit(kept, start, wide)
     moved = ""
-    if (found := movement(screening, partial(fitted_to, screening, near=False))) is not None:
-        moved = moved_in_words(found, [names[number] for number in found.cameras], settings)
-        if found.is_far or len(found.cameras) == len(names):  # no camera is known to stand still
+    if (change := movement(screening, partial(fitted_to, screening, near=False))) is not None:
+        moved = moved_in_words(change, [names[number] for number in change.cameras], settings)
+        if change.is_far or len(change.cameras) == len(names):  # no camera is known to stand still
             raise MovedError(moved)
     wrong = wrong_images(screening)
     out = screening.frames[screening.outlying]
@@ -141,7 +141,7 @@ def _of_pairs(
         drifting = replace(settings, time_drift=True)
         with suppress(StereocalError):  # else the cameras have no drift that can be fitted
             tried = fitted(Start.of(rig.fit, rig.shifts), drifting)
-            if any(abs(own.drift) > DRIFTING * own.drift_sigma for own in tried.offsets):
+            if any(abs(offset.drift) > DRIFTING * offset.drift_sigma for offset in tried.offsets):
                 rig, settings = tried, drifting
     if lenses := lenses_with_distortion(rig):
         freed = replace(settings, lenses={**settings.lenses, **lenses})
@@ -159,7 +159,7 @@ def _connected(
         StereocalError: there is no pair, or a camera has moved.
     """
     if not pairs.fits:
-        moved = [moved_in_words(own, pair, settings) for pair, own in pairs.moved.items()]
+        moved = [moved_in_words(change, pair, settings) for pair, change in pairs.moved.items()]
         raise StereocalError(moved[0] if moved else _no_pair(recording, pairs))
     names = reached(list(recording.cameras), pairs.fits)
     others = [name for name in recording.cameras if name not in names]

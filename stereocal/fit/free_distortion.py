@@ -29,20 +29,20 @@ BETTER = 0.99
 def lenses_with_distortion(rig: RigCalibration) -> dict[str, LensPrior]:
     """Priors of the lenses with k1 and k2 uncertain, by camera, where nothing is stated of them;
     empty where the images agree with the stated ones."""
-    fit, found, places = rig.fit, dict[str, LensPrior](), list[int]()
+    fit, freed, places = rig.fit, dict[str, LensPrior](), list[int]()
     priors, cameras = lenses_of(rig.recording, fit.settings), rig.recording.cameras.values()
     for number, (camera, (label, prior)) in enumerate(zip(cameras, priors.items(), strict=True)):
         if camera.uncertainty is None and not any(prior.distortion) and prior.focal > FIXED:
-            found[label] = replace(prior, distortion=DEFAULT_DISTORTION)
+            freed[label] = replace(prior, distortion=DEFAULT_DISTORTION)
             places += lens_places(number)[OF_LENS : OF_LENS + 2]
-    if not (found and fit.is_determined):
+    if not (freed and fit.is_determined):
         return {}
     # The score test: what a step in these unknowns would gain, with all others following.
     (H,), (g,), _ = fit.equations([fit.used])
     along = H[places] @ fit.unknowns.M
     left = H[np.ix_(places, places)] - along @ fit.at_end.covariance(fit.H) @ along.T
     gain = float(g[places] @ np.linalg.pinv(left, hermitian=True) @ g[places])
-    return found if chdtrc(len(places), gain) < CONTRADICTED else {}
+    return freed if chdtrc(len(places), gain) < CONTRADICTED else {}
 
 
 def better_held_out(rig: RigCalibration, other: RigCalibration) -> RigCalibration:

@@ -91,17 +91,17 @@ def _errors(figures: RigFigures | HeldOutErrors) -> str:
 
 def rig_notes(rig: RigFile) -> list[str]:
     """What was left out, what is not connected, and what to check."""
-    about = rig.about
-    notes = [*about.warnings, *about.not_connected.values()]
+    entries = rig.about
+    notes = [*entries.warnings, *entries.not_connected.values()]
     notes += [
         f"The pair {name} was not used: {pair.failed.rstrip('.')}."
-        for name, pair in about.pairs.items()
+        for name, pair in entries.pairs.items()
         if pair.failed is not None
     ]
-    if wrong := [wrong_sentence(image) for image in about.wrong_images]:
+    if wrong := [wrong_sentence(image) for image in entries.wrong_images]:
         more = f"; {len(wrong) - SHOWN} more" if len(wrong) > SHOWN else ""
         notes.append(f"Left out: {'; '.join(wrong[:SHOWN])}{more}.")
-    if frames := about.frames_left_out:
+    if frames := entries.frames_left_out:
         more = f" and {len(frames) - SHOWN} more" if len(frames) > SHOWN else ""
         shown = ", ".join(map(str, frames[:SHOWN])) + more
         notes.append(

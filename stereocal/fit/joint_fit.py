@@ -36,8 +36,8 @@ class Start:
         """Where another ended, with the offsets that its points have been shifted by."""
         late = {
             f"{name} time {what}": value
-            for name, own in zip(fit.recording.labels, offsets, strict=True)
-            for what, value in (("offset", own.frames), ("drift", own.drift))
+            for name, offset in zip(fit.recording.labels, offsets, strict=True)
+            for what, value in (("offset", offset.frames), ("drift", offset.drift))
         }
         return cls(fit.poses, {**fit.unknowns.named(fit.p), **late}, fit.sigma_px)
 
@@ -74,6 +74,8 @@ def joint_fit(
 
 
 def _offsets(late: FloatArray, reference: float) -> tuple[TimeOffset, ...]:
-    """Of the frames and the drifts (2 c,) of all cameras."""
+    """The time offsets of all cameras from their frames and drifts (2 c,)."""
     frames, drifts = late.reshape(2, -1).tolist()
-    return tuple(TimeOffset(*own, reference) for own in zip(frames, drifts, strict=True))
+    return tuple(
+        TimeOffset(late, drift, reference) for late, drift in zip(frames, drifts, strict=True)
+    )

@@ -103,13 +103,13 @@ def by_angles(pose: Pose) -> FloatArray:
     baseline along an optical axis, yaw and roll with a pitch of 90 degrees.
     """
     yaw, _, _, delta, epsilon = pose.angles
-    t, found = pose.T / pose.baseline, np.zeros((6, 6))
-    found[:3, 0], found[:3, 1] = [0.0, 1.0, 0.0], [np.cos(yaw), 0.0, -np.sin(yaw)]
-    found[:3, 2] = pose.R[:, 2]
+    t, J = pose.T / pose.baseline, np.zeros((6, 6))
+    J[:3, 0], J[:3, 1] = [0.0, 1.0, 0.0], [np.cos(yaw), 0.0, -np.sin(yaw)]
+    J[:3, 2] = pose.R[:, 2]
     across = [-np.sin(delta) * np.cos(epsilon), -np.sin(delta) * np.sin(epsilon), np.cos(delta)]
-    found[3:, 3], found[3:, 4] = pose.baseline * np.array(across), [-pose.T[1], pose.T[0], 0.0]
-    found[3:, 5] = t
-    return found
+    J[3:, 3], J[3:, 4] = pose.baseline * np.array(across), [-pose.T[1], pose.T[0], 0.0]
+    J[3:, 5] = t
+    return J
 
 
 def of_file(covariance: FloatArray, pose: Pose) -> FloatArray:
@@ -160,10 +160,10 @@ def standard_errors(covariance: FloatArray, rig: Rig) -> dict[str, Value]:
 
 def errors_of_set(result: RefinedResult) -> dict[str, Value]:
     """The same of a refined set; 0 for a baseline that was held."""
-    found = standard_errors(result.covariance, result.rig)
+    errors = standard_errors(result.covariance, result.rig)
     if baseline_sigma_m(result.dataset, result.settings) <= FIXED:
-        found["baseline_m"] = Value(found["baseline_m"].value, 0.0)
-    return found
+        errors["baseline_m"] = Value(errors["baseline_m"].value, 0.0)
+    return errors
 
 
 def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dict[str, Any]:

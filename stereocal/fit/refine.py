@@ -71,21 +71,21 @@ def refine(
     if settings.of_rig is not None:
         return _of_rig(dataset, settings, settings.of_rig, rows)
     started = clock()
-    found: RobustFit | None = None
+    best: RobustFit | None = None
     tried = list[RobustFit]()
     for solve, is_only in _solves(dataset, settings, start, rows, near):
-        if solve.run(tried) and (found is None or solve.better_than(found)):
-            found = solve
+        if solve.run(tried) and (best is None or solve.better_than(best)):
+            best = solve
         tried.append(solve)
-        if found is not None and not found.outlying.any() and is_only:
+        if best is not None and not best.outlying.any() and is_only:
             break
-    if found is None or found.sigma_px > MAXIMUM_NOISE_PX:
+    if best is None or best.sigma_px > MAXIMUM_NOISE_PX:
         raise StereocalError(
             "The refined method found no pose of the cameras that fits: check that points, "
             "targets and camera files are not exchanged."
         )
-    unknowns, p = _with_baseline(found, dataset)
-    result = _result(found, dataset, rows, unknowns, p, clock() - started)
+    unknowns, p = _with_baseline(best, dataset)
+    result = _result(best, dataset, rows, unknowns, p, clock() - started)
     if not result.unknowns.determined(result.information):
         raise StereocalError(
             "The points do not determine the refined set: record more bars, at other places and in "
@@ -104,7 +104,7 @@ def fit_from(
 
 
 def _result(
-    found: RobustFit,
+    fit: RobustFit,
     dataset: Pair,
     rows: BoolArray | None,
     unknowns: Unknowns,
@@ -112,29 +112,29 @@ def _result(
     seconds: float,
 ) -> RefinedResult:
     """The result of a fit at its end, with these unknowns of it."""
-    rig = rig_of(dataset.primary, dataset.secondary, found.at)
-    seen = np.isfinite(found.seen.pixels[:, :, 0, :1])
+    rig = rig_of(dataset.primary, dataset.secondary, fit.at)
+    seen = np.isfinite(fit.seen.pixels[:, :, 0, :1])
     return RefinedResult(
         dataset=dataset,
-        settings=found.settings,
+        settings=fit.settings,
         pose=rig.pose,
         primary=rig.primary,
         secondary=rig.secondary,
         rows=rows,
         unknowns=unknowns,
         p=p,
-        information=found.H,
-        sigma_px=Noise(found.sigma_px, found.source_px),
-        scatter_m=Noise(found.scatter, found.source_scatter),
-        frames=found.frames,
-        chi_squares=found.chi_squares,
-        degrees_of_freedom=found.degrees_of_freedom,
-        outlying=found.outlying,
-        frame_of=found.frame_of,
-        points_m=np.where(seen, found.points.reshape(-1, 2, 3), np.nan),
-        cost=float(found.cost),
-        steps=found.steps,
-        stop_reason="converged" if found.converged else OUT_OF_STEPS,
+        information=fit.H,
+        sigma_px=Noise(fit.sigma_px, fit.source_px),
+        scatter_m=Noise(fit.scatter, fit.source_scatter),
+        frames=fit.frames,
+        chi_squares=fit.chi_squares,
+        degrees_of_freedom=fit.degrees_of_freedom,
+        outlying=fit.outlying,
+        frame_of=fit.frame_of,
+        points_m=np.where(seen, fit.points.reshape(-1, 2, 3), np.nan),
+        cost=float(fit.cost),
+        steps=fit.steps,
+        stop_reason="converged" if fit.converged else OUT_OF_STEPS,
         seconds=seconds,
     )
 
@@ -168,14 +168,14 @@ def _of_rig(
     return _result(fit, dataset, rows, unknowns, np.zeros(len(values)), 0.0)
 
 
-def _with_baseline(found: RobustFit, dataset: Pair) -> tuple[Unknowns, FloatArray]:
+def _with_baseline(fit: RobustFit, dataset: Pair) -> tuple[Unknowns, FloatArray]:
     """The unknowns and the free parameters of a fit about a T of the measured length: the measured
     baseline is a prior of it, linear along T."""
-    unknowns, p, T = found.at_end, found.p.copy(), found.at.q[OF_T]
-    own, stated, origin = unknowns.M[OF_T].any(axis=0), T, unknowns.origin.copy()
-    if len(found.baselines):
+    unknowns, p, T = fit.at_end, fit.p.copy(), fit.at.q[OF_T]
+    free_T, stated, origin = unknowns.M[OF_T].any(axis=0), T, unknowns.origin.copy()
+    if len(fit.baselines):
         stated = T * (dataset.baseline_m / np.linalg.norm(T))
-    origin[OF_T], p[own] = stated, T - stated
+    origin[OF_T], p[free_T] = stated, T - stated
     return replace(unknowns, origin=origin), p
 
 
@@ -215,5 +215,5 @@ def _solves(
             yield solve, True
     rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
     apart, alike = first_poses(dataset, start, rays, settings.loss == "robust")
-    for at, pose in enumerate(apart + alike, 1):
-        yield fit_from(dataset, pose, settings, rows), at >= len(apart)
+    for number, pose in enumerate(apart + alike, 1):
+        yield fit_from(dataset, pose, settings, rows), number >= len(apart)

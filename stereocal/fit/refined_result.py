@@ -77,7 +77,7 @@ class RefinedResult:
 
     @property
     def prior_cost(self) -> float:
-        """Of priors and the measured baseline."""
+        """The cost of priors and the measured baseline."""
         return float(self.p @ self.unknowns.precision @ self.p)
 
     @property
@@ -105,16 +105,16 @@ class RefinedResult:
     @property
     def fit(self) -> RobustFit:
         """The fit at its end, for normal equations of parts of the data."""
-        found = self.fit_of(self.dataset, self.rows)
-        found.outlying, found.chi_squares = self.outlying, self.chi_squares
-        return found
+        fit = self.fit_of(self.dataset, self.rows)
+        fit.outlying, fit.chi_squares = self.outlying, self.chi_squares
+        return fit
 
     def fit_of(self, dataset: Pair, rows: BoolArray | None = None) -> RobustFit:
         """The fit of some points with the parameters and the noise of this one."""
         moving = self.settings.time_offset or self.settings.time_drift
         seen = Observations.of(dataset.recording, moving, dataset.of_both(rows))
-        found = RobustFit(seen, self.unknowns, self.settings, self.at.R, np.empty((0, 4)))
-        return found.take(self.p, self.sigma_px.value, self.scatter_m.value)
+        fit = RobustFit(seen, self.unknowns, self.settings, self.at.R, np.empty((0, 4)))
+        return fit.take(self.p, self.sigma_px.value, self.scatter_m.value)
 
     @cached_property
     def design_effect(self) -> float:
@@ -142,14 +142,14 @@ class RefinedResult:
         Frames that follow each other count for less: the information of the images is divided by
         the `design_effect`. Where the same boards gave the lenses: `covariance_of_boards`.
         """
-        found = self.unknowns.covariance(self.information / self.design_effect)
+        covariance = self.unknowns.covariance(self.information / self.design_effect)
         without = lenses_without(self.dataset, self.settings)
         if not without or len(self.used) < FEWEST:
-            return found
+            return covariance
         H, g, _ = self.fit.equations([*self.used[:, None]])
         names = map(str, self.frames[self.used].tolist())
         equations = dict(zip(names, zip(H, g, strict=True), strict=True))
-        return covariance_of_boards(self.unknowns, found, equations, without)
+        return covariance_of_boards(self.unknowns, covariance, equations, without)
 
     @cached_property
     def p_covariance_by_model(self) -> FloatArray:

@@ -101,16 +101,18 @@ class Calibration:
             if self.refined is None:
                 raise StereocalError("There is no refined set: `warnings` has the reason, if any.")
             left_out = self.screening.left_out
-            about = self.inputs, validation, left_out, forecast, self.dataset
-            return refined_parameters(self.refined, *about)
-        found, used = self.methods[method], np.isin(self.dataset.correspondences.frame, self.frames)
-        points = triangulate_rays(found.pose.R, found.pose.T, self.dataset.rays[:, used])
+            return refined_parameters(
+                self.refined, self.inputs, validation, left_out, forecast, self.dataset
+            )
+        result = self.methods[method]
+        used = np.isin(self.dataset.correspondences.frame, self.frames)
+        points = triangulate_rays(result.pose.R, result.pose.T, self.dataset.rays[:, used])
         return RigParameters(
             method=method,
             primary=self.dataset.primary,
             secondary=self.dataset.secondary,
-            pose=found.pose,
-            cost=found.cost,
+            pose=result.pose,
+            cost=result.cost,
             settings=self.settings.to_json(),
             uncertainties=forecast.uncertainties if forecast else None,
             frames_left_out=self.screening.left_out,

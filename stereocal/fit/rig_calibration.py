@@ -112,29 +112,29 @@ class RigCalibration:
     def covariance(self) -> FloatArray:
         """(Q, Q): of the unknowns of `views`; 0 for fixed ones."""
         fit, M = self.fit, self.fit.unknowns.M
-        found = fit.at_end.covariance(fit.H / self.design_effect)
-        return np.asarray(M @ found @ M.T)
+        of_p = fit.at_end.covariance(fit.H / self.design_effect)
+        return np.asarray(M @ of_p @ M.T)
 
     @property
     def time_offsets(self) -> FloatArray:
         """(c,): by how many frames each camera is late, in the middle of the recording."""
-        return np.array([own.frames for own in self.shifts])
+        return np.array([shift.frames for shift in self.shifts])
 
     @cached_property
     def offsets(self) -> tuple[MeasuredOffset, ...]:
-        """By how much each camera is late, with its errors."""
+        """How late each camera is, with its errors."""
         errors = np.sqrt(np.diag(self.covariance)[:-1].reshape(-1, EACH)[:, [TIME, DRIFT]])
         return tuple(
-            MeasuredOffset(own.frames, own.drift, own.reference, *sigma)
-            for own, sigma in zip(self.shifts, errors.tolist(), strict=True)
+            MeasuredOffset(shift.frames, shift.drift, shift.reference, *sigma)
+            for shift, sigma in zip(self.shifts, errors.tolist(), strict=True)
         )
 
     @property
     def out_of_step(self) -> bool:
         """Whether a camera is out of step with the reference, significantly."""
         return any(
-            own.is_claimed(SIGNIFICANT) and own.most(self.fit.frames) >= SMALLEST
-            for own in self.offsets
+            offset.is_claimed(SIGNIFICANT) and offset.most(self.fit.frames) >= SMALLEST
+            for offset in self.offsets
         )
 
     @property
@@ -156,8 +156,8 @@ class RigCalibration:
     @cached_property
     def reprojection_px(self) -> FloatArray:
         """(f,): root mean square distance of the images of each frame; NaN if left out."""
-        found = frame_errors(self.point_fits[1], self.fit.frame_of, len(self.fit.frames))
-        return np.where(self.fit.outlying, np.nan, found)
+        errors_px = frame_errors(self.point_fits[1], self.fit.frame_of, len(self.fit.frames))
+        return np.where(self.fit.outlying, np.nan, errors_px)
 
     @cached_property
     def length_errors(self) -> FloatArray:
@@ -176,9 +176,9 @@ class RigCalibration:
     @property
     def held_out(self) -> dict[Groups, HeldOut]:
         """Errors on frames not fitted, as of `held_out.held_out`, as far as they are known."""
-        found: dict[Groups, HeldOut | None]
-        found = {"frames": self._held_out_frames, "runs": self._held_out_runs}
-        return {name: errors for name, errors in found.items() if errors is not None}
+        by_groups: dict[Groups, HeldOut | None]
+        by_groups = {"frames": self._held_out_frames, "runs": self._held_out_runs}
+        return {name: errors for name, errors in by_groups.items() if errors is not None}
 
     @property
     def further(self) -> HeldOut | None:

@@ -112,12 +112,12 @@ class RigFile(ResultFile):
     @property
     def object_known(self) -> BarKnown | None:
         """How well the object's lengths are known; None if the file does not say."""
-        figures, own = self.about.figures, self.object
-        if own is None or figures is None or figures.object_sigma is None:
+        figures, held = self.about.figures, self.object
+        if held is None or figures is None or figures.object_sigma is None:
             return None
-        stated = figures.object_sigma * own.longest_m if figures.object_sigma_stated else None
+        stated = figures.object_sigma * held.longest_m if figures.object_sigma_stated else None
         p95 = p95_of_factor(self.q[-1], self.covariance[-1, -1])
-        return BarKnown.of(own.word, own.longest_m, stated, p95)
+        return BarKnown.of(held.word, held.longest_m, stated, p95)
 
     @property
     def placed(self) -> dict[str, PlacedCamera]:
@@ -166,18 +166,18 @@ class RigFile(ResultFile):
         )
 
     def shift(self, first: str, second: str) -> MeasuredOffset:
-        """By how much the second camera is late after the first, without the error of that."""
+        """How late the second camera is after the first, without the error of that."""
         one, other = (self.drifts.get(name, MeasuredOffset()) for name in (first, second))
         return MeasuredOffset(
             self.time_offsets[second] - self.time_offsets[first],
             other.drift - one.drift,
-            next((own.reference for own in self.drifts.values()), 0.0),
+            next((drift.reference for drift in self.drifts.values()), 0.0),
             drift_sigma=math.hypot(one.drift_sigma, other.drift_sigma),
         )
 
     @cached_property
     def standard_errors(self) -> dict[str, dict[str, float]]:
-        """Of the unknowns of each camera, by name."""
+        """The standard errors of the unknowns of each camera, by name."""
         errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         of_cameras = errors[:-1].reshape(-1, EACH).tolist()
         return {
@@ -225,26 +225,27 @@ class RigFile(ResultFile):
         covariance[written] = stored
         if not np.isfinite(stored).all():
             raise StereocalError("the covariance has a number that is not finite.")
-        volume, about = data.get("volume"), of_plain(data, AboutRig)
-        json.dumps(about.to_json(), allow_nan=False)  # a ValueError for a number that is not finite
-        if about.figures and about.figures.weakest_camera not in cameras:
+        volume, entries = data.get("volume"), of_plain(data, AboutRig)
+        # A ValueError for a number that is not finite.
+        json.dumps(entries.to_json(), allow_nan=False)
+        if entries.figures and entries.figures.weakest_camera not in cameras:
             raise ValueError("the weakest camera")
-        late = {name: float(each["time_offset_frames"]) for name, each in data["cameras"].items()}
+        late = {name: float(entry["time_offset_frames"]) for name, entry in data["cameras"].items()}
         drifts = dict[str, MeasuredOffset]()
-        for name, each in data["cameras"].items():
+        for name, entry in data["cameras"].items():
             offset = {"value": late[name], "standard_error": 0.0}
-            own = MeasuredOffset.from_json({**each, "time_offset_frames": offset})
-            if own is not None and "time_drift" in each:
-                drifts[name] = own
+            drift = MeasuredOffset.from_json({**entry, "time_offset_frames": offset})
+            if drift is not None and "time_drift" in entry:
+                drifts[name] = drift
         starts, late = counts_and_shutters(late, covariance)  # whole frames are of older files
         starts = {name: int(data["cameras"][name].get(START, starts[name])) for name in cameras}
         read = cls(
             cameras,
-            {name: Pose.from_json(each) for name, each in data["cameras"].items()},
+            {name: Pose.from_json(entry) for name, entry in data["cameras"].items()},
             late,
             covariance,
             float(data["noise_px"]),
-            about,
+            entries,
             None if volume is None else Volume.from_json(volume),
             drifts,
             starts if any(starts.values()) else {},
@@ -278,7 +279,7 @@ def is_rig(content: bytes) -> bool:
 
 
 def holds_rig(path: Path) -> bool:
-    """As `is_rig`, of a file."""
+    """Whether a file is a rig's, of any version."""
     try:
         with path.open("rb") as file:
             return is_rig(file.read(200))
@@ -290,10 +291,10 @@ def rig_file(rig: RigCalibration) -> RigFile:
     """The file of a calibrated rig."""
     points = rig.point_fits[0][~rig.fit.outlying[rig.fit.frame_of]].reshape(-1, 3)
     points = points[np.isfinite(points[:, 0])]
-    own = rig.recording.object
-    places = dict(zip(own.names, own.points.tolist(), strict=True))
+    held = rig.recording.object
+    places = dict(zip(held.names, held.points.tolist(), strict=True))
     late = dict(zip(rig.names, rig.time_offsets.tolist(), strict=True))
-    about = AboutRig(
+    entries = AboutRig(
         inputs={"name": rig.recording.name, "sha256": rig.sha256},
         object={**places, "factor": float(rig.fit.q[-1])},
         figures=_figures_of(rig),
@@ -326,9 +327,9 @@ def rig_file(rig: RigCalibration) -> RigFile:
         late,
         rig.covariance,
         float(rig.fit.sigma_px),
-        about,
+        entries,
         Volume.of_bars(points) if sighted else None,
-        {name: own for name, own in zip(rig.names, rig.offsets, strict=True) if own.drift},
+        {name: offset for name, offset in zip(rig.names, rig.offsets, strict=True) if offset.drift},
         starts if any(starts.values()) else {},
     )
 
@@ -336,7 +337,7 @@ def rig_file(rig: RigCalibration) -> RigFile:
 def _figures_of(rig: RigCalibration) -> RigFigures:
     fit, settings = rig.fit, rig.fit.settings
     known = len(rig.length_errors) > 0
-    found = RigFigures(
+    figures = RigFigures(
         reprojection_px=float(np.sqrt(np.nanmean(np.square(rig.reprojection_px)))),
         length_error_p95=float(np.quantile(np.abs(rig.length_errors), 0.95)) if known else None,
         frames=len(fit.used),
@@ -344,15 +345,15 @@ def _figures_of(rig: RigCalibration) -> RigFigures:
         design_effect=rig.design_effect,
         length_scatter_m=fit.scatter,
         weakest_camera=rig.weakest,
-        held_out={name: own.errors for name, own in rig.held_out.items()},
+        held_out={name: measured.errors for name, measured in rig.held_out.items()},
     )
-    scatter = found.to_expect.length_error_p95
+    scatter = figures.to_expect.length_error_p95
     if scatter is None:
-        return found
+        return figures
     of_object = p95_of_factor(float(fit.q[-1]), rig.covariance[-1, -1])
     sigma, is_stated = length_sigma(rig.recording, settings)
     return replace(
-        found,
+        figures,
         metric_error_p95=math.hypot(scatter, of_object),
         object_sigma=sigma,
         object_sigma_stated=is_stated,
