@@ -86,13 +86,13 @@ class EvaluationSettings(Settings):
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """As of `Settings`; first versions had `splits` of single frames, and did not say so."""
+        """Settings of a file; first versions had `splits` of single frames, and did not say so."""
         refined = data.get("refined")
-        found = super().from_json({"splits": "frames", **data, "refined": None})
-        return replace(found, refined=refined and RefineSettings.from_json(refined))
+        settings = super().from_json({"splits": "frames", **data, "refined": None})
+        return replace(settings, refined=refined and RefineSettings.from_json(refined))
 
     def to_json(self) -> dict[str, Any]:
-        """As of `Settings`."""
+        """The settings, with those of the refined method under `refined`."""
         return {**super().to_json(), "refined": self.refined and self.refined.to_json()}
 
 
@@ -124,19 +124,19 @@ def evaluate_run(
     The random numbers depend only on the seed, `number` and `run`, so that every executor gives the
     same result (for the refined method to about 1e-9, since it stops at a tolerance).
     """
-    own = settings.calibration
-    seeds = np.random.SeedSequence([own.search.seed, number, run]).spawn(4)
+    calibration = settings.calibration
+    seeds = np.random.SeedSequence([calibration.search.seed, number, run]).spawn(4)
     clusters = clusters_to_split(dataset) if settings.splits == "runs" else None
     fit = split(dataset, settings.calibration_frames, seeds[0], clusters)
     check_enough_points(dataset, fit)
-    angles = paper_angles(dataset, fit, own, seeds[1], seeds[2])
+    angles = paper_angles(dataset, fit, calibration, seeds[1], seeds[2])
     rng = np.random.Generator(np.random.PCG64(seeds[3]))
     partners = _partners(int(np.count_nonzero(~fit)), rng)
-    found = _test(dataset, ~fit, angles, partners)
+    counts = _test(dataset, ~fit, angles, partners)
     if settings.refined is None:
-        return found
+        return counts
     near = (whole or WholeFit(dataset, settings.refined)).result
-    return stacked(found, _refined(dataset, fit, angles[0], settings.refined, partners, near))
+    return stacked(counts, _refined(dataset, fit, angles[0], settings.refined, partners, near))
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,14 +170,14 @@ def clusters_to_split(dataset: Pair) -> IntArray | None:
 
 def _clusters_of_fit(dataset: Pair) -> IntArray | None:
     try:
-        found = refine(dataset)
+        fit = refine(dataset)
     except StereocalError:
         return None
-    if not found.clusters.has_runs:
+    if not fit.clusters.has_runs:
         return None
     # Frames that this fit leaves out belong to the frame before them.
-    at = np.cumsum(~found.outlying) - 1
-    return np.asarray(found.clusters.of_frames[np.maximum(at, 0)])
+    places = np.cumsum(~fit.outlying) - 1
+    return np.asarray(fit.clusters.of_frames[np.maximum(places, 0)])
 
 
 def paper_angles(
@@ -194,8 +194,8 @@ def paper_angles(
         matching.rays, dataset.baseline_m, settings.essential, measuring.cost
     ).pose
     searched = ((matching, of_2d), (measuring, of_3d))
-    found = (minimise(problem, start, settings.search, seed).pose for problem, seed in searched)
-    return np.array([start.angles, *(pose.angles for pose in found)])
+    poses = (minimise(problem, start, settings.search, seed).pose for problem, seed in searched)
+    return np.array([start.angles, *(pose.angles for pose in poses)])
 
 
 def split(
@@ -251,16 +251,16 @@ def _refined(
     """
     pose = Pose.from_angles(Angles(*start.tolist()), dataset.baseline_m)
     try:
-        found = refine(dataset, settings, pose, fit, near)
+        refined = refine(dataset, settings, pose, fit, near)
     except StereocalError:
         return _test(dataset, ~fit, np.full((1, 5), np.nan), partners)
-    angles, table = np.array([found.pose.angles]), dataset.correspondences
+    angles, table = np.array([refined.pose.angles]), dataset.correspondences
     rays, pixels = dataset.rays.copy(), np.hstack([table.primary, table.secondary])
-    lenses = lenses_of_cameras(found.primary, found.secondary)
-    if not undistort_rays(found.at.q, lenses, pixels, rays):
+    lenses = lenses_of_cameras(refined.primary, refined.secondary)
+    if not undistort_rays(refined.at.q, lenses, pixels, rays):
         angles[:] = np.nan
-    scale = pixel_scales((found.primary, found.secondary))
-    return _test(dataset, ~fit, angles, partners, found.pose.baseline, rays, scale)
+    scale = pixel_scales((refined.primary, refined.secondary))
+    return _test(dataset, ~fit, angles, partners, refined.pose.baseline, rays, scale)
 
 
 def count_set(dataset: Pair, pose: Pose, rows: BoolArray | None = None) -> RunCounts:
@@ -306,12 +306,12 @@ def _test(
     lengths = np.empty((len(angles), np.count_nonzero(bars)))
     one, other = (rays[:, ends] for ends in dataset.correspondences.bars[bars].T)
     R, T, E = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
-    for at, own in enumerate(angles):
-        fill_pose(own, baseline_m, R, T)
+    for k, of_method in enumerate(angles):
+        fill_pose(of_method, baseline_m, R, T)
         fill_essential(R, T, E)
-        correct_px[at] = count_pairs(R, T, E, tested, scale, partners, counts[at], nans[at])
+        correct_px[k] = count_pairs(R, T, E, tested, scale, partners, counts[k], nans[k])
         apart = triangulate_rays(R, T, one) - triangulate_rays(R, T, other)
-        lengths[at] = np.linalg.norm(apart, axis=1) / dataset.bar_distances_m[bars]
+        lengths[k] = np.linalg.norm(apart, axis=1) / dataset.bar_distances_m[bars]
     return RunCounts(counts, nans, lengths, angles, correct_px)
 
 
@@ -320,8 +320,8 @@ def _partners(points: int, rng: np.random.Generator) -> IntArray:
     steps = np.arange(1, points)
     if len(steps) > MAXIMUM_PARTNERS:
         steps = rng.choice(steps, MAXIMUM_PARTNERS, replace=False)
-    own = np.arange(points)[:, None]
-    return np.asarray((own + np.concatenate([[0], steps])) % points, dtype=np.int64)
+    primary = np.arange(points)[:, None]
+    return np.asarray((primary + np.concatenate([[0], steps])) % points, dtype=np.int64)
 
 
 def evaluate(

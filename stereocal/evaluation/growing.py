@@ -64,10 +64,10 @@ class GrowingRuns:
             refined: those that the refined method has, with it.
         """
         if not refined or self.settings.refined is None:
-            return [[*own] for own in self._paper]
+            return [[*runs] for runs in self._paper]
         return [
-            [stacked(run, fit) for run, fit in zip(*own, strict=False)]
-            for own in zip(self._paper, self._fits, strict=True)
+            [stacked(run, fit) for run, fit in zip(paper, fits, strict=False)]
+            for paper, fits in zip(self._paper, self._fits, strict=True)
         ]
 
     def compute(
@@ -85,8 +85,8 @@ class GrowingRuns:
         for dataset in datasets:
             check_split(dataset, self.settings.calibration_frames)
         total = self.total * (1 if self.settings.refined is None else 2)
-        with closing(run_tasks(self._tasks(datasets), executor, total, progress, kept)) as found:
-            for task, runs in found:
+        with closing(run_tasks(self._tasks(datasets), executor, total, progress, kept)) as finished:
+            for task, runs in finished:
                 number = task.arguments[2]
                 if task.key:
                     self._fits[number] += [_refined_part(run) for run in runs]
@@ -96,13 +96,13 @@ class GrowingRuns:
 
     def _tasks(self, datasets: Sequence[Pair]) -> Iterator[Task[list[RunCounts]]]:
         """The paper's methods, which are not kept and so without a key, in turn with the fits."""
-        own = replace(self.settings, refined=None)
-        paper = (replace(task, key="") for task in tasks_of_runs(datasets, own))
+        without_fits = replace(self.settings, refined=None)
+        paper = (replace(task, key="") for task in tasks_of_runs(datasets, without_fits))
         if self.settings.refined is None:
             return paper
-        seed = own.calibration.search.seed
+        seed = without_fits.calibration.search.seed
         # Of the paper's methods only the essential matrix is used here: the searches end at once.
-        usual = replace(own.calibration, search=SearchSettings(seed=seed, maximum_moves=1))
+        usual = replace(without_fits.calibration, search=SearchSettings(seed=seed, maximum_moves=1))
         of_fits = replace(self.settings, calibration=usual)
         fits = tasks_of_runs(datasets, of_fits, frames_at_once=FITTED_AT_ONCE)
         in_turn = chain.from_iterable(zip_longest(paper, fits))

@@ -128,9 +128,9 @@ class MethodSummary:
 
         As it is shown: the ends of its interval are NaN if there are too few runs for one.
         """
-        own = getattr(self, quantity)
-        found: Estimate = own.median if isinstance(own, Reconstruction) else own.fcp
-        return found if self.has_intervals else replace(found, low=np.nan, high=np.nan)
+        figures = getattr(self, quantity)
+        estimate: Estimate = figures.median if isinstance(figures, Reconstruction) else figures.fcp
+        return estimate if self.has_intervals else replace(estimate, low=np.nan, high=np.nan)
 
     def to_json(self) -> dict[str, Any]:
         """The figures for `summary.json`; errors are fractions, missing values null.
@@ -191,23 +191,21 @@ def summarise(
         [np.sum([run.counts for run in unit], axis=0, dtype=np.int64) for unit in units]
     )
     nans = np.sum([run.nans for unit in units for run in unit], axis=0)
-    found: dict[Method, MethodSummary] = {}
-    for at, method in enumerate(ALL_METHODS[: counts.shape[1]]):
-        found[method] = MethodSummary(
+    summaries: dict[Method, MethodSummary] = {}
+    for k, method in enumerate(ALL_METHODS[: counts.shape[1]]):
+        summaries[method] = MethodSummary(
             runs=min(map(len, runs)),
             residual=_discrimination(
-                counts[:, at, RESIDUAL], np.zeros(2, dtype=np.int64), merge, weights
+                counts[:, k, RESIDUAL], np.zeros(2, dtype=np.int64), merge, weights
             ),
-            reprojection=_discrimination(counts[:, at, REPROJECTION], nans[at], merge, weights),
+            reprojection=_discrimination(counts[:, k, REPROJECTION], nans[k], merge, weights),
             reconstruction=_reconstruction(
-                [np.concatenate([run.lengths[at] for run in unit]) for unit in units],
-                merge,
-                weights,
+                [np.concatenate([run.lengths[k] for run in unit]) for unit in units], merge, weights
             ),
-            angle_means=np.array([_angles(of_one, at).mean(axis=0) for of_one in runs]),
-            angle_spreads=np.array([_angles(of_one, at).std(axis=0) for of_one in runs]),
+            angle_means=np.array([_angles(of_one, k).mean(axis=0) for of_one in runs]),
+            angle_spreads=np.array([_angles(of_one, k).std(axis=0) for of_one in runs]),
         )
-    return found
+    return summaries
 
 
 def summarise_all(
@@ -217,8 +215,10 @@ def summarise_all(
     pooled = summarise(runs, bin_width)
     if len(runs) == 1:
         return pooled, {names[0]: pooled}
-    each = {name: summarise([own], bin_width) for name, own in zip(names, runs, strict=True)}
-    return pooled, each
+    by_name = {
+        name: summarise([of_one], bin_width) for name, of_one in zip(names, runs, strict=True)
+    }
+    return pooled, by_name
 
 
 def figures_of_set(run: RunCounts) -> tuple[float, float]:
@@ -241,10 +241,10 @@ def best_methods(summaries: Mapping[Method, MethodSummary]) -> dict[str, Method]
     return {name: min(summaries, key=partial(value, quantity=name)) for name in QUANTITIES}
 
 
-def _angles(runs: Sequence[RunCounts], at: int) -> FloatArray:
+def _angles(runs: Sequence[RunCounts], k: int) -> FloatArray:
     """(runs with a value, 5): angles, unwrapped so that none jumps by 360 degrees."""
-    found = np.array([run.angles[at] for run in runs])
-    known = found[np.isfinite(found).all(axis=1)]
+    angles = np.array([run.angles[k] for run in runs])
+    known = angles[np.isfinite(angles).all(axis=1)]
     return np.asarray(np.unwrap(known, axis=0)) if len(known) else np.full((1, 5), np.nan)
 
 

@@ -37,11 +37,13 @@ class PairAnswer:
     def recommendation(self) -> Recommendation:
         """Which file to use for what, and how good they are."""
         run, note = self.run, ""
-        found = recommend(run.calibration, run.forecast, self.validation, run.no_forecast)
+        recommended = recommend(run.calibration, run.forecast, self.validation, run.no_forecast)
         moved = moved_lengths(run.inputs) if run.forecast else ""
-        if (own := self.evaluation) is not None:
-            note = note_on_splits(run.screening.dataset, own.settings, own.summaries)
-        return replace(found, sentences=tuple(filter(None, (*found.sentences, moved, note))))
+        if (evaluation := self.evaluation) is not None:
+            note = note_on_splits(run.screening.dataset, evaluation.settings, evaluation.summaries)
+        return replace(
+            recommended, sentences=tuple(filter(None, (*recommended.sentences, moved, note)))
+        )
 
     @step
     def forecast_entries(self) -> dict[Method, ForecastEntries]:
@@ -49,22 +51,22 @@ class PairAnswer:
         if (forecast := self.run.forecast) is None:
             return {}
         entries = forecast.of_files(self.validation)
-        about = self.run.calibration, forecast, self.validation
+        calibration, validation = self.run.calibration, self.validation
         return {
-            method: own.raised(figures_of(method, *about).contradicted)
-            for method, own in entries.items()
+            method: entry.raised(figures_of(method, calibration, forecast, validation).contradicted)
+            for method, entry in entries.items()
         }
 
     @step
     def sets(self) -> dict[Method, RigParameters]:
         """The parameter files: 2d, 3d and, if available, refined."""
-        calibration, about = self.run.calibration, self.recommendation.to_json()
+        calibration, recommendation = self.run.calibration, self.recommendation.to_json()
         sets: dict[Method, RigParameters] = {}
         for method in FILE_METHODS:
             if method != "refined" or calibration.refined is not None:
                 entries = self.validation.get(method), self.forecast_entries.get(method)
                 parameters = calibration.parameters(method, *entries)
-                sets[method] = replace(parameters, recommendation=about)
+                sets[method] = replace(parameters, recommendation=recommendation)
         return sets
 
     @property

@@ -60,9 +60,9 @@ def recording_in(content: bytes, label: str, rig: RigFile) -> Recording:
             f"{label}: the rig's file does not say which object it was calibrated with. Give a "
             "data set with dataset.json."
         )
-    own = "frame" not in names_of(text_of(content, label), label)[0]
-    found = read_points_csv(content, rig.cameras, rig.object, label, own_frames=own)
-    return replace(in_step(replace(found, own_frames=own)), name=label)
+    own_frames = "frame" not in names_of(text_of(content, label), label)[0]
+    as_given = read_points_csv(content, rig.cameras, rig.object, label, own_frames=own_frames)
+    return replace(in_step(replace(as_given, own_frames=own_frames)), name=label)
 
 
 def images_in_table(path: Path, label: str, rig: RigParameters) -> NewImages:

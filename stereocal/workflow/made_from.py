@@ -66,10 +66,10 @@ def calibration_parts(
     return parts
 
 
-def parts_of_calibration(found: Calibration) -> Parts:
+def parts_of_calibration(calibration: Calibration) -> Parts:
     """What a finished one was made from."""
-    refined = None if found.refined is None else found.refined.settings
-    return calibration_parts(found.dataset, found.settings, refined)
+    refined = None if calibration.refined is None else calibration.refined.settings
+    return calibration_parts(calibration.dataset, calibration.settings, refined)
 
 
 def evaluation_parts(sha256: Sequence[str], settings: EvaluationSettings) -> Parts:
@@ -81,6 +81,6 @@ def evaluation_parts(sha256: Sequence[str], settings: EvaluationSettings) -> Par
     return {DATA: [*sha256], **settings.parts}
 
 
-def parts_of_evaluation(found: Evaluation) -> Parts:
+def parts_of_evaluation(evaluation: Evaluation) -> Parts:
     """What a finished one was made from."""
-    return evaluation_parts(found.sha256, found.settings)
+    return evaluation_parts(evaluation.sha256, evaluation.settings)

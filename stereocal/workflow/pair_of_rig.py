@@ -44,10 +44,10 @@ def data_of_pair(recording: Recording, pair: CameraPair, rig: RigFile | None) ->
     if offset.is_shift:
         dataset = Pair(usable_after(dataset, offset).recording.taken_as_recorded())
     primary, secondary = (_lens(rig, name) for name in pair)
-    own = dataset.changed(primary=primary, secondary=secondary)
+    with_lenses = dataset.changed(primary=primary, secondary=secondary)
     if not dataset.baseline_is_free:
-        return own
-    return own.changed(baseline_m=rig.pair(*pair).pose.baseline, baseline_sigma_m=None)
+        return with_lenses
+    return with_lenses.changed(baseline_m=rig.pair(*pair).pose.baseline, baseline_sigma_m=None)
 
 
 def settings_of_pair(dataset: Pair, pair: CameraPair, rig: RigFile) -> RefineSettings:
@@ -60,8 +60,8 @@ def settings_of_pair(dataset: Pair, pair: CameraPair, rig: RigFile) -> RefineSet
     assert figures is not None, "a rig of a recording"
     first, second = (rig.names.index(name) for name in pair)
     lenses = lenses_of_cameras(*(rig.cameras[name] for name in pair))
-    at = pair_at(first, second, rig.q, rig.R, lenses)
-    at.q[EACH + TIME] = 0.0  # its points are in step
+    cameras = pair_at(first, second, rig.q, rig.R, lenses)
+    cameras.q[EACH + TIME] = 0.0  # its points are in step
     covariance = pair_covariance(first, second, rig.q, rig.R, rig.covariance)
     return RefineSettings(
         baseline_sigma_m=dataset.baseline_sigma_m,
@@ -70,8 +70,8 @@ def settings_of_pair(dataset: Pair, pair: CameraPair, rig: RigFile) -> RefineSet
         scatter_m=figures.length_scatter_m,
         loss="squares",  # the rig has left out what contradicts it
         of_rig=RigMarginal(
-            tuple(Rotation.from_matrix(at.R[1]).as_rotvec().tolist()),
-            tuple(at.q.tolist()),
+            tuple(Rotation.from_matrix(cameras.R[1]).as_rotvec().tolist()),
+            tuple(cameras.q.tolist()),
             tuple(map(tuple, covariance.tolist())),
             figures.design_effect,
         ),

@@ -82,16 +82,16 @@ class PairRun:
     @classmethod
     def of(cls, finished: Calibration) -> "PairRun":
         """The run of a finished calibration."""
-        own = None if finished.refined is None else finished.refined.settings
-        return cls(finished.dataset, finished.settings, own, finished)
+        refined = None if finished.refined is None else finished.refined.settings
+        return cls(finished.dataset, finished.settings, refined, finished)
 
     def validate(
         self, settings: EvaluationSettings, executor: Executor, progress: Progress | None = None
     ) -> Evaluation:
         """A validation of the frames that are not left out."""
         kept = self.screening.dataset
-        found = evaluate([kept], settings, executor, progress)
-        return Evaluation(found, settings, [kept.name], [self.calibration.dataset.sha256])
+        runs = evaluate([kept], settings, executor, progress)
+        return Evaluation(runs, settings, [kept.name], [self.calibration.dataset.sha256])
 
     @step
     def screening(self) -> Screening:
@@ -131,9 +131,10 @@ class PairRun:
         warnings += check_inputs(
             frames_to_judge(chosen, screening).recording, out_of_step=bool(offer)
         )
-        of_searches = settings.search, settings.known_points, self.trace, self.progress
-        found = two_searches(chosen, start.pose, *of_searches)
-        results = dict(zip(METHODS, [start, *found], strict=True))
+        searched = two_searches(
+            chosen, start.pose, settings.search, settings.known_points, self.trace, self.progress
+        )
+        results = dict(zip(METHODS, [start, *searched], strict=True))
         poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
         warnings += warnings_about_fit(chosen, screening, poor, offer)
         refined = None
@@ -147,8 +148,9 @@ class PairRun:
                 warnings.append(f"There is no refined set: {error}")
         if refined is not None and (stretched := stretched_board(refined)):
             warnings.append(stretched)
-        told, apart = tuple(warnings), bool(offer)
-        return Calibration(dataset, settings, screening, frames, results, told, refined, apart)
+        return Calibration(
+            dataset, settings, screening, frames, results, tuple(warnings), refined, bool(offer)
+        )
 
     @step
     def forecast_or_reason(self) -> Forecast | str:
@@ -163,14 +165,14 @@ class PairRun:
     @property
     def forecast(self) -> Forecast | None:
         """The forecast of the files; None if there cannot be one."""
-        found = self.forecast_or_reason
-        return None if isinstance(found, str) else found
+        outcome = self.forecast_or_reason
+        return None if isinstance(outcome, str) else outcome
 
     @property
     def no_forecast(self) -> str:
         """Why there is no forecast; empty if there is one."""
-        found = self.forecast_or_reason
-        return found if isinstance(found, str) else ""
+        outcome = self.forecast_or_reason
+        return outcome if isinstance(outcome, str) else ""
 
     @step
     def advice(self) -> str:

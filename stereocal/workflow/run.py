@@ -70,9 +70,9 @@ class Run:
             name: it for name, it in self.bare_rig.about.pairs.items() if it.frames is not None
         }
         self.begin("pairs")
-        for number, (name, about) in enumerate(pairs.items()):
+        for number, (name, pair) in enumerate(pairs.items()):
             try:
-                sets[name] = self._sets_of(about.cameras)
+                sets[name] = self._sets_of(pair.cameras)
             except (StereocalError, KeyError) as error:
                 notes.append(f"The pair {name} has no files: {error}")
             except np.linalg.LinAlgError:
@@ -98,9 +98,12 @@ class Run:
         left_out, given = self.bare_rig.about.frames_left_out, self.recording.sha256
         return {
             method: replace(
-                own, inputs={**own.inputs, "sha256": given}, frames_left_out=left_out, **when
+                parameters,
+                inputs={**parameters.inputs, "sha256": given},
+                frames_left_out=left_out,
+                **when,
             )
-            for method, own in sets.items()
+            for method, parameters in sets.items()
         }
 
     @property
@@ -111,9 +114,9 @@ class Run:
     @step
     def rig(self) -> RigFile:
         """The rig, with the forecasts of its pairs."""
-        about = self.bare_rig.about
-        pairs = {**about.pairs, **{name: self._forecast_of(name) for name in self.sets}}
-        return replace(self.bare_rig, about=replace(about, pairs=pairs))
+        entries = self.bare_rig.about
+        pairs = {**entries.pairs, **{name: self._forecast_of(name) for name in self.sets}}
+        return replace(self.bare_rig, about=replace(entries, pairs=pairs))
 
     def _forecast_of(self, name: str) -> PairOfRig:
         predicted = self.sets[name]["refined"].predicted or {}
@@ -124,9 +127,9 @@ class Run:
     def pair_files(self) -> dict[str, bytes]:
         """The files of the pairs, by name."""
         return {
-            f"{name}_{method}.json": own.dumps().encode()
+            f"{name}_{method}.json": parameters.dumps().encode()
             for name, of_pair in self.sets.items()
-            for method, own in of_pair.items()
+            for method, parameters in of_pair.items()
         }
 
     @property
