@@ -69,10 +69,8 @@ def with_offset_if_out_of_step(
         with suppress(StereocalError):
             with_offset = _certain_fit(dataset, settings)
     if with_offset is not None:
-        return (
-            with_offset,
-            f"The cameras are out of step. {offset_note(with_offset)}{_counted(with_offset)}",
-        )
+        note = f"The cameras are out of step. {offset_note(with_offset)}{_counted(with_offset)}"
+        return with_offset, note
     if recorded is None:
         assert failure is not None
         raise failure
