@@ -283,7 +283,8 @@ def _fcp(counts: IntArray, weights: IntArray) -> Estimate:
     and an observed overlap of 0 does not prove a true one of 0. The interval is therefore Wilson's
     interval of a proportion. Its effective number of pairs is that which gives the variance of the
     bootstrap plus the variance of a single pair, and its factor is Student's t for the number of
-    units.
+    units: Wilson's for m = c (1 - c) / s^2 pairs (docs/method.md, *Evaluation*), where the share c
+    is `share`, s^2 is `variance` and m is `effective`.
 
     Coverage, measured on 150 studies of 100 runs each (10 correct, 90 wrong pairs), for a true FCP
     of 0.76, 0.32, 0.088, 0.011, 0.0022: 94, 93, 92, 95, 97 %. The percentiles of the bootstrap
@@ -294,7 +295,7 @@ def _fcp(counts: IntArray, weights: IntArray) -> Estimate:
     drawn = weights.astype(np.float64) @ filled.reshape(len(counts), -1)
     bootstrap = overlap(drawn.reshape(len(weights), *filled.shape[1:]))
     pairs = max(int(counts.sum(axis=(0, 2)).min()), 1)
-    factor = float(stdtrit(max(len(counts) - 1, 1), 0.975)) ** 2
+    factor = float(stdtrit(max(len(counts) - 1, 1), 0.975)) ** 2  # 2.5 % on either side
     share = min(max(2 * value - float(bootstrap.mean()), 0.0), 1.0)
     variance = float(bootstrap.var()) + 1 / pairs**2
     effective = max(share * (1 - share), 1 / pairs) / variance

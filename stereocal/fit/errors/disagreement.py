@@ -175,6 +175,10 @@ def _widened(lens: LensPrior) -> LensPrior:
 def _tests(result: RefinedResult) -> dict[str, tuple[float, float]]:
     """The test value of each input, and the error that would explain the conflict.
 
+    The test value is (estimate - stated) / sqrt(P - C) with the variances P before and C after the
+    fit (Baarda; docs/refined.md, *What disagrees*). An input of several values has the normal
+    number as likely as its chi-square in the directions that the images inform about.
+
     The error is in units of the input's own uncertainty; of a distortion without one it is 1.
     """
     tests, M, C = {}, result.unknowns.M, result.p_covariance_by_model

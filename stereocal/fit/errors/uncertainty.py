@@ -123,6 +123,9 @@ def point_errors(
     """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 33)
     of the points by the unknowns of `views`; NaN behind a camera.
 
+    A change du of the pixels or dq of the unknowns moves the midpoint by N^-1 times the sum of
+    J_c^+ (du_c - J_q,c dq), N the sum of J_c^+ J_c (docs/refined.md, *Uncertainty*).
+
     Args:
         cameras: two of them.
         sigma_px: standard deviation of a pixel coordinate, of all points or (n, 2) of each point in
@@ -137,8 +140,8 @@ def point_errors(
     J = by_point[usable]
     of_cameras = J.reshape(-1, 2, 2, 3)
     # J_c^+ = J_c^T (J_c J_c^T)^-1, in a fifth of the time of `pinv`.
-    pseudo_inverse = np.linalg.solve(of_cameras @ of_cameras.transpose(0, 1, 3, 2), of_cameras)
-    shifts = pseudo_inverse.reshape(-1, 4, 3).transpose(0, 2, 1)
+    pseudo_inverse_T = np.linalg.solve(of_cameras @ of_cameras.transpose(0, 1, 3, 2), of_cameras)
+    shifts = pseudo_inverse_T.reshape(-1, 4, 3).transpose(0, 2, 1)
     gain = np.linalg.solve(shifts @ J, shifts)
     sigmas = np.broadcast_to(np.asarray(sigma_px, dtype=np.float64), (len(points), 2))[usable]
     weighted = gain * np.repeat(sigmas, 2, axis=1)[:, None, :]

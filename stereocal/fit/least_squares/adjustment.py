@@ -74,6 +74,9 @@ def sum_normal_equations(
 ) -> float:
     """Fit the points of all units, sum the normal equations, and return the cost.
 
+    The cost is the sum of s_f(q) of docs/refined.md (*What is minimised*), of each unit and under
+    its `loss`; priors and measured baselines are added where this is called.
+
     Args:
         stated: with the stated k1, k2, p1, p2; those of q are used.
         limits: (n,): of `loss`.

@@ -52,6 +52,10 @@ def design_effect(
 ) -> float:
     """How many times the clusters scatter more than independent frames would; at least 1.
 
+    With gradient g_c and normal matrix H_c of each cluster, and A the sum of all H_c and the
+    priors, it is the sum of g_c^T A^-1 g_c over the trace of the sum of
+    A^-1 H_c - A^-1 H_c A^-1 H_c (docs/refined.md, *Uncertainty*).
+
     Args:
         solve: at its minimum, or `step` from it.
         used: (f,): indices of the frames of the clusters among those of the solve.

@@ -446,7 +446,12 @@ class RobustFit:
         return bool(d @ H @ d < 1.0) and bool((outlying == self.outlying).all())
 
     def _anneal(self) -> bool:
-        """Lower the limit of the biweight in steps; noise from robust scales."""
+        """Lower the limit of the biweight in steps; noise from robust scales.
+
+        It begins at the scale of the best third of the frames, so that every second one may be bad,
+        and ends at `BIWEIGHT_LIMIT` times the limit of outliers (graduated non-convexity;
+        docs/refined.md, *Gross errors*).
+        """
         for _ in range(MAXIMUM_ROUNDS):
             before = (self.sigma_px, self.scatter, self.outlying)
             if not self._estimate_noise(robust=True):
