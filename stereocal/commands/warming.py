@@ -89,6 +89,8 @@ def _compile_apart(progress: Progress | None) -> int:
         run_child = [sys.executable, "-m", child_process.__name__, __name__]
         commands = [[*run_child, part] for part in PARTS]
         streams: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": writing}
+        # Ctrl-C is for this process, which ends them: in their imports they would say where.
+        streams["start_new_session"] = True
         processes = [subprocess.Popen(own, cwd=PACKAGE, **streams) for own in commands]
         os.close(writing)
         try:
