@@ -31,7 +31,7 @@ from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system import latest
 from stereocal.system.latest import once
-from stereocal.system.made_from import Parts
+from stereocal.system.made_from import Parts, digest_of
 from stereocal.system.names import label_of
 from stereocal.workflow.pair_of_rig import data_of_pair, settings_of_pair
 
@@ -219,8 +219,7 @@ class ProjectData:
         """Identifies what was given, stated and corrected, settings apart."""
         files = {part: self.database.files(part) for part in (RECORDING, BAR)}
         named = {part: {n: each.sha256 for n, each in own.items()} for part, own in files.items()}
-        about = json.dumps([dataclasses.asdict(self.inputs), named], sort_keys=True)
-        return hashlib.sha256(about.encode()).hexdigest()
+        return digest_of([dataclasses.asdict(self.inputs), named])
 
     # Three cameras and more
 

@@ -1,7 +1,5 @@
 """Two cameras of a recording: what is special of two is asked here."""
 
-import hashlib
-import json
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
@@ -27,6 +25,7 @@ from stereocal.rig.rigid_object import BoardPattern, RigidObject, placed
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.answers import TableAnswer
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
+from stereocal.system.made_from import digest_of
 from stereocal.system.numbers import count, rounded
 
 if TYPE_CHECKING:
@@ -366,7 +365,7 @@ class Pair(TableAnswer):
             # A separate entry keeps the digest of tables without standard errors unchanged.
             sigmas = (rows.sigma_primary_px, rows.sigma_secondary_px)
             content["sigmas_px"] = [sigma.tolist() for sigma in sigmas]
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+        return digest_of(content)
 
     @property
     def identity(self) -> list[Any]:

@@ -1,7 +1,6 @@
 """A recording of one object by any number of cameras: what is read, kept, screened and fitted."""
 
 import hashlib
-import json
 import math
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,6 +23,7 @@ from stereocal.rig.tracks import Interpolated, TimeOffset, interpolate
 from stereocal.system.answers import TableAnswer
 from stereocal.system.arguments import checked
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
+from stereocal.system.made_from import digest_of
 from stereocal.system.names import check_camera_names
 from stereocal.system.numbers import count
 from stereocal.system.tables import LARGEST_WHOLE, refuse_missing
@@ -130,7 +130,7 @@ class Recording(TableAnswer):
         for name in OF_TABLES[:3]:  # `source` and `line` change no result
             if (column := getattr(self, name)) is not None:
                 content[name] = column[order].tolist()
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+        return digest_of(content)
 
     @cached_property
     def points_digest(self) -> str:

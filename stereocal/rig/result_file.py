@@ -1,7 +1,6 @@
 """A file of results as JSON that states its format, the software and the date."""
 
 import datetime
-import hashlib
 import json
 import platform
 from abc import ABC, abstractmethod
@@ -19,6 +18,7 @@ from stereocal.errors import DAMAGED, StereocalError, naming
 from stereocal.system.arguments import checked
 from stereocal.system.atomic_files import read_whole, write_atomically
 from stereocal.system.json_text import read_json
+from stereocal.system.made_from import digest_of
 from stereocal.version import __version__
 
 OF_OTHERS = "Parameters of another program are read first, by stereocal convert --from PROGRAM."
@@ -66,7 +66,7 @@ class ResultFile(ABC):
     @cached_property
     def digest(self) -> str:
         """Identifies the content, independent of date and version."""
-        return hashlib.sha256(json.dumps(self.content(), sort_keys=True).encode()).hexdigest()
+        return digest_of(self.content())
 
     def dumps(self) -> str:
         """The file as text."""

@@ -102,15 +102,8 @@ MOST = {
     **{"data set": 32, "recording": 8, "table": 8, "camera": 64, "run": 64, "answer": 64},
     **{"file": 32, "validation": 8, "screening": 64, "validation shown": 64, "points": 24},
     **{"photograph": 8, "thumbnail": 4000, "board in a photograph": 200, "board": 1000},
-    **{
-        "footage of photographs": 4,
-        "patterns": 64,
-        "plan": 24,
-        "card": 500,
-        "title": 4096,
-        "clusters": 100,
-        "rays": 256,
-    },
+    **{"patterns": 64, "plan": 24, "card": 500, "title": 4096, "clusters": 100, "rays": 256},
+    **{"footage of photographs": 4},
 }
 """How many values of a step are kept; of another one `USUAL`."""
 USUAL = 16

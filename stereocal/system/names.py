@@ -131,9 +131,9 @@ def _named_in(stem: str, cameras: Sequence[str], before: str = "") -> list[str]:
     """
 
     def is_in(camera: str) -> bool:
-        own = "" if re.match(before, camera, re.IGNORECASE) else before
-        word = rf"(?<![^\W_]){own}{re.escape(camera)}(?=DLC|[\W_]|$)"
+        said = "" if re.match(before, camera, re.IGNORECASE) else before
+        word = rf"(?<![^\W_]){said}{re.escape(camera)}(?=DLC|[\W_]|$)"
         return re.search(word, stem, re.IGNORECASE) is not None
 
-    found = [*filter(is_in, cameras)]
-    return [c for c in found if not any(c != o and c.lower() in o.lower() for o in found)]
+    named = [*filter(is_in, cameras)]
+    return [c for c in named if not any(c != o and c.lower() in o.lower() for o in named)]
