@@ -12,10 +12,10 @@ from stereocal.ui.texts import NEEDED, PURPOSE
 
 st.markdown(PURPOSE)
 start.begin_buttons()
-chart, others = st.columns([3, 2], gap="large")
+chart, beginnings = st.columns([3, 2], gap="large")
 with chart:
     start.show_story()
-with others:
+with beginnings:
     st.markdown("**Or begin with**")
     start.other_beginnings()
 

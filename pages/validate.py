@@ -12,9 +12,9 @@ from stereocal.ui.texts import VALIDATE
 from stereocal.ui.validation import choose_data, choose_protocol, more_data, other_settings
 from stereocal.ui.validation_results import Places, show_validation
 
-project, own = two_cameras_of(project_with_data())
+project, dataset = two_cameras_of(project_with_data())
 with ErrorsShown(end=True):
-    datasets = choose_data(project, own)
+    datasets = choose_data(project, dataset)
     answer = st.empty()
     settings = choose_protocol(project, datasets)
 figure = st.container()

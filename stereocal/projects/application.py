@@ -86,9 +86,9 @@ class ProjectApplication(ProjectPart):
     # Points
 
     def point_file(self, side: Asked) -> PointFile | None:
-        found = self.database.file(TABLES, side)
+        file = self.database.file(TABLES, side)
         with damaged("The list of point files is damaged; give them again.", DamagedError):
-            return None if found is None else of_plain(found.about, PointFile)
+            return None if file is None else of_plain(file.about, PointFile)
 
     def points(self, side: Asked) -> Points | None:
         file, stored = self.point_file(side), self.database.file(TABLES, side)
@@ -145,23 +145,23 @@ class ProjectApplication(ProjectPart):
 
     def asking(self, side: Asked) -> tuple[str, bytes] | None:
         """Name and content of a file with open questions."""
-        found = self.database.file(ASKING, side)
-        return None if found is None else (found.label, found.read_bytes())
+        file = self.database.file(ASKING, side)
+        return None if file is None else (file.label, file.read_bytes())
 
     def preview(self, side: Asked, answers: Answers, first_rows: int | None) -> pd.DataFrame:
         """The points of the file with open questions, as they would be read."""
-        found = self.asking(side)
-        if found is None:
+        question = self.asking(side)
+        if question is None:
             return pd.DataFrame(columns=["frame", *POINT])
-        label, content = found
+        label, content = question
         layout = answered(layout_of(content, label), answers, content, label)
         return read_points(content, layout, answers.camera, answers.image_height, label, first_rows)
 
     def answer(self, side: Asked, answers: Answers) -> None:
         """Read the file with open questions as answered, and use it."""
-        if (found := self.asking(side)) is None:
+        if (question := self.asking(side)) is None:
             return
-        label, content = found
+        label, content = question
         table = self.preview(side, answers, None)
         if table.empty:
             raise StereocalError(f"{label}: there is no point of {answers.camera} in the file.")
@@ -175,27 +175,27 @@ class ProjectApplication(ProjectPart):
         if side not in CAMERAS:
             return
         other = CAMERAS[side == CAMERAS[0]]
-        asked, file = self.asking(side), self.point_file(other)
-        given = self.database.file(POINT_FILES, other)
-        if asked is None or file is None or file.answers is None or given is None:
+        question, file = self.asking(side), self.point_file(other)
+        original = self.database.file(POINT_FILES, other)
+        if question is None or file is None or file.answers is None or original is None:
             return
-        answers = answers_alike(file.answers, asked[1], asked[0], given.read_bytes())
+        answers = answers_alike(file.answers, question[1], question[0], original.read_bytes())
         if answers is not None:
             self.answer(side, answers)
 
     def ask_again(self, side: Asked) -> None:
         """Ask about the file in use again; it stays in use until answered."""
         with self.database.transaction():
-            file, given = self.point_file(side), self.database.file(POINT_FILES, side)
-            if file is not None and file.answers is not None and given is not None:
-                self.database.name_files(ASKING, {side: given})
+            file, original = self.point_file(side), self.database.file(POINT_FILES, side)
+            if file is not None and file.answers is not None and original is not None:
+                self.database.name_files(ASKING, {side: original})
 
     def forget_question(self, side: Asked) -> None:
         self.database.forget_files(ASKING, [side])
 
-    def _keep_points(self, side: Asked, given: bytes, table: bytes, file: PointFile) -> None:
+    def _keep_points(self, side: Asked, original: bytes, table: bytes, file: PointFile) -> None:
         with self.database.transaction():
-            self.database.give(POINT_FILES, side, file.label, given)
+            self.database.give(POINT_FILES, side, file.label, original)
             stored = self.database.keep_file(table, file.label)
             self.database.name_files(TABLES, {side: replace(stored, about=plain(file))})
             self.database.forget_files(ASKING, [side])
@@ -208,8 +208,8 @@ class ProjectApplication(ProjectPart):
     @property
     def rig_given(self) -> tuple[str, RigFile] | None:
         """Name and content of the rig.json given here."""
-        found = self.database.file(SETS, RIG)
-        return None if found is None else (found.label, RigFile.loads(found.read_bytes()))
+        file = self.database.file(SETS, RIG)
+        return None if file is None else (file.label, RigFile.loads(file.read_bytes()))
 
     def keep_set(self, use: Use, label: str, content: bytes) -> None:
         """Store a parameter file, or rig.json to be used in place of them; another file is refused,
@@ -232,10 +232,10 @@ class ProjectApplication(ProjectPart):
         self.ask(use, ", ".join([label, *(name for name, _ in more)]), pack_zip(files))
 
     def set_of(self, use: Use) -> tuple[str, RigParameters] | None:
-        found = self.database.file(SETS, use)
-        if found is None:
+        file = self.database.file(SETS, use)
+        if file is None:
             return None
-        return found.label, RigParameters.loads(found.read_bytes(), found.label)
+        return file.label, RigParameters.loads(file.read_bytes(), file.label)
 
     def keep_world(self, label: str, content: bytes, rig: Parameters) -> None:
         """Store a world frame, or a table for one, as of `check_world`."""
@@ -292,8 +292,8 @@ class ProjectApplication(ProjectPart):
                 for camera, points in work.points.items()
             }
             outcome = apply_sets(work, tables, folder, *how)
-            made = outcome.matched, POINTS
-            files = {name: self.database.keep_file(folder / name, name) for name in made}
+            results = outcome.matched, POINTS
+            files = {name: self.database.keep_file(folder / name, name) for name in results}
         for name in self._own.keys() & {*names}:
             self.database.keep_file(_written(self._own[name]), name)
         with self.database.transaction():
@@ -316,15 +316,17 @@ class ProjectCheck(ProjectPart):
 
     def keep_images(self, label: str, content: bytes, rig: Parameters | None = None) -> None:
         """Store new images, if those of the parameters can be checked with them."""
-        read = None if rig is None else to_check(content, label, rig)
+        images = None if rig is None else to_check(content, label, rig)
         file = self.database.give(CHECK, IMAGES, label, content)
-        if rig is not None and read is not None:
-            latest.keep("images to check", _named(rig, file), read)
+        if rig is not None and images is not None:
+            latest.keep("images to check", _named(rig, file), images)
 
-    def to_check(self, rig: Parameters, new: StoredFile) -> ToCheck:
+    def to_check(self, rig: Parameters, images: StoredFile) -> ToCheck:
         """Parameters with new images, which are read once."""
         return once_or_refused(
-            "images to check", _named(rig, new), lambda: to_check(new.read_bytes(), new.label, rig)
+            "images to check",
+            _named(rig, images),
+            lambda: to_check(images.read_bytes(), images.label, rig),
         )
 
     def file(self, name: str) -> StoredFile | None:
@@ -332,8 +334,8 @@ class ProjectCheck(ProjectPart):
         return self.database.file(CHECK, name)
 
 
-def _named(rig: Parameters, new: StoredFile) -> str:
-    return f"{rig.digest} {new.sha256} {new.label}"
+def _named(rig: Parameters, images: StoredFile) -> str:
+    return f"{rig.digest} {images.sha256} {images.label}"
 
 
 def _written(table: pd.DataFrame) -> bytes:

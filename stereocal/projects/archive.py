@@ -68,26 +68,26 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
         zipfile.ZipFile(waiting, "w", zipfile.ZIP_DEFLATED, strict_timestamps=False) as archive,
         database.reading() as db,
     ):
-        manifest, taken = _Manifest(), set[str]()
+        manifest, used = _Manifest(), set[str]()
         for scoped, name, text in database.rows("SELECT part, name, json FROM value"):
-            part, own = manifest.place(scoped)
+            part, section = manifest.place(scoped)
             if _packed("value", part, name):
-                own["values"].setdefault(part, {})[name] = json.loads(text)
+                section["values"].setdefault(part, {})[name] = json.loads(text)
         edits = database.rows("SELECT json FROM edit ORDER BY number") if _packed("edit") else []
         manifest.whole["edits"] = [json.loads(text) for (text,) in edits]
         for scoped, name, sha256, text, stored in database.rows(FILES):
-            part, own = manifest.place(scoped)
+            part, section = manifest.place(scoped)
             if (entry := _packed("named", part)) is not None:
                 about = json.loads(text)
                 label = about["suffix"] if part == TABLES else about
-                path = _unused(own.get("folder", "") + entry.place, name, label, taken)
+                path = _unused(section.get("folder", "") + entry.place, name, label, used)
                 item = {"part": part, "name": name, "about": about, "path": path}
-                own["files"].append(item | ({"stored": stored} if _packed("file") else {}))
+                section["files"].append(item | ({"stored": stored} if _packed("file") else {}))
                 _write(archive, path, StoredFile(sha256, database))
         for scoped, content in db.execute("SELECT kind, content FROM result"):  # one in memory
-            kind, own = manifest.place(scoped)
+            kind, section = manifest.place(scoped)
             if (entry := _packed("result", kind)) is not None:
-                archive.writestr(f"{own.get('folder', '')}results/{entry.place}", content)
+                archive.writestr(f"{section.get('folder', '')}results/{entry.place}", content)
         text = json.dumps(manifest.whole, indent=1)
         read_json(text, "The project could not be opened from its zip again")
         archive.writestr(MANIFEST, text)
@@ -108,8 +108,8 @@ class _Manifest:
         """The part that a scoped one is, and what is said of its scope."""
         scope, _, part = scoped.rpartition("/")
         if scope not in self._scopes:
-            named = {"name": scope.removeprefix(SCOPE), "folder": f"pairs/{len(self._scopes)}/"}
-            self._scopes[scope] = {**named, "values": {}, "files": []}
+            section = {"name": scope.removeprefix(SCOPE), "folder": f"pairs/{len(self._scopes)}/"}
+            self._scopes[scope] = {**section, "values": {}, "files": []}
             self.whole.setdefault("pairs", []).append(self._scopes[scope])
         return part, self._scopes[scope]
 
@@ -138,13 +138,13 @@ def _readable_files(project: Project, result: Mapping[str, bytes]) -> dict[str, 
     return {**result, **({} if dataset is None else pack_dataset(dataset))}
 
 
-def _unused(folder: str, name: str, label: str, taken: set[str]) -> str:
+def _unused(folder: str, name: str, label: str, used: set[str]) -> str:
     """A safe and unique path for a file, close to its name."""
     suffix = PurePosixPath(f"_{label}").suffix if "." not in name and label else ""
-    plain = "/".join(UNSAFE.sub("_", each) or "_" for each in f"{name}{suffix}".split("/"))
+    plain = "/".join(UNSAFE.sub("_", part) or "_" for part in f"{name}{suffix}".split("/"))
     numbered = (f"{folder}/{number}_{plain}" for number in count(2))
-    path = next(each for each in chain([f"{folder}/{plain}"], numbered) if each not in taken)
-    taken.add(path)
+    path = next(path for path in chain([f"{folder}/{plain}"], numbered) if path not in used)
+    used.add(path)
     return path
 
 
@@ -170,35 +170,39 @@ def unpack_project(
 
 def _fill(project: Project, opened: OpenZip, source: str, tell: Callable[[str], object]) -> None:
     manifest, database = _manifest(opened, source), project.database
-    told = f"{MANIFEST} is damaged."
+    message = f"{MANIFEST} is damaged."
     with (
         tempfile.TemporaryDirectory(prefix="stereocal-") as folder,
-        damaged(told, source=source, keep=True),
+        damaged(message, source=source, keep=True),
         database.transaction() as db,
     ):
         of_pairs = manifest.get("pairs", [])
-        names = sum(len(own["files"]) for own in (manifest, *of_pairs))
-        Limits.from_environment().check_count(names, f"{source}: {MANIFEST}")
+        files = sum(len(section["files"]) for section in (manifest, *of_pairs))
+        Limits.from_environment().check_count(files, f"{source}: {MANIFEST}")
         members, scopes = _Members(opened, Path(folder) / "file"), {""}
         unknown = _restore(manifest, database, members)
         if travels("edit"):
             edits = [(json.dumps(dict(edit)),) for edit in manifest["edits"]]
             db.executemany("INSERT INTO edit (json) VALUES (?)", edits)
         _ = project.recording, project.rig
-        for own in of_pairs:
-            store = _scoped(project, own["name"])
+        for section in of_pairs:
+            store = _scoped(project, section["name"])
             if store.scope in scopes:
                 raise ValueError(store.scope)
             scopes.add(store.scope)
-            unknown += _restore(own, store, members)
+            unknown += _restore(section, store, members)
         pairs_of_before(db)
-        before = int(manifest.get("edition", 1))
-    newer = [one.words for one in CONTENTS.values() if one.since > before and not one.stays]
+        packed_edition = int(manifest.get("edition", 1))
+    newer = [
+        entry.words
+        for entry in CONTENTS.values()
+        if entry.since > packed_edition and not entry.stays
+    ]
     if newer:
         lacking = ", ".join(dict.fromkeys(newer))
         tell(f"{source} was packed by an earlier version of stereocal, and lacks: {lacking}.")
     if unknown:
-        some = ", ".join(each[:40] for each in unknown[:3]) + ", ..." * (len(unknown) > 3)
+        some = ", ".join(name[:40] for name in unknown[:3]) + ", ..." * (len(unknown) > 3)
         tell(f"{source} has what this version of stereocal does not know; left out: {some}.")
 
 
@@ -233,28 +237,28 @@ class _Members:
 
 def _scoped(project: Project, name: str) -> Store:
     """The store of a pair of the rig, of a page, or of a page of a pair, by its name in the zip."""
-    first, _, page = name.rpartition("/")
-    pair = first if page in PAGES else name
+    pair_name, _, page = name.rpartition("/")
+    pair = pair_name if page in PAGES else name
     store = project.database
     if pair:
         store = project.of_pair(pair).results
     return store.of_page(page) if page in PAGES else store
 
 
-def _restore(own: Mapping[str, Any], store: Store, members: _Members) -> list[str]:
+def _restore(section: Mapping[str, Any], store: Store, members: _Members) -> list[str]:
     """Store what the project itself, a pair or a page has in a zip, and check it by reading it.
 
     Returns:
         What is not on the list of `contents`.
     """
     unknown, named = list[str](), set[tuple[str, str]]()
-    for part, values in own["values"].items():
+    for part, values in section["values"].items():
         unknown += [f"{part} {name}" for name in values if held("value", part, name) is None]
-        known = {name: each for name, each in values.items() if travels("value", part, name)}
-        if part == INPUT and isinstance(known.get("name"), str):
-            known["name"] = label_of(known["name"])
-        store.keep_values(part, known)
-    for item in own["files"]:
+        kept = {name: value for name, value in values.items() if travels("value", part, name)}
+        if part == INPUT and isinstance(kept.get("name"), str):
+            kept["name"] = label_of(kept["name"])
+        store.keep_values(part, kept)
+    for item in section["files"]:
         part, name, path = (str(item[key]) for key in ("part", "name", "path"))
         if not travels("named", part):
             unknown += [] if held("named", part) else [f"{part} {name}"]
@@ -268,7 +272,7 @@ def _restore(own: Mapping[str, Any], store: Store, members: _Members) -> list[st
         _keep_day(store, stored, item.get("stored"))
     for table, kind, _ in CONTENTS:
         if table == "result" and (entry := held(table, kind)) and not entry.stays:
-            content = members.read(f"{own.get('folder', '')}results/{entry.place}")
+            content = members.read(f"{section.get('folder', '')}results/{entry.place}")
             if content is not None:
                 store.keep_result(kind, content)
     scoped = Project(store)
@@ -299,10 +303,10 @@ def _manifest(opened: OpenZip, source: str) -> dict[str, Any]:
     if MANIFEST not in opened.names:
         raise StereocalError("there is no stereocal project in this zip.", source)
     manifest = read_json(opened.read(MANIFEST), f"{source}: {MANIFEST}")
-    found = manifest.get("format") if isinstance(manifest, dict) else None
-    if found != MANIFEST_FORMAT:
+    form = manifest.get("format") if isinstance(manifest, dict) else None
+    if form != MANIFEST_FORMAT:
         raise StereocalError(
-            f"the project was written by another version of stereocal ({found}); update stereocal "
+            f"the project was written by another version of stereocal ({form}); update stereocal "
             "to open it.",
             source,
         )

@@ -33,9 +33,9 @@ _NO_SCREENING = {"left_out": (), "exchanged": (), "together": ""}
 def _without(kind: type, names: Collection[str]) -> Any:
     """A dataclass with the fields of another but these, which the data set gives."""
     hints = get_type_hints(kind)
-    kept = [each for each in fields(kind) if each.name not in names]
+    kept_fields = [field for field in fields(kind) if field.name not in names]
     return make_dataclass(
-        f"Stored{kind.__name__}", [(one.name, hints[one.name], one) for one in kept]
+        f"Stored{kind.__name__}", [(field.name, hints[field.name], field) for field in kept_fields]
     )
 
 
@@ -46,9 +46,9 @@ _SCREENING = _without(Screening, ["full_dataset", "fit"])
 def as_stored(calibration: Calibration) -> Calibration:
     """The calibration as it is stored: without long traces and the fit of the screening."""
     methods = dict(calibration.methods)
-    for name, found in methods.items():
-        if found.trace and len(found.trace.cost) > LONGEST_TRACE:
-            methods[name] = replace(found, trace=None)
+    for name, result in methods.items():
+        if result.trace and len(result.trace.cost) > LONGEST_TRACE:
+            methods[name] = replace(result, trace=None)
     return replace(calibration, methods=methods, screening=replace(calibration.screening, fit=None))
 
 
@@ -67,14 +67,14 @@ def pack_calibration(calibration: Calibration, inputs: Mapping[str, Any]) -> byt
         "screening": _named(screening, _SCREENING)
         | {"time_offset": screening.full_dataset.time_offset},
         **{name: getattr(calibration, name) for name in STORED},
-        "refined": (found := calibration.refined)
-        and {**_named(found, _REFINED), "settings": found.settings.to_json()},
+        "refined": (refined := calibration.refined)
+        and {**_named(refined, _REFINED), "settings": refined.settings.to_json()},
     }
     return pack(content)
 
 
 def _named(value: Any, kind: Any) -> dict[str, Any]:
-    return {each.name: getattr(value, each.name) for each in fields(kind)}
+    return {field.name: getattr(value, field.name) for field in fields(kind)}
 
 
 def unpack_calibration(
@@ -95,7 +95,7 @@ def unpack_calibration(
         if (offset := stated.get("time_offset")) is not None:
             dataset = dataset.shifted(of_plain(offset, TimeOffset))
         screening = Screening(full_dataset=dataset, fit=None, **vars(of_plain(stated, _SCREENING)))
-        found = Calibration(
+        calibration = Calibration(
             dataset=screening.full_dataset,
             settings=CalibrationSettings.from_json(data["settings"]),
             screening=screening,
@@ -104,44 +104,44 @@ def unpack_calibration(
             warnings=of_plain(data["warnings"], tuple[str, ...]),
             out_of_step=data.get("out_of_step", False) is True,
         )
-        if found.frames.ndim != 1:
-            raise ValueError(found.frames)
+        if calibration.frames.ndim != 1:
+            raise ValueError(calibration.frames)
         if "refined" not in data:  # version 1.0 did not store the refined set
-            own, late = found.dataset, found.settings
+            fitted_data, used_settings = calibration.dataset, calibration.settings
             return _refined_again(
-                found,
+                calibration,
                 RefineSettings(
-                    baseline_sigma_m=own.baseline_sigma_m,
-                    distance_sigma_m=own.target_distance_sigma_m,
-                    time_offset=late.time_offset,
-                    time_drift=late.time_drift,
+                    baseline_sigma_m=fitted_data.baseline_sigma_m,
+                    distance_sigma_m=fitted_data.target_distance_sigma_m,
+                    time_offset=used_settings.time_offset,
+                    time_drift=used_settings.time_drift,
                 ),
             )
         if data["refined"] is None:
-            return found
+            return calibration
         stored = of_plain(data["refined"], _REFINED)
         settings = RefineSettings.from_json(data["refined"]["settings"])
         if len(stored.information) != OF_PAIR:  # earlier versions had other unknowns
-            return _refined_again(found, settings, stored.pose)
-        refined = RefinedResult(dataset=found.fitted, settings=settings, **vars(stored))
-        return replace(found, refined=refined)
+            return _refined_again(calibration, settings, stored.pose)
+        refined = RefinedResult(dataset=calibration.fitted, settings=settings, **vars(stored))
+        return replace(calibration, refined=refined)
 
 
 def _refined_again(
-    found: Calibration, settings: RefineSettings, start: Pose | None = None
+    calibration: Calibration, settings: RefineSettings, start: Pose | None = None
 ) -> Calibration:
     """A result of an earlier version with its refined set, where there is one."""
     with suppress(StereocalError):
-        return replace(found, refined=refine(found.fitted, settings, start))
-    return found
+        return replace(calibration, refined=refine(calibration.fitted, settings, start))
+    return calibration
 
 
 def _method(data: Mapping[str, Any], name: Method) -> MethodResult:
     # Results of version 1.0 have the pose's two entries among their own.
-    found = of_plain({"pose": {key: data.get(key) for key in "RT"}, **data}, MethodResult)
-    finite = math.isfinite(found.cost) and math.isfinite(found.seconds)
+    result = of_plain({"pose": {key: data.get(key) for key in "RT"}, **data}, MethodResult)
+    finite = math.isfinite(result.cost) and math.isfinite(result.seconds)
     sound = finite and data.get("method", name) == name
-    trace = found.trace
+    trace = result.trace
     if not sound or (trace and not len(trace.cost) == len(trace.delta) == len(trace.ratio)):
         raise ValueError(name)
-    return found
+    return result

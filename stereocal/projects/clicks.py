@@ -22,13 +22,16 @@ class Act:
     """What those of each camera are called."""
 
     def __post_init__(self) -> None:
-        if any(abs(one.frame) > 2**53 or max(abs(one.u), abs(one.v)) > 1e9 for one in self.placed):
+        if any(
+            abs(click.frame) > 2**53 or max(abs(click.u), abs(click.v)) > 1e9
+            for click in self.placed
+        ):
             raise ValueError(self)
 
     @property
     def cameras(self) -> set[str]:
         """In whose pictures it was done."""
-        return {camera for _, camera, _ in [*self.removed, *(each.key for each in self.placed)]}
+        return {camera for _, camera, _ in [*self.removed, *(click.key for click in self.placed)]}
 
 
 class ProjectClicks(ProjectPart):
@@ -50,12 +53,12 @@ class ProjectClicks(ProjectPart):
     @property
     def clicks(self) -> Clicks:
         """The points as they are after all acts."""
-        found: dict[Key, Click] = {}
+        clicks: dict[Key, Click] = {}
         for act in self.acts:
             for key in act.removed:
-                found.pop(key, None)
-            found |= {click.key: click for click in act.placed}
-        return Clicks(found)
+                clicks.pop(key, None)
+            clicks |= {click.key: click for click in act.placed}
+        return Clicks(clicks)
 
     def act(self, act: Act) -> None:
         """Store an act."""
@@ -75,6 +78,6 @@ def _named(act: Any) -> Any:
     """A stored act; earlier versions kept a blank where they cut a name."""
     if not isinstance(act, dict):
         return act
-    placed = [{**one, "track": one["track"].strip()} for one in act["placed"]]
+    placed = [{**click, "track": click["track"].strip()} for click in act["placed"]]
     removed = [(frame, camera, track.strip()) for frame, camera, track in act.get("removed", [])]
     return {**act, "placed": placed, "removed": removed}

@@ -35,7 +35,7 @@ SCOPE = "pair "
 this, the name of the pair or of the page, and a slash."""
 PAIRED = {"value": "part", "named": "part", "result": "kind", "job": "kind", "found": "kind"}
 """Tables, and their columns with a scope."""
-VALUES = tuple(each.name for each in fields(Inputs) if each.name not in ("files", "labels"))
+VALUES = tuple(field.name for field in fields(Inputs) if field.name not in ("files", "labels"))
 ANY = "*"
 Key = tuple[Table, str, str]
 """The table; the part of a value or file, or the kind of a result; and the name of a value."""
@@ -56,11 +56,11 @@ class Held:
 
 
 def _files() -> Iterator[tuple[Key, Held]]:
-    own = {INPUT: "inputs", CALIBRATED: "calibrated", FURTHER: "datasets", BAR: "photographs"}
-    boards = tuple(f"boards_{which}" for which in CAMERAS)
+    folders = {INPUT: "inputs", CALIBRATED: "calibrated", FURTHER: "datasets", BAR: "photographs"}
+    boards = tuple(f"boards_{camera}" for camera in CAMERAS)
     apply = (POINT_FILES, TABLES, ASKING, SETS, APPLIED, WORLD)
     same = (*boards, *apply, CHECK, RECORDING, RIG_FILES, PARTS, REPLACED)
-    for part, folder in (own | dict(zip(same, same, strict=True))).items():
+    for part, folder in (folders | dict(zip(same, same, strict=True))).items():
         yield ("named", part, ANY), Held(f"files ({folder})", folder)
 
 
@@ -94,7 +94,7 @@ CONTENTS: dict[Key, Held] = {
 
 def edition() -> int:
     """The edition of the list, which each zip states."""
-    return max(each.since for each in CONTENTS.values())
+    return max(entry.since for entry in CONTENTS.values())
 
 
 def held(table: Table, part: str = "", name: str = ANY) -> Held | None:
@@ -104,7 +104,7 @@ def held(table: Table, part: str = "", name: str = ANY) -> Held | None:
 
 def travels(table: Table, part: str = "", name: str = ANY) -> bool:
     """Whether a zip or a copy has this."""
-    return (found := held(table, part, name)) is not None and not found.stays
+    return (entry := held(table, part, name)) is not None and not entry.stays
 
 
 def refuse_unlisted(table: Table, part: str, names: Iterable[str] = (ANY,)) -> None:

@@ -90,13 +90,13 @@ class ProjectData:
                 once("camera", digest, partial(read_camera, content, label, "brown"))
             stored[slot] = self.database.keep_file(content, label)
         with self.database.transaction():
-            before = self.inputs
+            present = self.inputs
             self.database.forget_files(INPUT, [slot for slot in drop if slot not in files])
             self.database.name_files(INPUT, stored)
             # A new camera file replaces the stated uncertainty of its lens.
-            known = {slot: v for slot, v in before.lens_known.items() if slot not in files}
-            kept = {name: getattr(before, name) for name in VALUES} | {"lens_known": known}
-            kept["planned"] = [name for name in before.planned if name not in values]
+            known = {slot: v for slot, v in present.lens_known.items() if slot not in files}
+            kept = {name: getattr(present, name) for name in VALUES} | {"lens_known": known}
+            kept["planned"] = [name for name in present.planned if name not in values]
             if "correspondences" in files or "correspondences" in drop:
                 kept |= _unstated(*OF_TABLE)
             self.database.keep_values(INPUT, kept | values)
@@ -121,20 +121,20 @@ class ProjectData:
         Args:
             same_lengths: whether what is stated of the lengths is of this one too.
         """
-        kept = {name: self.database.keep_file(content, name) for name, content in files.items()}
-        if kept == self.database.files(RECORDING):
+        stored = {name: self.database.keep_file(content, name) for name, content in files.items()}
+        if stored == self.database.files(RECORDING):
             return
         inputs = self.inputs
-        given = _unstated(*LENGTHS_OF_ALL, *OF_TABLE)
+        values = _unstated(*LENGTHS_OF_ALL, *OF_TABLE)
         if same_lengths:
-            given |= {name: getattr(inputs, name) for name in LENGTHS_OF_ALL}
+            values |= {name: getattr(inputs, name) for name in LENGTHS_OF_ALL}
             pairs = {pair_name(pair) for pair in permutations(recording.cameras, 2)}
-            given["baselines_m"] = {n: m for n, m in inputs.baselines_m.items() if n in pairs}
+            values["baselines_m"] = {n: m for n, m in inputs.baselines_m.items() if n in pairs}
         with self.database.transaction():
             self.database.forget_files(INPUT)
-            self.database.replace_files(RECORDING, kept)
+            self.database.replace_files(RECORDING, stored)
             self._forget_results()
-            self.database.keep_values(INPUT, {**given, "name": recording.name})
+            self.database.keep_values(INPUT, {**values, "name": recording.name})
         latest.keep("recording", self._given_digest, recording)
 
     def forget_recording(self) -> None:
@@ -165,9 +165,9 @@ class ProjectData:
     def exchange_targets(self, frame: int, camera: str = CAMERAS[1]) -> None:
         """Exchange A and B of a frame in the image of a camera, or undo that."""
         with self.database.transaction():
-            own = self.inputs.exchanged
-            now = {**own, camera: sorted({*own.get(camera, ())} ^ {frame})}
-            exchanged = {name: frames for name, frames in now.items() if frames}
+            by_camera = self.inputs.exchanged
+            changed = {**by_camera, camera: sorted({*by_camera.get(camera, ())} ^ {frame})}
+            exchanged = {name: frames for name, frames in changed.items() if frames}
             self.database.keep_values(INPUT, {"exchanged": exchanged})
 
     def put_back(self, frames: Sequence[int]) -> None:
@@ -186,7 +186,9 @@ class ProjectData:
             self._keep_frames(put_back=back | ({frame} - out), left_out=out - {frame})
 
     def _keep_frames(self, **frames: Iterable[int]) -> None:
-        self.database.keep_values(INPUT, {name: sorted(own) for name, own in frames.items()})
+        self.database.keep_values(
+            INPUT, {name: sorted(numbers) for name, numbers in frames.items()}
+        )
 
     def take_planned(self) -> None:
         self.database.keep_values(INPUT, {"planned": []})
@@ -218,7 +220,9 @@ class ProjectData:
     def given_digest(self) -> str:
         """Identifies what was given, stated and corrected, settings apart."""
         files = {part: self.database.files(part) for part in (RECORDING, BAR)}
-        named = {part: {n: each.sha256 for n, each in own.items()} for part, own in files.items()}
+        named = {
+            part: {n: file.sha256 for n, file in by_name.items()} for part, by_name in files.items()
+        }
         return digest_of([dataclasses.asdict(self.inputs), named])
 
     # Three cameras and more
@@ -229,10 +233,10 @@ class ProjectData:
         return self.recording_of(self.inputs)
 
     def recording_of(self, inputs: Inputs) -> Recording | None:
-        if (given := self.recording_as_given) is None:
+        if (recording := self.recording_as_given) is None:
             dataset = self.dataset_of(inputs)
             return None if dataset is None else dataset.recording
-        return once("recording", self._key_of(inputs), lambda: inputs.of_rig(given))
+        return once("recording", self._key_of(inputs), lambda: inputs.of_rig(recording))
 
     @property
     def recording_in_use(self) -> Recording | None:
@@ -249,7 +253,7 @@ class ProjectData:
 
         def parsed() -> Recording:
             files = self.database.files(RECORDING).items()
-            contents = {name: each.read_bytes() for name, each in files}
+            contents = {name: file.read_bytes() for name, file in files}
             # The lens models were settled when it was given.
             recording = parse_recording(contents, SOURCE, lens_model="brown")
             with naming(SOURCE):
@@ -269,7 +273,7 @@ class ProjectData:
     def camera_count(self) -> int:
         """How many cameras the data have, without reading their points."""
         files = self.database.files(RECORDING).items()
-        described = {name: each.read_bytes() for name, each in files if name.endswith(DESCRIPTION)}
+        described = {name: file.read_bytes() for name, file in files if name.endswith(DESCRIPTION)}
         return len(find_description(described, SOURCE).entries["cameras"]) if described else 2
 
     def keep_rig(self, rig: str, pairs: bytes, made_from: Parts) -> None:
@@ -293,9 +297,9 @@ class ProjectData:
     @property
     def rig(self) -> RigFile | None:
         """All cameras, calibrated together; None before that."""
-        if (found := self.rig_file) is None:
+        if (file := self.rig_file) is None:
             return None
-        return once("rig", found.sha256, lambda: RigFile.loads(found.read_bytes().decode()))
+        return once("rig", file.sha256, lambda: RigFile.loads(file.read_bytes().decode()))
 
     @property
     def rig_file(self) -> StoredFile | None:
@@ -312,8 +316,8 @@ class ProjectData:
     @property
     def pair_files(self) -> bytes | None:
         """The zip of the parameter files of all pairs."""
-        found = self.database.file(RIG_FILES, PAIRS)
-        return None if found is None else found.read_bytes()
+        file = self.database.file(RIG_FILES, PAIRS)
+        return None if file is None else file.read_bytes()
 
     @property
     def pair_names(self) -> list[str]:
@@ -321,7 +325,11 @@ class ProjectData:
         if (rig := self.rig) is None:
             return []
         named = {pair_name(pair): pair for pair in combinations(rig.names, 2)}
-        return [name for name in named if (own := rig.about.pairs.get(name)) and own.bars]
+        return [
+            name
+            for name in named
+            if (pair_quality := rig.about.pairs.get(name)) and pair_quality.bars
+        ]
 
     def _of_pair(self, inputs: Inputs) -> Pair | None:
         """The points of two cameras that the rig was fitted to, with its lenses and baseline."""

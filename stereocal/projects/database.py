@@ -176,8 +176,8 @@ class Database:
                 db.execute("PRAGMA auto_vacuum = FULL")
                 db.execute(f"PRAGMA user_version = {VERSION}")
             db.execute("PRAGMA auto_vacuum = INCREMENTAL")
-            before = -1
-            while before != (before := db.execute("PRAGMA freelist_count").fetchone()[0]):
+            left = -1
+            while left != (left := db.execute("PRAGMA freelist_count").fetchone()[0]):
                 db.execute(f"PRAGMA incremental_vacuum({VACUUMED})").fetchall()
 
     @property
@@ -190,7 +190,7 @@ class Database:
         """Bytes that the project takes, without free pages."""
         with self.reading() as db:
             names = ("page_count", "freelist_count", "page_size")
-            pages, free, page = (db.execute(f"PRAGMA {each}").fetchone()[0] for each in names)
+            pages, free, page = (db.execute(f"PRAGMA {name}").fetchone()[0] for name in names)
         return int((pages - free) * page)
 
     @contextmanager
@@ -301,10 +301,10 @@ def journal_of(folder: Path) -> Literal["wal", "delete"]:
     """
     path = folder / f"{WAITING}{secrets.token_hex(16)}"
     try:
-        with closing(sqlite3.connect(path)) as first, closing(sqlite3.connect(path)) as second:
-            set_to = first.execute("PRAGMA journal_mode = WAL").fetchone()
-            first.execute("CREATE TABLE probe (value)")
-            second.execute("SELECT value FROM probe")
+        with closing(sqlite3.connect(path)) as writer, closing(sqlite3.connect(path)) as reader:
+            set_to = writer.execute("PRAGMA journal_mode = WAL").fetchone()
+            writer.execute("CREATE TABLE probe (value)")
+            reader.execute("SELECT value FROM probe")
         return "wal" if set_to == ("wal",) else "delete"
     except sqlite3.Error:
         return "delete"
@@ -338,8 +338,8 @@ def result_code(error: sqlite3.Error) -> int:
 
 def _bring_up_to_date(db: sqlite3.Connection) -> None:
     """Bring a file of an earlier version to this one, in one transaction."""
-    asked = "PRAGMA user_version"
-    if (version := db.execute(asked).fetchone()[0]) > VERSION:
+    query = "PRAGMA user_version"
+    if (version := db.execute(query).fetchone()[0]) > VERSION:
         raise StereocalError(
             f"This project was written by a newer version of stereocal (format {version}): update "
             "stereocal to open it. It is left as it is."
@@ -348,7 +348,7 @@ def _bring_up_to_date(db: sqlite3.Connection) -> None:
         return
     db.create_function("sha256", 1, lambda content: hashlib.sha256(content).hexdigest())
     with _at_once(db):  # another server may have done it meanwhile
-        for number in range(db.execute(asked).fetchone()[0], VERSION):
+        for number in range(db.execute(query).fetchone()[0], VERSION):
             if number not in MIGRATIONS:
                 raise DamagedError("This file is not a project of stereocal, or it is damaged.")
             with damaged("Something in the project's file is damaged.", DamagedError, keep=True):

@@ -69,9 +69,9 @@ class StoredFile:
         digest = hashlib.sha256()
         query = "SELECT rowid FROM content WHERE sha256 = ?"
         with self.database.reading() as db:
-            if (found := db.execute(query, [self.sha256]).fetchone()) is None:
+            if (row := db.execute(query, [self.sha256]).fetchone()) is None:
                 raise DamagedError("A file has gone from the project; give it again.")
-            with closing(db.blobopen("content", "bytes", found[0], readonly=True)) as blob:
+            with closing(db.blobopen("content", "bytes", row[0], readonly=True)) as blob:
                 while piece := blob.read(PIECE):
                     digest.update(piece)
                     yield piece
@@ -114,18 +114,18 @@ class Store(Database):
                 check_quota(self.size, size)
                 db.execute("INSERT INTO file VALUES (?, ?)", [sha256, time.time()])
                 empty = "INSERT INTO content VALUES (?, zeroblob(?)) RETURNING rowid"
-                ((at,),) = db.execute(empty, [sha256, size]).fetchall()
+                ((rowid,),) = db.execute(empty, [sha256, size]).fetchall()
                 source.seek(0)
-                with closing(db.blobopen("content", "bytes", at)) as blob:
+                with closing(db.blobopen("content", "bytes", rowid)) as blob:
                     while piece := source.read(PIECE):
                         blob.write(piece)
         return stored
 
     def files(self, part: str) -> dict[str, StoredFile]:
-        found = self.rows(
+        rows = self.rows(
             "SELECT name, sha256, about FROM named WHERE part = ? ORDER BY rowid", self.scope + part
         )
-        return {name: StoredFile(sha256, self, loaded(about)) for name, sha256, about in found}
+        return {name: StoredFile(sha256, self, loaded(about)) for name, sha256, about in rows}
 
     def file(self, part: str, name: str) -> StoredFile | None:
         return self.files(part).get(name)
@@ -135,15 +135,15 @@ class Store(Database):
         refuse_unlisted("named", part)
         with self.transaction() as db:
             for name, file in files.items():
-                own, about = [self.scope + part, name], json.dumps(file.about, allow_nan=False)
+                key, about = [self.scope + part, name], json.dumps(file.about, allow_nan=False)
                 if not self.rows("SELECT 1 FROM file WHERE sha256 = ?", file.sha256):
                     raise StereocalError(f"{name} has gone from the project; give it again.")
                 query = "SELECT sha256 FROM named WHERE part = ? AND name = ?"
-                replaced = self.rows(query, *own)
+                replaced = self.rows(query, *key)
                 db.execute(
                     "INSERT INTO named (part, name, sha256, about) VALUES (?, ?, ?, ?) "
                     "ON CONFLICT DO UPDATE SET sha256 = excluded.sha256, about = excluded.about",
-                    [*own, file.sha256, about],
+                    [*key, file.sha256, about],
                 )
                 db.executemany(FREE, replaced)
 
@@ -161,11 +161,11 @@ class Store(Database):
 
     def forget_files(self, part: str, names: Collection[str] | None = None) -> None:
         """Remove the names of a part, all or some, and contents that no other name uses."""
-        own = self.scope + part
+        scoped_part = self.scope + part
         with self.freeing() as db:
             for name, file in self.files(part).items():
                 if names is None or name in names:
-                    db.execute("DELETE FROM named WHERE part = ? AND name = ?", [own, name])
+                    db.execute("DELETE FROM named WHERE part = ? AND name = ?", [scoped_part, name])
                     db.execute(FREE, [file.sha256])
 
     def of_pair(self, name: str) -> "Store":
@@ -213,28 +213,31 @@ class Store(Database):
 
     def values(self, part: str) -> dict[str, Any]:
         """The values of a part by name."""
-        found = self.rows("SELECT name, json FROM value WHERE part = ?", self.scope + part)
-        return {str(name): loaded(text) for name, text in found}
+        rows = self.rows("SELECT name, json FROM value WHERE part = ?", self.scope + part)
+        return {str(name): loaded(text) for name, text in rows}
 
     def keep_values(self, part: str, values: Mapping[str, Any]) -> None:
         """Store values; existing names are replaced."""
         refuse_unlisted("value", part, values)
-        own = self.scope + part
-        rows = [(own, name, json.dumps(value, allow_nan=False)) for name, value in values.items()]
+        scoped_part = self.scope + part
+        rows = [
+            (scoped_part, name, json.dumps(value, allow_nan=False))
+            for name, value in values.items()
+        ]
         with self.transaction() as db:
             db.executemany("INSERT OR REPLACE INTO value VALUES (?, ?, ?)", rows)
 
     def result(self, kind: str) -> bytes | None:
         """The stored result of a kind; None without one."""
-        found = self.rows("SELECT content FROM result WHERE kind = ?", self.scope + kind)
-        if found and not isinstance(found[0][0], bytes):
+        rows = self.rows("SELECT content FROM result WHERE kind = ?", self.scope + kind)
+        if rows and not isinstance(rows[0][0], bytes):
             raise DamagedError("A result in the project's file is damaged.")
-        return found[0][0] if found else None
+        return rows[0][0] if rows else None
 
     def result_digest(self, kind: str) -> str | None:
         """SHA-256 of the stored result of a kind; None without one."""
-        found = self.rows("SELECT sha256 FROM result WHERE kind = ?", self.scope + kind)
-        return found[0][0] if found else None
+        rows = self.rows("SELECT sha256 FROM result WHERE kind = ?", self.scope + kind)
+        return rows[0][0] if rows else None
 
     def keep_result(self, kind: str, content: bytes | None) -> str:
         """Replace a result; None deletes it. Returns its SHA-256, if any."""

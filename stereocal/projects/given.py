@@ -51,9 +51,9 @@ class ProjectGiven(ProjectPart):
         for name, content in files.items():
             file = self.database.keep_file(content, name)
             with self.database.transaction():
-                before = self.parts.get(name)
-                if before is not None and before != file:
-                    self.database.name_files(REPLACED, {name: before})
+                present = self.parts.get(name)
+                if present is not None and present != file:
+                    self.database.name_files(REPLACED, {name: present})
                 self.database.name_files(PARTS, {name: file})
 
     def drop_part(self, name: str) -> None:
@@ -76,7 +76,7 @@ class ProjectGiven(ProjectPart):
         if (recording := self.project.recording_as_given) is not None:
             return dict(recording.cameras)
         files = {name: file.read_bytes() for name, file in self.parts.items()}
-        cameras = {name: each for name, each in files.items() if not is_table(name, each)}
+        cameras = {name: content for name, content in files.items() if not is_table(name, content)}
         return cameras_in(cameras, ExchangeOptions())
 
     @property
@@ -92,8 +92,8 @@ class ProjectGiven(ProjectPart):
     @property
     def rig_cameras(self) -> tuple[str, ...]:
         """Names of the cameras of files that are of three or more; empty for two."""
-        found = [name for cameras in self._parts.values() for name in cameras]
-        return tuple(found) if len(found) > 2 or self._has_points else ()
+        names = [name for cameras in self._parts.values() for name in cameras]
+        return tuple(names) if len(names) > 2 or self._has_points else ()
 
     @property
     def open_files(self) -> tuple[str, ...]:
@@ -121,9 +121,9 @@ class ProjectGiven(ProjectPart):
     def sides(self) -> WhichCamera:
         """The cameras of the photographs, of two."""
         files = self.photographs.photographs
-        about = repr([(name, file.about) for name, file in files.items()])
+        key = repr([(name, file.about) for name, file in files.items()])
         return once(
-            "whose photographs", about, lambda: which_camera(files, taken=self.photographs.taken)
+            "whose photographs", key, lambda: which_camera(files, taken=self.photographs.taken)
         )
 
     @property
@@ -163,23 +163,23 @@ class ProjectGiven(ProjectPart):
         files, labels = self.database.files(INPUT), self.project.inputs.labels
         if not {*CAMERAS} <= {*files}:
             return None
-        first, second = (files[which].read_bytes() for which in CAMERAS)
+        primary, secondary = (files[which].read_bytes() for which in CAMERAS)
         names = labels["primary"], labels["secondary"]
-        return read_once(nominal_baseline, first, second, names)
+        return read_once(nominal_baseline, primary, secondary, names)
 
     def add_photographs(self, stored: Mapping[str, StoredFile]) -> None:
         """Add stored photographs. Those that are there already stay as they are; others with the
         same names are the second camera's."""
         if not stored:
             return
-        before = self.photographs.photographs
+        present = self.photographs.photographs
         # A folder may have been put before the name.
-        there = {(name.partition("/")[2], file) for name, file in before.items()}
-        there |= {*before.items()}
-        new = {name: file for name, file in stored.items() if (name, file) not in there}
-        again = [name for name in new if name in before]
+        known = {(name.partition("/")[2], file) for name, file in present.items()}
+        known |= {*present.items()}
+        new = {name: file for name, file in stored.items() if (name, file) not in known}
+        again = [name for name in new if name in present]
         if 2 * len(again) > len(new) and {*again} <= {n for s in self.sides.open for n in s.names}:
-            self.photographs.rename({name: f"primary/{name}" for name in before})
+            self.photographs.rename({name: f"primary/{name}" for name in present})
             new = {f"secondary/{name}": file for name, file in new.items()}
         self.photographs.add(new)
         self.settle()
@@ -192,8 +192,10 @@ class ProjectGiven(ProjectPart):
             return
         folders = by_folder(names, cameras := self.rig_cameras)
         placed = {name for of_camera in folders.values() for name in of_camera}
-        found = which_of((name for name in names if name not in placed), cameras)
-        self.photographs.rename({name: f"{camera}/{name}" for name, camera in found.items()})
+        cameras_found = which_of((name for name in names if name not in placed), cameras)
+        self.photographs.rename(
+            {name: f"{camera}/{name}" for name, camera in cameras_found.items()}
+        )
 
     def name_cameras(self, cameras: Mapping[str, Camera]) -> None:
         """Name the cameras of a rig, to tell whose photographs are given; of two, forget them."""
@@ -208,7 +210,7 @@ class ProjectGiven(ProjectPart):
         """Keep which camera took photographs; of two, another series is the other camera's."""
         moved = {name: f"{camera}/{name}" for name in series.names}
         if not self.is_of_rig and len(self.open_series) == 2:
-            (other,) = (each for each in self.open_series if each != series)
+            (other,) = (candidate for candidate in self.open_series if candidate != series)
             side = CAMERAS[1 - CAMERAS.index("primary" if camera == "primary" else "secondary")]
             moved |= {name: f"{side}/{name}" for name in other.names}
         self.photographs.rename(moved)
@@ -229,15 +231,15 @@ class ProjectGiven(ProjectPart):
             return {}
         pending = self.open_files
         sides = which_camera(pending, {**used, **self.sides.known}, each=True)
-        found = {side: name for name, side in sides.known.items()}
-        if len(found) < len(sides.known):
+        placed = {side: name for name, side in sides.known.items()}
+        if len(placed) < len(sides.known):
             raise StereocalError(
                 f"{', '.join(sides.known)}: two of these are the same camera's. Give one for each."
             )
-        free = [slot for slot in CAMERAS if slot not in used.values() and slot not in found]
-        if len(sides.open) == len(free) == 1 and (used or found):
-            found[free[0]] = sides.open[0].names[0]
-        return found
+        free = [slot for slot in CAMERAS if slot not in used.values() and slot not in placed]
+        if len(sides.open) == len(free) == 1 and (used or placed):
+            placed[free[0]] = sides.open[0].names[0]
+        return placed
 
     def more_cameras(self, more: Mapping[str, bytes]) -> None:
         """The camera files in use and the kept ones are those of three cameras and more.

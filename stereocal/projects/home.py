@@ -63,8 +63,12 @@ class Listed:
 
 def find_projects(home: Path, search: str = "") -> list[str]:
     dated = [(changed_at(s.path), s.path) for s in _stores(home) if not s.marker.exists()]
-    wanted, found = search.strip().casefold(), sorted(dated, reverse=True)
-    return [own.stem for at, own in found if not wanted or wanted in _title(own, at).casefold()]
+    wanted, newest_first = search.strip().casefold(), sorted(dated, reverse=True)
+    return [
+        path.stem
+        for changed, path in newest_first
+        if not wanted or wanted in _title(path, changed).casefold()
+    ]
 
 
 def recent_projects(home: Path, ids: Iterable[str] | None = None) -> list[Listed]:
@@ -86,8 +90,8 @@ def entry_of(project: Project) -> Listed:
 def removed_projects(home: Path) -> list[Listed]:
     """The removed projects, the one removed last first, damaged ones included."""
     dated = [(removed_at(home, store.path.stem), store.path) for store in _stores(home)]
-    there = sorted(((when, path) for when, path in dated if when is not None), reverse=True)
-    return [Listed(path.stem, _title(path, changed_at(path)), when) for when, path in there]
+    removed = sorted(((when, path) for when, path in dated if when is not None), reverse=True)
+    return [Listed(path.stem, _title(path, changed_at(path)), when) for when, path in removed]
 
 
 def removed_at(home: Path, project_id: str) -> float | None:
@@ -115,8 +119,8 @@ def duplicate(home: Path, project_id: str) -> Project:
 
     def fill(database: Store) -> None:
         with database.transaction():
-            for key, each in CONTENTS.items():
-                if each.stays:
+            for key, entry in CONTENTS.items():
+                if entry.stays:
                     database.forget_all(key)
         Project(database).rename(f"{title_of(source)} (copy)")
 
@@ -173,9 +177,9 @@ def sweep(home: Path, removed_days: float, unused_days: float = math.inf) -> int
     now, count = time.time(), 0
     folder = private_folder(home / "projects")
     for store in _stores(home):
-        removed, own = removed_at(home, store.path.stem), changed_at(store.path)
+        removed, changed = removed_at(home, store.path.stem), changed_at(store.path)
         since, days, act = (
-            (own, unused_days, remove) if removed is None else (removed, removed_days, delete)
+            (changed, unused_days, remove) if removed is None else (removed, removed_days, delete)
         )
         with suppress(StereocalError):
             if now - since > days * DAY_S:
@@ -195,8 +199,8 @@ def sweep(home: Path, removed_days: float, unused_days: float = math.inf) -> int
 def _stores(home: Path) -> list[Store]:
     """The stores of all projects, removed ones included; none if the folder cannot be read."""
     try:
-        found = (home / "projects").glob(f"*{SUFFIX}")
-        return [Store(path) for path in found if is_id(path.stem)]
+        paths = (home / "projects").glob(f"*{SUFFIX}")
+        return [Store(path) for path in paths if is_id(path.stem)]
     except OSError:
         return []
 
@@ -228,8 +232,10 @@ def card_of(project: Project) -> Card:
     if dataset is not None:
         data = count(len(dataset.correspondences.frames), "frame")
     else:
-        given = "correspondences" in project.inputs.files
-        data = _photographs_of(project) or ("points, data incomplete" if given else "no points yet")
+        has_points = "correspondences" in project.inputs.files
+        data = _photographs_of(project) or (
+            "points, data incomplete" if has_points else "no points yet"
+        )
     return Card(data, _result_of(project))
 
 
@@ -239,12 +245,12 @@ def _rig_of(project: Project) -> str:
         return "not calibrated"
     figures, pairs = rig.about.figures, rig.about.pairs
     assert figures is not None, "a project's rig has a recording"
-    noise = [(own.noise_px, name) for name, own in pairs.items() if own.noise_px is not None]
+    noise = [(pair.noise_px, name) for name, pair in pairs.items() if pair.noise_px is not None]
     worst, name = max(noise, default=(0.0, ""))
-    last = f", worst pair {name} with {rounded(worst)} px" if name else ""
+    worst_pair = f", worst pair {name} with {rounded(worst)} px" if name else ""
     metric = figures.metric_error_p95
     metres = "" if metric is None else f", lengths in metres to {percent(metric)} % (95 %)"
-    return f"One rig: {rig_errors_in_words(figures)}{metres}{last}"
+    return f"One rig: {rig_errors_in_words(figures)}{metres}{worst_pair}"
 
 
 def title_of(project: Project) -> str:
@@ -257,17 +263,17 @@ def title_of(project: Project) -> str:
         if name in FOUND_LABELS:
             points = [file.label for file in project.database.files(POINT_FILES).values()]
             files = [*points, *inputs.labels.values(), *project.database.files(PARTS)]
-            own = (label for label in files if label not in FOUND_LABELS)
-            name = _photographs_of(project) or next(own, "Nothing yet")
-        ((first,),) = project.database.rows("SELECT min(stored) FROM file")
-    begun = datetime.fromtimestamp(first or project.database.path.stat().st_mtime)
+            given_labels = (label for label in files if label not in FOUND_LABELS)
+            name = _photographs_of(project) or next(given_labels, "Nothing yet")
+        ((first_stored,),) = project.database.rows("SELECT min(stored) FROM file")
+    begun = datetime.fromtimestamp(first_stored or project.database.path.stat().st_mtime)
     return f"{name}, {begun.astimezone().strftime('%Y-%m-%d')}"
 
 
 def _photographs_of(project: Project) -> str:
     photographs = len(ProjectPhotographs(project).photographs)
-    held = "of a board" if BOARDS_LABEL in project.inputs.labels.values() else ""
-    return f"{count(photographs, 'photograph')} {held}".rstrip() if photographs else ""
+    of_what = "of a board" if BOARDS_LABEL in project.inputs.labels.values() else ""
+    return f"{count(photographs, 'photograph')} {of_what}".rstrip() if photographs else ""
 
 
 def _result_of(project: Project) -> str:
@@ -284,7 +290,9 @@ def _result_of(project: Project) -> str:
         "unknown" if value is None else f"{percent(value)} %"
         for value in (measure.metric_p95.held_out, match.wrong_let_in.held_out)
     )
-    names = " and ".join(dict.fromkeys(METHOD_NAMES[each.method] for each in (match, measure)))
+    names = " and ".join(
+        dict.fromkeys(METHOD_NAMES[figures.method] for figures in (match, measure))
+    )
     bar, metric = bar_known(answer.run.calibration, None), measure.metric_p95.held_out
     mostly = f", mostly by the {bar.word}" if metric and 2 * bar.p95**2 > metric**2 else ""
     within = f"95 % of lengths in metres within {lengths}{mostly}"

@@ -85,7 +85,7 @@ class Inputs:
             name: used where the project has none.
         """
         rigid_object = rows.rigid_object
-        known = Recording.of_two(
+        measured = Recording.of_two(
             self.name or name,
             self._known("primary", primary),
             self._known("secondary", secondary),
@@ -95,7 +95,7 @@ class Inputs:
             self.target_distance_sigma_m,
         )
         recording = replace(
-            known,
+            measured,
             start_frames={CAMERAS[1]: self.start_frame} if self.start_frame else {},
             step_notes=tuple(self.step_notes),
         )
@@ -104,24 +104,24 @@ class Inputs:
             dataset = dataset.with_targets_exchanged(exchanged)
         return with_baseline_found(dataset)
 
-    def of_rig(self, given: Recording) -> Recording:
+    def of_rig(self, as_read: Recording) -> Recording:
         """A recording of three cameras and more as given, with what was stated and corrected."""
-        held, sigma_m = given.object, self.target_distance_sigma_m
-        found = replace(
-            given,
-            name=self.name or given.name,
-            object=held if sigma_m is None else replace(held, sigma_m=sigma_m),
+        held_object, sigma_m = as_read.object, self.target_distance_sigma_m
+        recording = replace(
+            as_read,
+            name=self.name or as_read.name,
+            object=held_object if sigma_m is None else replace(held_object, sigma_m=sigma_m),
         )
         if self.baseline_free:
-            found = replace(found, baselines_m={}, baseline_sigma_m=math.inf)
+            recording = replace(recording, baselines_m={}, baseline_sigma_m=math.inf)
         elif self.baselines_m:
-            measured = {found.pair_named(pair): m for pair, m in self.baselines_m.items()}
-            found = replace(found, baselines_m=measured, baseline_sigma_m=None)
-        if self.baseline_sigma_m is not None and found.baselines_m:
-            found = replace(found, baseline_sigma_m=self.baseline_sigma_m)
+            measured = {recording.pair_named(pair): m for pair, m in self.baselines_m.items()}
+            recording = replace(recording, baselines_m=measured, baseline_sigma_m=None)
+        if self.baseline_sigma_m is not None and recording.baselines_m:
+            recording = replace(recording, baseline_sigma_m=self.baseline_sigma_m)
         for camera, frames in self.exchanged.items():
-            found = found.with_targets_exchanged(camera, frames)
-        return found
+            recording = recording.with_targets_exchanged(camera, frames)
+        return recording
 
     def _known(self, which: CameraName, camera: Camera) -> Camera:
         """A camera with the stated uncertainty instead of its file's.
@@ -163,8 +163,8 @@ def inputs_of(stored: Mapping[str, Any]) -> Inputs:
         TypeError, ValueError: these are none.
     """
     exchanged = stored.get("exchanged")
-    own = {CAMERAS[1]: exchanged} if isinstance(exchanged, list) and exchanged else exchanged
-    return of_plain({**stored, "exchanged": own or {}}, Inputs)
+    by_camera = {CAMERAS[1]: exchanged} if isinstance(exchanged, list) and exchanged else exchanged
+    return of_plain({**stored, "exchanged": by_camera or {}}, Inputs)
 
 
 def stated_in(dataset: Pair) -> dict[str, Any]:

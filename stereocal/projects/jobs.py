@@ -19,7 +19,7 @@ from stereocal.errors import DAMAGED, StereocalError
 from stereocal.projects.database import Database
 from stereocal.system.records import pack, unpack
 
-SOFTWARE = " ".join(each.__version__ for each in (stereocal, np, scipy, numba, cv2))
+SOFTWARE = " ".join(package.__version__ for package in (stereocal, np, scipy, numba, cv2))
 """Versions that results depend on."""
 SERVER = uuid.uuid4().hex
 """Names this process in the rows of its jobs."""
@@ -30,35 +30,35 @@ class FoundBefore:
     a full disk nothing is stored, and the job continues.
 
     Args:
-        of: the results, which are stored as records; those that are `unreadable` are not, so that
-            they are tried again.
+        record_type: of the results, which are stored as records; those that are `unreadable` are
+            not, so that they are tried again.
     """
 
-    def __init__(self, database: Database, kind: str, of: Any) -> None:
-        self._database, self._kind, self._of = database, database.scope + kind, of
-        found = database.rows("SELECT key FROM found WHERE kind = ?", self._kind)
-        self._keys = {str(key) for (key,) in found}
+    def __init__(self, database: Database, kind: str, record_type: Any) -> None:
+        self._database, self._kind, self._record_type = database, database.scope + kind, record_type
+        rows = database.rows("SELECT key FROM found WHERE kind = ?", self._kind)
+        self._keys = {str(key) for (key,) in rows}
 
     def get(self, key: str) -> Any:
         """The result; None if there is none, it is damaged, or of other software."""
-        if (own := _digest(key)) not in self._keys:
+        if (digest := _digest(key)) not in self._keys:
             return None
         query = "SELECT content FROM found WHERE kind = ? AND key = ?"
         try:
-            found = self._database.rows(query, self._kind, own)
-            return unpack(bytes(found[0][0]), self._of)
+            rows = self._database.rows(query, self._kind, digest)
+            return unpack(bytes(rows[0][0]), self._record_type)
         except DAMAGED:
-            self._keys.discard(own)  # it is stored again
+            self._keys.discard(digest)  # it is stored again
             return None
 
     def keep(self, key: str, result: Any) -> None:
         """Store a result, unless it is stored."""
-        own = _digest(key)
-        if own in self._keys or getattr(result, "unreadable", False):
+        digest = _digest(key)
+        if digest in self._keys or getattr(result, "unreadable", False):
             return
-        self._keys.add(own)
+        self._keys.add(digest)
         with suppress(StereocalError), self._database.transaction() as db:
-            row = [self._kind, own, pack(result)]
+            row = [self._kind, digest, pack(result)]
             db.execute("INSERT OR REPLACE INTO found VALUES (?, ?, ?)", row)
 
 
@@ -78,11 +78,11 @@ def end(database: Database, kind: str, failed: bool = False) -> None:
     Args:
         failed: what it has found stays, for the next one.
     """
-    own = [database.scope + kind]
+    scoped_kind = [database.scope + kind]
     with suppress(StereocalError), database.freeing() as db:  # else it is shown as interrupted
-        db.execute("DELETE FROM job WHERE kind = ?", own)
+        db.execute("DELETE FROM job WHERE kind = ?", scoped_kind)
         if not failed:
-            db.execute("DELETE FROM found WHERE kind = ?", own)
+            db.execute("DELETE FROM found WHERE kind = ?", scoped_kind)
 
 
 def is_interrupted(database: Database, kind: str) -> bool:

@@ -23,21 +23,23 @@ class ProjectLens(ProjectPart):
     def photographs(self) -> dict[str, StoredFile]:
         return self.database.files(self._boards)
 
-    def add(self, found: Mapping[str, StoredFile]) -> None:
+    def add(self, photographs: Mapping[str, StoredFile]) -> None:
         """Add stored photographs; a repeated name is replaced."""
         with self.database.transaction():
-            before = self.photographs
-            self.database.name_files(self._boards, found)
-            if any(before.get(name, file) != file for name, file in found.items()):
+            present = self.photographs
+            self.database.name_files(self._boards, photographs)
+            if any(present.get(name, file) != file for name, file in photographs.items()):
                 # New names need no reset: `search` compares the names.
                 self.database.keep_result(self._boards, None)
 
-    def replace(self, folder: str, found: Mapping[str, StoredFile]) -> None:
+    def replace(self, folder: str, photographs: Mapping[str, StoredFile]) -> None:
         """Add stored photographs of a folder, in the place of those that it had."""
         with self.database.transaction():
             gone = [name for name in self.photographs if name.startswith(f"{folder}/")]
-            self.database.forget_files(self._boards, [name for name in gone if name not in found])
-            self.add(found)
+            self.database.forget_files(
+                self._boards, [name for name in gone if name not in photographs]
+            )
+            self.add(photographs)
 
     def clear(self) -> None:
         """Delete the photographs, the boards found and the lens."""

@@ -43,19 +43,19 @@ def pairs_of_before(db: sqlite3.Connection) -> None:
         row = [INPUT, "target_distance_sigma_m", json.dumps(stated)]
         db.execute("INSERT OR REPLACE INTO value VALUES (?, ?, ?)", row)
     db.execute("DELETE FROM value WHERE part = ? AND name = ?", [SETTING, OBJECT_SIGMA])
-    found = db.execute(
+    rows = db.execute(
         "SELECT DISTINCT part FROM value WHERE part GLOB ?", [f"{SCOPE}*/{INPUT}"]
     ).fetchall()
-    scopes = [str(part).removesuffix(INPUT) for (part,) in found]
-    known, pages = dict(_pairs(db)), [f"{SCOPE}{page}/" for page in PAGES]
+    scopes = [str(part).removesuffix(INPUT) for (part,) in rows]
+    pairs, pages = dict(_pairs(db)), [f"{SCOPE}{page}/" for page in PAGES]
     for scope in sorted(set(scopes) - set(pages)):
-        if (pair := known.get(scope.removeprefix(SCOPE).rstrip("/"))) is not None:
+        if (pair := pairs.get(scope.removeprefix(SCOPE).rstrip("/"))) is not None:
             _move_corrections(db, scope, pair)
-            is_first = pair[0] == next(iter(known.values()))[0]
+            is_first = pair[0] == next(iter(pairs.values()))[0]
             _move(db, scope, dict(zip(CAMERAS, pair, strict=True)), is_first)
         for table, column in PAIRED.items():
-            at = f"substr({column}, 1, length(?1)) = ?1"
-            db.execute(f"DELETE FROM {table} WHERE {at}", [scope])
+            in_scope = f"substr({column}, 1, length(?1)) = ?1"
+            db.execute(f"DELETE FROM {table} WHERE {in_scope}", [scope])
 
 
 def _pairs(db: sqlite3.Connection) -> Iterator[tuple[str, tuple[str, str]]]:
@@ -72,18 +72,18 @@ def _pairs(db: sqlite3.Connection) -> Iterator[tuple[str, tuple[str, str]]]:
 
 
 def _values(db: sqlite3.Connection, part: str) -> dict[str, Any]:
-    found = db.execute("SELECT name, json FROM value WHERE part = ?", [part]).fetchall()
-    return {str(name): json.loads(text) for name, text in found}
+    rows = db.execute("SELECT name, json FROM value WHERE part = ?", [part]).fetchall()
+    return {str(name): json.loads(text) for name, text in rows}
 
 
 def _move_corrections(db: sqlite3.Connection, scope: str, pair: tuple[str, str]) -> None:
     """Frames left out of a pair are left out of all; its second camera had targets exchanged."""
-    own, whole = _values(db, f"{scope}{INPUT}"), _values(db, INPUT)
+    of_pair, whole = _values(db, f"{scope}{INPUT}"), _values(db, INPUT)
     exchanged = whole.get("exchanged")
     exchanged = dict(exchanged) if isinstance(exchanged, dict) else {}
-    if of_second := own.get("exchanged"):
+    if of_second := of_pair.get("exchanged"):
         exchanged[pair[1]] = sorted({*exchanged.get(pair[1], []), *of_second})
-    left_out = sorted({*(whole.get("left_out") or []), *(own.get("left_out") or [])})
+    left_out = sorted({*(whole.get("left_out") or []), *(of_pair.get("left_out") or [])})
     for name, value in (("exchanged", exchanged), ("left_out", left_out)):
         db.execute(
             "INSERT OR REPLACE INTO value VALUES (?, ?, ?)", [INPUT, name, json.dumps(value)]
@@ -111,8 +111,8 @@ def _move(db: sqlite3.Connection, scope: str, names: dict[str, str], is_first: b
     for part, to in places.items():
         rows = db.execute("SELECT name FROM named WHERE part = ?", [f"{scope}{part}"]).fetchall()
         for (name,) in rows:
-            first, slash, rest = str(name).partition("/")
-            _name(db, to, f"{names.get(first, first)}{slash}{rest}", f"{scope}{part}", name)
+            folder, slash, file = str(name).partition("/")
+            _name(db, to, f"{names.get(folder, folder)}{slash}{file}", f"{scope}{part}", name)
     last = max(map(int, _values(db, CLICKS)), default=0)
     acts = sorted(_values(db, f"{scope}{CLICKS}").items())
     for number, (_, act) in enumerate(acts, start=last + 1):
@@ -120,18 +120,20 @@ def _move(db: sqlite3.Connection, scope: str, names: dict[str, str], is_first: b
         db.execute("INSERT INTO value VALUES (?, ?, ?)", row)
 
 
-def _name(db: sqlite3.Connection, part: str, name: str, before: str, own: str) -> None:
+def _name(db: sqlite3.Connection, part: str, name: str, part_before: str, name_before: str) -> None:
     """Name a file of a pair as one of the project, unless that has one of the name."""
     db.execute(
         "INSERT OR IGNORE INTO named SELECT ?, ?, sha256, about FROM named "
         "WHERE part = ? AND name = ?",
-        [part, name, before, own],
+        [part, name, part_before, name_before],
     )
 
 
 def _renamed(act: Any, names: dict[str, str]) -> Any:
     """An act of clicks, of the cameras by their names."""
-    placed = [{**one, "camera": names.get(one["camera"], one["camera"])} for one in act["placed"]]
+    placed = [
+        {**click, "camera": names.get(click["camera"], click["camera"])} for click in act["placed"]
+    ]
     removed = [
         (frame, names.get(camera, camera), track) for frame, camera, track in act.get("removed", [])
     ]

@@ -61,8 +61,10 @@ class ProjectPhotographs(ProjectPart):
     def proposal(self) -> Proposal:
         """The ways to pair the photographs, and the one taken."""
         choice = self.choice
-        about = [(name, file.about) for name, file in self.photographs.items()]
-        return once("pairs proposed", repr((about, choice)), lambda: propose(self.taken, choice))
+        described = [(name, file.about) for name, file in self.photographs.items()]
+        return once(
+            "pairs proposed", repr((described, choice)), lambda: propose(self.taken, choice)
+        )
 
     @property
     def choice(self) -> Choice:
@@ -133,8 +135,8 @@ class ProjectPhotographs(ProjectPart):
         """Keep what a search found about cameras that were started by hand, if it did."""
         if pairing.motion is not None:
             with self.database.transaction():
-                found = replace(self.choice, later=pairing.motion.later, told=pairing.sentence)
-                self._decide([*self._decisions[:-1], Decided(found)])
+                choice = replace(self.choice, later=pairing.motion.later, told=pairing.sentence)
+                self._decide([*self._decisions[:-1], Decided(choice)])
 
     def keep_rows(self, rows: Sequence[PairRow] | None) -> None:
         """Store the edited pairs; None returns to the proposal."""
@@ -149,17 +151,17 @@ class ProjectPhotographs(ProjectPart):
         replaced photographs are removed, also from the table of points.
         """
         with self.database.transaction():
-            before = self.photographs
+            present = self.photographs
             self.database.name_files(BAR, _dated(stored))
             if self._edited is not None:
                 self.keep_rows(with_new(self.rows, self.taken))
-            replaced = {name for name in stored if before.get(name, stored[name]) != stored[name]}
+            replaced = {name for name in stored if present.get(name, stored[name]) != stored[name]}
             frames = self.frames or []
-            left = [frame for frame in frames if not replaced.intersection(frame.files)]
+            remaining = [frame for frame in frames if not replaced.intersection(frame.files)]
             if self.project.inputs.labels.get("correspondences") != TABLE_LABEL:
-                self.database.keep_result("frames", pack_frames(left))
-            elif len(left) < len(frames):
-                self._keep_frames(left)
+                self.database.keep_result("frames", pack_frames(remaining))
+            elif len(remaining) < len(frames):
+                self._keep_frames(remaining)
 
     def rename(self, names: Mapping[str, str]) -> None:
         """Give photographs other names, by their present ones; their pairs stay."""
@@ -168,7 +170,7 @@ class ProjectPhotographs(ProjectPart):
             moved = {new: files[old] for old, new in names.items() if old in files}
             self.database.name_files(BAR, moved)
             self.database.forget_files(BAR, [old for old in names if old not in moved])
-            self._decide([renamed(one, names) for one in self._decisions])
+            self._decide([renamed(decision, names) for decision in self._decisions])
 
     def clear(self, stored: Mapping[str, StoredFile] = MappingProxyType({})) -> None:
         """Delete all photographs but `stored`, and the targets found in them."""
@@ -249,8 +251,11 @@ class ProjectPhotographs(ProjectPart):
                 the frames are stored, without a table.
         """
         with self.database.transaction():
-            now, names = self.photographs, {name for frame in frames for name in frame.files}
-            if any(now.get(name) != searched.get(name) for name in names):
+            photographs, names = (
+                self.photographs,
+                {name for frame in frames for name in frame.files},
+            )
+            if any(photographs.get(name) != searched.get(name) for name in names):
                 raise StereocalError(
                     "The photographs were changed while the targets were looked for: find them "
                     "again."
@@ -314,12 +319,12 @@ class ProjectPhotographs(ProjectPart):
         files = {slot: (label, packed[slot]) for slot, label in labels.items()}
         values: dict[str, Any] = {"target_distance_m": dataset.target_distance_m}
         why = {str(frame): why for frame, why in doubtful.items()}
-        about = {"boards_found": sentence, "boards_doubtful": why}
+        board_values = {"boards_found": sentence, "boards_doubtful": why}
         with self.database.transaction():
             if self.project.inputs.baseline_m is None:
                 values["baseline_free"] = True
             self.project.give(files, **values)
-            self.database.keep_values(BAR, about)
+            self.database.keep_values(BAR, board_values)
             self.keep_found_in(made_from)
             self.database.keep_result("frames", None)
 
@@ -337,8 +342,8 @@ class ProjectPhotographs(ProjectPart):
         return None
 
     def _value(self, name: str, default: Any = "") -> Any:
-        found = self.database.values(BAR).get(name)
-        return default if found is None else found
+        value = self.database.values(BAR).get(name)
+        return default if value is None else value
 
 
 def _taken_of(file: StoredFile) -> Taken:

@@ -104,8 +104,8 @@ class Project(ProjectData):
                 return None
             with suppress(StereocalError):  # a damaged one costs itself only
                 evaluation = self.calibration_evaluation
-            known = self.results.result_digest(VALIDATION) if evaluation else None
-            key = f"{self.calibration_digest} {known}"
+            validation_digest = self.results.result_digest(VALIDATION) if evaluation else None
+            key = f"{self.calibration_digest} {validation_digest}"
             return once("answer", key, lambda: PairAnswer(run, evaluation))
 
     @property
@@ -175,13 +175,13 @@ class Project(ProjectData):
     @property
     def calibration_evaluation(self) -> Evaluation | None:
         """The evaluation made with the last result; None if it has none yet."""
-        found = self._result("validation", VALIDATION, unpack_evaluation)
+        evaluation = self._result("validation", VALIDATION, unpack_evaluation)
         calibration = self.calibration
-        if found is None or calibration is None:
+        if evaluation is None or calibration is None:
             return None
         settings = dataclasses.replace(calibration.settings, calibration_frames=None)
-        same = found.settings.calibration == settings
-        return found if same and found.is_of([calibration.dataset]) else None
+        same = evaluation.settings.calibration == settings
+        return evaluation if same and evaluation.is_of([calibration.dataset]) else None
 
     # Further data sets, to validate on together
 
@@ -189,8 +189,8 @@ class Project(ProjectData):
         """Add a zip with a further data set."""
         dataset = pair_in_zip(content, label)
         with self.database.transaction():
-            at = len(self.database.files(FURTHER))
-            file = self.database.give(FURTHER, f"{at:06d}", label, content)
+            number = len(self.database.files(FURTHER))
+            file = self.database.give(FURTHER, f"{number:06d}", label, content)
         latest.keep("data set", _key(file), dataset)
 
     def drop_datasets(self) -> None:

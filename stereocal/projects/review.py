@@ -31,14 +31,14 @@ def read_review(store: ProjectPhotographs) -> Review:
         rows = store.database.rows("SELECT json FROM edit ORDER BY number")
     if frames is None:
         raise StereocalError("The targets have not been found yet.")
-    there = {(frame.frame, frame.files) for frame in frames if frame.reviewed or frame.corrected}
+    edited = {(frame.frame, frame.files) for frame in frames if frame.reviewed or frame.corrected}
     edits: list[Edit] = []
     for (text,) in rows:
         with suppress(*DAMAGED):
             item = json.loads(text)
             before, after = (frame_from_json(item[when]) for when in ("before", "after"))
             edits.append(Edit(before, after, item.get("act")))
-    known = [edit for edit in edits if (edit.after.frame, edit.after.files) in there]
+    known = [edit for edit in edits if (edit.after.frame, edit.after.files) in edited]
     return Review(tuple(frames), tuple(known))
 
 
@@ -81,15 +81,15 @@ def thumbnail(
 
     def make() -> bytes:
         first, second = (
-            board_tile(_image(file), own)
-            if isinstance(own, np.ndarray)
-            else tile(_image(file), own)
-            for file, own in zip(files, marks, strict=True)
+            board_tile(_image(file), mark)
+            if isinstance(mark, np.ndarray)
+            else tile(_image(file), mark)
+            for file, mark in zip(files, marks, strict=True)
         )
         return side_by_side(first, second)
 
-    shown = [own.tolist() if isinstance(own, np.ndarray) else own for own in marks]
-    return once("thumbnail", repr(([file and file.name for file in files], shown)), make)
+    plain_marks = [mark.tolist() if isinstance(mark, np.ndarray) else mark for mark in marks]
+    return once("thumbnail", repr(([file and file.name for file in files], plain_marks)), make)
 
 
 def board_corners(file: StoredFile, pattern: BoardPattern) -> FloatArray:

@@ -34,15 +34,15 @@ class ServerSettings:
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> "ServerSettings":
         """The settings of this server; missing ones have defaults."""
-        found = from_environment(cls, "STEREOCAL_", environment)
-        workers = int(min(max(found.workers, 1), MOST_WORKERS))
-        return replace(found, shared=found.shared > 0, workers=workers)
+        settings = from_environment(cls, "STEREOCAL_", environment)
+        workers = int(min(max(settings.workers, 1), MOST_WORKERS))
+        return replace(settings, shared=settings.shared > 0, workers=workers)
 
 
 def default_home() -> Path:
     """STEREOCAL_HOME, or the user's data directory."""
-    if given := os.environ.get("STEREOCAL_HOME"):
-        return Path(given)
+    if folder := os.environ.get("STEREOCAL_HOME"):
+        return Path(folder)
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData/Local")) / "stereocal"
     if sys.platform == "darwin":

@@ -68,9 +68,9 @@ def choose_apply_inputs(project: Project, store: ProjectApplication) -> ApplyInp
 
 def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs:
     """Points of two cameras; a set to match with, one to measure with, and a threshold."""
-    source, given = Source(project, APPLY_SETS), store.set_of("matching")
+    source, matching_file = Source(project, APPLY_SETS), store.set_of("matching")
     cameras = {
-        which: camera or (getattr(given[1], which) if given else None)
+        which: camera or (getattr(matching_file[1], which) if matching_file else None)
         for which, camera in zip(CAMERAS, project.cameras, strict=True)
     }
     form = PointsForm(
@@ -133,9 +133,9 @@ def _choose_sets(
     source: Source, store: ProjectApplication, places: tuple[DeltaGenerator, DeltaGenerator]
 ) -> tuple[list[str], tuple[RigParameters, RigParameters] | None]:
     """Names and contents of the files to match and to measure with."""
-    answer, files, found = source.answer(), list[str](), list[RigParameters]()
+    answer, files, sets = source.answer(), list[str](), list[RigParameters]()
     for use, place in zip(USES, places, strict=True):
-        kept = None if source.is_project else store.set_of(use)
+        stored = None if source.is_project else store.set_of(use)
         if answer:
             field = set_in_use(source.project, use, answer)
             titles = {name: METHOD_NAMES[name] for name in answer.sets}
@@ -144,19 +144,19 @@ def _choose_sets(
             field.menu(PURPOSES[use], place, format_func=named)
             method = field.value()
             files.append(FILES[method][0])
-            found.append(answer.sets[method])
-        elif kept is not None:
-            place.caption(f"{PURPOSES[use]}  \nIn use: {escape_markdown(kept[0])}")
-            files.append(kept[0])
-            found.append(kept[1])
-    return files, (found[0], found[1]) if len(found) == len(USES) else None
+            sets.append(answer.sets[method])
+        elif stored is not None:
+            place.caption(f"{PURPOSES[use]}  \nIn use: {escape_markdown(stored[0])}")
+            files.append(stored[0])
+            sets.append(stored[1])
+    return files, (sets[0], sets[1]) if len(sets) == len(USES) else None
 
 
 def _choose_for_rig(project: Project, store: ProjectApplication) -> ApplyInputs | None:
     """Points of three cameras and more, and the rig that matches and measures them."""
     rig, label, file = project.rig, "the rig of this project", RIG
-    if not project.is_rig and (given := store.rig_given) is not None:
-        (label, rig), file = given, given[0]
+    if not project.is_rig and (stored_rig := store.rig_given) is not None:
+        (label, rig), file = stored_rig, stored_rig[0]
         with st.container(horizontal=True, vertical_alignment="center"):
             st.caption(f"In use: {escape_markdown(label)}, a rig of {len(rig.names)} cameras")
             button("Use other parameters", "forget_rig", store.forget_rig)
@@ -194,7 +194,7 @@ def update_application(
         store.run(work, job.begin, job.progress, job.executor)
 
     # If damaged, it is computed again.
-    result = readable(lambda: store.result_of(is_clicked), told=False)
+    result = readable(lambda: store.result_of(is_clicked), warn=False)
     stale = "" if result is None else result[0].changed_since(work)
     current, seconds = result is not None and not stale, work.expected_seconds
     unasked = INSTANT_S < seconds <= UNASKED_S
@@ -212,5 +212,5 @@ def update_application(
     if not current and seconds > INSTANT_S and not running:
         label = f"Match and measure ({listed([f'{rows:,}' for rows in work.rows])} points)"
         jobs.start_button(job, label, "apply_run")
-    last = "Cancelled. What is shown is the last finished result."
-    jobs.show_job(project, "apply", last)
+    cancelled = "Cancelled. What is shown is the last finished result."
+    jobs.show_job(project, "apply", cancelled)

@@ -132,8 +132,8 @@ class PointsForm:
             cameras = named_after([*files], [*self.slots])
             slots = {name: self.slots[camera] for name, camera in cameras.items()}
         with self.store.database.transaction():  # all or none
-            for name, own in slots.items():
-                self.store.offer_points(own, name, files[name])
+            for name, file_slot in slots.items():
+                self.store.offer_points(file_slot, name, files[name])
         if len(self.slots) - len(self._missing) >= FEWEST:
             self._kind.set(self._titles[1])
 
@@ -150,19 +150,19 @@ class PointsForm:
             clicks = ProjectClicks(self.store.project).clicks.of_cameras(self.slots)
             tables = clicks.tables(self.slots, to_match=True) if clicks.are_points else {}
             label = f"{CLICKED_IN} {{}} pictures"
-            return {c: self.store.own_points(own, label.format(c)) for c, own in tables.items()}
+            return {c: self.store.own_points(table, label.format(c)) for c, table in tables.items()}
         if self.data is not None and kind == self._titles[0]:
             aside = "The targets' names" if self.is_rig else "Targets A and B"
             st.caption(f"{aside} are left aside: the matching has to tell them apart.")
-            own = points_by_camera(self.data)
+            by_camera = points_by_camera(self.data)
             labels = {c: f"{c} points" if c in CAMERAS else f"camera {c}" for c in self.slots}
             return {
-                camera: self.store.own_points(own[camera], f"{label} of {self.data.name}")
+                camera: self.store.own_points(by_camera[camera], f"{label} of {self.data.name}")
                 for camera, label in labels.items()
-                if camera in own
+                if camera in by_camera
             }
-        found = {camera: self.store.points(slot) for camera, slot in self.slots.items()}
-        return {camera: points for camera, points in found.items() if points is not None}
+        stored = {camera: self.store.points(slot) for camera, slot in self.slots.items()}
+        return {camera: points for camera, points in stored.items() if points is not None}
 
 
 Depths = tuple[float, float]
@@ -193,9 +193,9 @@ def ask_noise(field: Field, usual: PointNoise | str, otherwise: str) -> float | 
     """
     if not isinstance(usual, str):
         usual = f"{rounded(usual.sigma_px)}, {SOURCES.get(usual.source, usual.source)}"
-    told = f"One standard deviation of an image coordinate of your points. Empty: {otherwise}."
+    help_text = f"One standard deviation of an image coordinate of your points. Empty: {otherwise}."
     title = "My points are known to (px)"
-    noise: float | None = field.number_input(title, step=0.1, placeholder=usual, help=told)
+    noise: float | None = field.number_input(title, step=0.1, placeholder=usual, help=help_text)
     return noise
 
 
@@ -212,55 +212,55 @@ class ThresholdForm:
     @property
     def key(self) -> str:
         """Of the points."""
-        return " ".join(each.name for each in self.points.values())
+        return " ".join(points.name for points in self.points.values())
 
     def choose(
         self, noise_at: DeltaGenerator, threshold_at: DeltaGenerator
     ) -> tuple[ThresholdChoice | None, float | None]:
         """The threshold, and the noise of the points as stated: fields that may be empty."""
-        (usual, _), (found, why_none) = (
+        (usual, _), (choice, why_none) = (
             _chosen(self, replace(self.stated, threshold_px=px))
             for px in (None, self.stated.threshold_px)
         )
         noise = None if usual is None else usual.noise
         by = "for targets" if noise is None or noise.source == "calibration" else "by the points"
-        shown = f"{rounded(usual.threshold_px, 3)}, {by}" if usual else "none"
+        placeholder = f"{rounded(usual.threshold_px, 3)}, {by}" if usual else "none"
         threshold_field(self.store.project).number_input(
-            "below (px)", threshold_at, step=0.1, placeholder=shown, help=THRESHOLD
+            "below (px)", threshold_at, step=0.1, placeholder=placeholder, help=THRESHOLD
         )
         with noise_at:
             otherwise = "by their column sigma_px, or estimated from their epipolar errors"
             field = noise_field(self.store.project, "apply_sigma_px")
             sigma_px = ask_noise(field, noise or "", otherwise)
-        if found is None:
+        if choice is None:
             st.warning(escape_markdown(why_none))
             st.info("Give a threshold in pixels.")
             return None, sigma_px
-        st.caption(escape_markdown(found.sentence()))
-        if sigma_px is None and found.noise and found.noise.source == "stated":
-            sigma_px = found.noise.sigma_px
+        st.caption(escape_markdown(choice.sentence()))
+        if sigma_px is None and choice.noise and choice.noise.source == "stated":
+            sigma_px = choice.noise.sigma_px
             st.caption(
                 f"Points clicked by hand are taken to be known to {rounded(sigma_px)} px until "
                 f"{FEWEST_PAIRS} pairs show their own noise."
             )
-        return found, sigma_px
+        return choice, sigma_px
 
-    def show(self, found: ThresholdChoice | None) -> None:
+    def show(self, choice: ThresholdChoice | None) -> None:
         """The errors of the best and second-best pairs, and the depth range."""
         form, figure = st.columns([2, 3], gap="large")
         with form:
             only, *ends = _depth_fields(self.store.project)
-            told = "Where it is known how far away the points are, fewer wrong pairs fit."
-            st.toggle("Only points at some depths", **only.widget(), help=told)
+            help_text = "Where it is known how far away the points are, fewer wrong pairs fit."
+            st.toggle("Only points at some depths", **only.widget(), help=help_text)
             if only.value():
                 titles = ("Nearest (m)", "Farthest (m)")
                 for title, field, column in zip(titles, ends, st.columns(2), strict=True):
                     field.number_input(title, column, format="%.6g")
         with figure:
-            threshold = 0.0 if found is None else found.threshold_px
-            sample = [NO_NAMES.samples(*both)[0] for both in _sampled(self)]
+            threshold = 0.0 if choice is None else choice.threshold_px
+            sample = [NO_NAMES.samples(*pair)[0] for pair in _sampled(self)]
             nearest = jobs.compute(nearest_errors, self.rig, sample, self.stated.depths_m)
-            words = describe_pair_errors(nearest, len(sample), threshold, found)
+            words = describe_pair_errors(nearest, len(sample), threshold, choice)
             show_figure(plot_pair_errors(nearest, threshold), words, "pair_errors", caption=True)
 
 
@@ -293,21 +293,21 @@ def _sampled(form: ThresholdForm) -> Sample:
 
 def _tables(form: ThresholdForm) -> dict[str, pd.DataFrame]:
     points = form.points.items()
-    return {camera: whole_table(own.name, own.label, form.store) for camera, own in points}
+    return {camera: whole_table(file.name, file.label, form.store) for camera, file in points}
 
 
 def _ask_names(store: ProjectApplication, points: Sequence[Points]) -> str:
     """Whether names decide, where all cameras have them; as of `pairs.match`."""
     field = setting(store.project, "apply_names", True, yes_or_no)
-    tables = (whole_table(each.name, each.label, store) for each in points)
-    columns = name_columns(*(list(map(str, each)) for each in tables))
+    tables = (whole_table(file.name, file.label, store) for file in points)
+    columns = name_columns(*(list(map(str, table)) for table in tables))
     if not columns:
         return AUTO
     title = (
         f"Only points of one name belong together (column {escape_markdown(', '.join(columns))})"
     )
-    told = "The images check the names; what does not fit is reported below."
-    st.toggle(title, **field.widget(), help=told)
+    help_text = "The images check the names; what does not fit is reported below."
+    st.toggle(title, **field.widget(), help=help_text)
     return AUTO if field.value() else OFF
 
 

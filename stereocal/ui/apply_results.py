@@ -96,8 +96,8 @@ def show_application(
     if tables is not None and result is not None:
         looks["Tables"] = partial(_show_tables, tables, result[0].matched)
     if looks:
-        shown = setting(project, "apply_view", None, one_of([None, *looks]), tabs_own=True)
-        if look := st.segmented_control("Look closer", list(looks), **shown.widget("default")):
+        field = setting(project, "apply_view", None, one_of([None, *looks]), tabs_own=True)
+        if look := st.segmented_control("Look closer", list(looks), **field.widget("default")):
             looks[look]()
     if result is not None:
         _show_words(store, result[0], tables)
@@ -207,9 +207,9 @@ def _show_words(store: ProjectApplication, outcome: Outcome, tables: Tables | No
                 make = store.table(table).read_bytes
                 offer(f"Download {name}", make, name, f"download_{name}")
             for use, file, name in zip(USES, outcome.files, files, strict=False):
-                kept, (_, digest) = store.set_of(use), outcome.used.get(use, ("", ""))
-                if name != file and kept and kept[1].digest == digest:
-                    offer(f"Download {name}", kept[1].dumps, name, f"download_set_{use}")
+                stored, (_, digest) = store.set_of(use), outcome.used.get(use, ("", ""))
+                if name != file and stored and stored[1].digest == digest:
+                    offer(f"Download {name}", stored[1].dumps, name, f"download_set_{use}")
 
 
 def _parameter_file(outcome: Outcome, use: Use) -> str:
@@ -230,7 +230,7 @@ def _commands(outcome: Outcome, names: Sequence[str], files: Sequence[str]) -> s
     sigma = "" if outcome.sigma_px is None else f" --sigma-px {outcome.sigma_px!r}"
     world = "" if outcome.world is None else f" --world {WORLD_FILE}"
     by_name = "" if outcome.names == AUTO else f" --names {outcome.names}"
-    given = " ".join(
+    point_files = " ".join(
         shlex.quote(name if camera in CAMERAS else f"{camera}={name}")
         for camera, name in zip(outcome.cameras, names, strict=True)
     )
@@ -244,7 +244,7 @@ def _commands(outcome: Outcome, names: Sequence[str], files: Sequence[str]) -> s
         match = f"--parameters {files[0]} {threshold}{sigma}{depths}{by_name}"
         measure = f"--parameters {files[1]}{world}"
     return (
-        f"python -m stereocal match {given} {match} --out {outcome.matched}\n"
+        f"python -m stereocal match {point_files} {match} --out {outcome.matched}\n"
         f"python -m stereocal reconstruct {outcome.matched} {measure} --out {POINTS}"
     )
 
@@ -278,8 +278,8 @@ def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: 
         for side, table in zip(outcome.cameras, tables, strict=True)
     }
     is_own = _are_own(store, outcome) or set(frames) <= {*frames_photographed(store.project)}
-    found = photographs_of(store.project, frame) if is_own else (None, None)
-    photographs: dict[str, Photograph | None] = dict(zip(CAMERAS, found, strict=True))
+    both = photographs_of(store.project, frame) if is_own else (None, None)
+    photographs: dict[str, Photograph | None] = dict(zip(CAMERAS, both, strict=True))
     words = describe_matches(of_frame, seen, frame)
     images, space = st.columns(2)
     with images:
@@ -319,16 +319,16 @@ def _choose_frame(
     key, bounds = "apply_frame", Number(frames[0], frames[-1])
     name = NAME if _are_own(store, outcome) else key
     field = setting(store.project, key, first, bounds, name=name, tabs_own=True)
-    asked = int(field.value())
-    field.show(min(frames, key=lambda each: abs(each - asked)))
+    wanted = int(field.value())
+    field.show(min(frames, key=lambda number: abs(number - wanted)))
     playing = _PLAYING in st.session_state
     if playing and time.monotonic() - st.session_state[_PLAYING] > 0.8 * STEP_S:
-        at = bisect.bisect_right(frames, field.value())
-        if at == len(frames):  # the last one with points
+        next_index = bisect.bisect_right(frames, field.value())
+        if next_index == len(frames):  # the last one with points
             _pause()
             st.rerun()
         st.session_state[_PLAYING] = time.monotonic()
-        field.show(frames[at])
+        field.show(frames[next_index])
     slider, buttons = st.columns([3, 2], vertical_alignment="bottom")
     field.slider("Frame", slider)
     frame = int(field.value())
@@ -341,9 +341,9 @@ def _choose_frame(
     after, before = bisect.bisect_right(frames, frame), bisect.bisect_left(frames, frame) - 1
     with buttons, st.container(horizontal=True):
         for label, to in (("Previous", before), ("Next", after)):
-            there, key = 0 <= to < len(frames), label.lower()
-            step = field.set, frames[to] if there else None
-            button(label, f"apply_{key}", *step, shortcut=key[0], disabled=not there)
+            exists, key = 0 <= to < len(frames), label.lower()
+            step = field.set, frames[to] if exists else None
+            button(label, f"apply_{key}", *step, shortcut=key[0], disabled=not exists)
         label, icon, act = ("Pause", "pause", _pause) if playing else ("Play", "play_arrow", play)
         button(label, "apply_play", act, icon=icon, shortcut="k", width=110)
     return frame

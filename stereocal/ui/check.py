@@ -37,10 +37,10 @@ def show_page(project: Project) -> None:
     """The parameters, and the place for new images; and the answer, unless something is missing."""
     store, source = ProjectCheck(project), Source(project, "check_parameters")
     whole = project.is_rig
-    given = None if whole or source.is_project else store.file(PARAMETERS)
+    file = None if whole or source.is_project else store.file(PARAMETERS)
     left, *sizes = st.columns([3, 2, 2])
-    rig, used = _of_all(project) if whole else _own_set(source) if source.is_project else _in(given)
-    left.caption(f"Parameters  \nIn use: {escape_markdown(used)}")
+    rig, name = _of_all(project) if whole else _own_set(source) if source.is_project else _in(file)
+    left.caption(f"Parameters  \nIn use: {escape_markdown(name)}")
     smallest = ask_smallest(project, *sizes)
     if not whole:
         with st.expander("Parameters from a file", expanded=rig is None):
@@ -49,28 +49,28 @@ def show_page(project: Project) -> None:
                 upload = st.file_uploader(title, type=["json"], key="upload_check_parameters")
                 take_one(upload, store.keep_parameters)
     form = NewImagesForm(store, rig)
-    new = form.choose(_matched(project))
+    images = form.choose(_matched(project))
     show_refusal()
     if rig is None:
         source.tell_missing("the parameters of the rig")
-    if new is None:
+    if images is None:
         form.tell_missing()
-    if rig is None or new is None:
+    if rig is None or images is None:
         return
     with st.spinner("Reading."):
-        asked, stated = store.to_check(rig, new), None
-    if asked.of_points_alone:
+        to_check, stated = store.to_check(rig, images), None
+    if to_check.of_points_alone:
         field = noise_field(project, "check_sigma_px")
         otherwise = (
             "by the columns that Apply writes, else as exact as the targets of the calibration"
         )
-        stated = ask_noise(field, asked.usual_noise or "", otherwise)
-    sha256 = None if given is None else given.sha256
+        stated = ask_noise(field, to_check.usual_noise or "", otherwise)
+    sha256 = None if file is None else file.sha256
     with st.spinner("Checking."):
         answer = once_or_refused(
             "check",
-            f"{rig.digest} {used} {sha256} {new.sha256} {new.label} {stated} {smallest}",
-            lambda: jobs.compute(asked.stating(stated).check, smallest, used, sha256),
+            f"{rig.digest} {name} {sha256} {images.sha256} {images.label} {stated} {smallest}",
+            lambda: jobs.compute(to_check.stating(stated).check, smallest, name, sha256),
         )
     _show_answer(project, answer)
 
@@ -94,11 +94,11 @@ def _own_set(source: Source) -> tuple[Parameters | None, str]:
     return answer.sets[method], f"this project's {METHOD_NAMES[method].lower()}"
 
 
-def _in(given: StoredFile | None) -> tuple[Parameters | None, str]:
+def _in(file: StoredFile | None) -> tuple[Parameters | None, str]:
     """The same of a file."""
-    if given is None:
+    if file is None:
         return None, "none yet"
-    return read_parameters(given.read_bytes(), given.label), given.label
+    return read_parameters(file.read_bytes(), file.label), file.label
 
 
 def _matched(project: Project) -> StoredFile | None:
@@ -110,12 +110,14 @@ def _matched(project: Project) -> StoredFile | None:
 
 def ask_smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
     """The fields of the smallest movement that matters."""
-    usual, told = Smallest(), "“Same” is reported only if such a {} would have been found."
+    usual, help_text = Smallest(), "“Same” is reported only if such a {} would have been found."
     degrees = setting(project, "check_turn_deg", round(usual.turn_deg, 6), Number(0.001, 90.0))
-    turn = degrees.number_input("Turn that matters (°)", left, step=0.05, help=told.format("turn"))
-    told = f"{told.format('change of the baseline')} Matched points alone do not show it."
+    turn = degrees.number_input(
+        "Turn that matters (°)", left, step=0.05, help=help_text.format("turn")
+    )
+    help_text = f"{help_text.format('change of the baseline')} Matched points alone do not show it."
     percent = setting(project, "check_baseline_percent", 100 * usual.baseline, Number(0.001, 50.0))
-    change = percent.number_input("Baseline change (%)", right, step=0.1, help=told)
+    change = percent.number_input("Baseline change (%)", right, step=0.1, help=help_text)
     return Smallest.of(turn, change / 100)
 
 
@@ -124,8 +126,10 @@ def _show_answer(project: Project, answer: CheckAnswer) -> None:
     VERDICTS[answer.verdict](escape_markdown(answer.sentence))
     for note in answer.notes:
         st.caption(escape_markdown(note))
-    pairs = {pair_name(pair): own for pair, own in answer.residuals.items()}
-    shown = next((name for name, own in pairs.items() if own.changed), next(iter(pairs)))
+    pairs = {pair_name(pair): residuals for pair, residuals in answer.residuals.items()}
+    shown = next(
+        (name for name, residuals in pairs.items() if residuals.changed), next(iter(pairs))
+    )
     if len(pairs) > 1:
         shown = choose(None, "check_pair", "Errors of the pair", pairs, shown)
     show_figure(plot_check(pairs[shown]), describe_check(pairs[shown]), "check_residuals")
@@ -137,12 +141,12 @@ def _offer_repaired(project: Project, repaired: RigParameters) -> None:
     """Their download, and the press that has Apply match and measure with them."""
     store, source = ProjectApplication(project), Source(project, APPLY_SETS)
     # By content: the repair of other images has the same name.
-    digests = {each and each[1].digest for each in map(store.set_of, USES)}
+    digests = {stored and stored[1].digest for stored in map(store.set_of, USES)}
     in_use = not source.is_project and digests == {repaired.digest}
 
     def use() -> None:
-        for each in USES:
-            store.keep_set(each, REPAIRED, repaired.dumps().encode())
+        for purpose in USES:
+            store.keep_set(purpose, REPAIRED, repaired.dumps().encode())
         source.use_files()
 
     with st.container(horizontal=True):

@@ -73,16 +73,18 @@ class _Panel:
         self.store, numbers = ProjectClicks(project), footage.numbers
         self.drawn = self.store.clicks.of_cameras(measure.matching.placed)
         self.cameras = [*footage.labels]
-        own = partial(setting, project, tabs_own=True)
-        self.at: Field = own("clicks_frame", numbers[0], Number(numbers[0], numbers[-1]))
-        self.named: Field = own("clicks_track", "point 1", _track_name)
-        self.to: Field = own("clicks_to", WAYS[0], one_of(WAYS))
+        tab_setting = partial(setting, project, tabs_own=True)
+        self.frame_field: Field = tab_setting(
+            "clicks_frame", numbers[0], Number(numbers[0], numbers[-1])
+        )
+        self.track_field: Field = tab_setting("clicks_track", "point 1", _track_name)
+        self.way_field: Field = tab_setting("clicks_to", WAYS[0], one_of(WAYS))
 
     def show(self) -> None:
         """The frame; a click draws this again, and nothing else of the page."""
         numbers = self.footage.numbers
-        self.row = min(bisect.bisect_left(numbers, self.at.value()), len(numbers) - 1)
-        self.frame, self.track = numbers[self.row], str(self.named.value())
+        self.row = min(bisect.bisect_left(numbers, self.frame_field.value()), len(numbers) - 1)
+        self.frame, self.track = numbers[self.row], str(self.track_field.value())
         self.clicks = self.store.clicks.of_cameras(self.measure.matching.placed)
         clicked, tracks = self.clicks.every, dict.fromkeys([*self.clicks.tracks, self.track])
         self.seen = [c for c in self.cameras if (self.frame, c, self.track) in clicked]
@@ -119,86 +121,97 @@ class _Panel:
         if not clicks.are_points:
             return None
         how, size = self.measure, len(clicks.every)
-        about = how.matching.digest, how.measuring.digest, repr(how.stated)
-        kept: tuple[Any, int, Settled] | None = st.session_state.get(_SETTLED)
-        if kept is None or kept[0] != about or not kept[1] <= size <= REFRESHED * kept[1]:
-            kept = st.session_state[_SETTLED] = about, size, how.settled(clicks)
-        return how.measured(clicks, kept[2])
+        made_from = how.matching.digest, how.measuring.digest, repr(how.stated)
+        settled: tuple[Any, int, Settled] | None = st.session_state.get(_SETTLED)
+        if (
+            settled is None
+            or settled[0] != made_from
+            or not settled[1] <= size <= REFRESHED * settled[1]
+        ):
+            settled = st.session_state[_SETTLED] = made_from, size, how.settled(clicks)
+        return how.measured(clicks, settled[2])
 
     def _propose(self, clicks: Clicks, frame: int) -> tuple[list[Click], MeasuredClicks | None]:
         """The next places of tracks that have none in a frame, where the images show them and
         agree; and what all points measure with them."""
-        found = []
+        proposed = []
         for camera, track in product(self.cameras, clicks.tracks):
             near = nearest_clicks(clicks.along(track, camera), frame)
             if (frame, camera, track) in clicks.every or not near:
                 continue
             if near[0].frame in self.footage.numbers:
-                before, now = (self.footage.grey(camera, k) for k in (near[0].frame, frame))
-                if (at := follow(before, now, near, frame)) is not None:
-                    found.append(Click(frame, camera, track, *at, "followed"))
-        trial = self._measured(clicks.placed(found))
-        if trial and (beyond := trial.beyond(frame) & {each.track for each in found}):
-            found = [each for each in found if each.track not in beyond]
-            trial = self._measured(clicks.placed(found))
-        return found, trial
+                image_before, image_now = (
+                    self.footage.grey(camera, k) for k in (near[0].frame, frame)
+                )
+                if (position := follow(image_before, image_now, near, frame)) is not None:
+                    proposed.append(Click(frame, camera, track, *position, "followed"))
+        trial = self._measured(clicks.placed(proposed))
+        if trial and (beyond := trial.beyond(frame) & {click.track for click in proposed}):
+            proposed = [click for click in proposed if click.track not in beyond]
+            trial = self._measured(clicks.placed(proposed))
+        return proposed, trial
 
     def _choose(self) -> None:
         """The frame and the track: also of pictures that cannot be used."""
-        at, named, to = st.columns([2, 1, 1])
+        left, middle, right = st.columns([2, 1, 1])
         if len(self.footage.numbers) > 1:
-            self.at.slider("Frame", at)
-        tracks, own = [*self.colours], {"accept_new_options": True, **self.named.widget("index")}
-        own["index"] = tracks.index(self.track)
-        named.selectbox("Track (type a new name)", tracks, **own)
-        self.to.menu("A click goes to", to)
+            self.frame_field.slider("Frame", left)
+        tracks, widget = (
+            [*self.colours],
+            {"accept_new_options": True, **self.track_field.widget("index")},
+        )
+        widget["index"] = tracks.index(self.track)
+        middle.selectbox("Track (type a new name)", tracks, **widget)
+        self.way_field.menu("A click goes to", right)
 
     def _step(self) -> None:
         """The buttons."""
         numbers = self.footage.numbers
         before, after = numbers[max(self.row - 1, 0)], numbers[self.row + 1 : self.row + 2]
-        here = [(self.frame, camera, self.track) for camera in self.seen]
+        clicked = [(self.frame, camera, self.track) for camera in self.seen]
         onward = after[0] if after else self.frame
         accept = f"Accept {len(self.proposed)} and go on" if self.proposed else "Accept and go on"
         last = {camera for act in self.store.acts[-1:] for camera in act.cameras}
         can_undo = not last.isdisjoint(self.measure.matching.placed)
         presses: tuple[tuple[Any, ...], ...] = (
-            ("Back", "b", before != self.frame, self.at.set, before),
-            ("Forward", "f", bool(after), self.at.set, onward),
+            ("Back", "b", before != self.frame, self.frame_field.set, before),
+            ("Forward", "f", bool(after), self.frame_field.set, onward),
             (accept, "a", bool(self.proposed), self._accept, onward),
             ("Accept until in doubt", "g", self.may_go_on, self._accept_on),
-            ("Remove it", "x", bool(here), self._place, [], here),
+            ("Remove it", "x", bool(clicked), self._place, [], clicked),
             ("Undo", "u", can_undo, self.store.undo),
         )
         with st.container(horizontal=True):
             for label, key, may, *act in presses:
-                shown = {"first": may and key == "a", "shortcut": key, "disabled": not may}
-                button(label, f"clicks_{key}", *act, **shown)
+                options = {"first": may and key == "a", "shortcut": key, "disabled": not may}
+                button(label, f"clicks_{key}", *act, **options)
 
     def _accept(self, onward: int) -> None:
         self._place(self.proposed)
-        self.at.set(onward)
+        self.frame_field.set(onward)
 
     def _accept_on(self) -> None:
         """Accept the proposals of this frame and of those after it as one act, up to a frame in
         which a point is in doubt, or has been clicked."""
-        accepted, clicks, at = list[Click](), self.clicks, self.frame
-        wanted, note = {each.key[1:] for each in self.proposed}, ""
-        for at in self.footage.numbers[self.row :]:
-            every, trial = self._propose(clicks, at)
-            found = [each for each in every if each.key[1:] in wanted]
-            there = {key[1:] for key in clicks.placed(found).every if key[0] == at}
-            doubtful = {track for _, track in wanted - there} | _in_doubt(found, trial)
+        accepted, clicks, frame = list[Click](), self.clicks, self.frame
+        wanted, note = {click.key[1:] for click in self.proposed}, ""
+        for frame in self.footage.numbers[self.row :]:
+            every, trial = self._propose(clicks, frame)
+            chosen = [click for click in every if click.key[1:] in wanted]
+            placed = {key[1:] for key in clicks.placed(chosen).every if key[0] == frame}
+            doubtful = {track for _, track in wanted - placed} | _in_doubt(chosen, trial)
             if doubtful:
-                note = f"Frame {at} was not accepted. In doubt there: {listed(sorted(doubtful))}."
+                note = (
+                    f"Frame {frame} was not accepted. In doubt there: {listed(sorted(doubtful))}."
+                )
             elif len(accepted) >= MOST_ACCEPTED * len(wanted):
                 note = f"Accepted in {MOST_ACCEPTED} frames: look at them before you go on."
-            if note or not found:
+            if note or not chosen:
                 break
-            accepted, clicks = [*accepted, *found], clicks.placed(found)
+            accepted, clicks = [*accepted, *chosen], clicks.placed(chosen)
         st.session_state[_NOTE] = note
         self._place(accepted)
-        self.at.set(at)
+        self.frame_field.set(frame)
 
     def _place(self, placed: Sequence[Click], removed: Sequence[Key] = ()) -> None:
         self.store.act(Act([*placed], [*removed], [*self.footage.labels.values()]))
@@ -207,10 +220,10 @@ class _Panel:
         label, frame, track = self.footage.labels[camera], self.frame, self.track
         st.markdown(f"**{escape_markdown(camera.capitalize())}** · {escape_markdown(label)}")
         marks = [
-            Mark(each.track, each.u, each.v, None, self.colours[each.track], shape)
-            for own, shape in ((self.clicks.every.values(), "cross"), (self.proposed, "dashed"))
-            for each in own
-            if each.key[:2] == (frame, camera)
+            Mark(click.track, click.u, click.v, None, self.colours[click.track], shape)
+            for clicks, shape in ((self.clicks.every.values(), "cross"), (self.proposed, "dashed"))
+            for click in clicks
+            if click.key[:2] == (frame, camera)
         ]
         lines = []
         for other in self.cameras:
@@ -221,53 +234,53 @@ class _Panel:
                 lines.append((curve, self.colours[track]))
         jpeg = self.footage.picture(camera, frame)
         image = shown(f"{label} {frame}", self.footage.grey(camera, frame), jpeg)
-        about = f"Frame {frame} of {camera_in_words(camera)}."
+        description = f"Frame {frame} of {camera_in_words(camera)}."
         take = partial(callback(self._take), camera)
-        pick(image, marks, about, f"clicks_{camera}", False, take, lines, track)
+        pick(image, marks, description, f"clicks_{camera}", False, take, lines, track)
 
     def _take(self, camera: str, click: Pick) -> None:
         """Place a point, or keep why not; one in a picture that is no longer shown is ignored."""
         if click.id != f"{self.footage.labels[camera]} {self.frame}":
             return
-        to, at = WAYS[0] if click.raw else self.to.value(), (click.u, click.v)
+        way, position = WAYS[0] if click.raw else self.way_field.value(), (click.u, click.v)
         try:
-            at = self._snapped(camera, to, at)
+            position = self._snapped(camera, way, position)
         except StereocalError as error:
             st.session_state[_NOTE] = str(error)
             return
-        source: Source = "clicked" if to == WAYS[0] else "snapped"
-        self._place([Click(self.frame, camera, self.track, *at, source)])
+        source: Source = "clicked" if way == WAYS[0] else "snapped"
+        self._place([Click(self.frame, camera, self.track, *position, source)])
 
-    def _snapped(self, camera: str, to: str, at: tuple[float, float]) -> tuple[float, float]:
+    def _snapped(self, camera: str, way: str, position: tuple[float, float]) -> tuple[float, float]:
         image = self.footage.grey(camera, self.frame)
-        if to == TARGET:
+        if way == TARGET:
             target, lens = held_target(self.project), self.measure.matching.placed[camera].camera
             if is_coloured(target):
                 content = np.frombuffer(self.footage.picture(camera, self.frame), np.uint8)
                 image = np.asarray(cv2.imdecode(content, cv2.IMREAD_COLOR), np.uint8)
-            centre = centre_at(image, at, False, target, lens)
+            centre = centre_at(image, position, False, target, lens)
             return centre.u, centre.v
-        return corner_at(image, at) if to == CORNER else at
+        return corner_at(image, position) if way == CORNER else position
 
     def _answer(self, measured: MeasuredClicks | None, trial: MeasuredClicks | None) -> None:
         """What the point of the track measures in this frame, or would, or what to click next."""
         place = Place(self.track, self.frame)
-        found = measured if len(self.seen) >= FEWEST else trial
-        if found is None or place not in found.rows:
+        measurement = measured if len(self.seen) >= FEWEST else trial
+        if measurement is None or place not in measurement.rows:
             st.info(escape_markdown(_next_click(self.track, self.seen, self.cameras)))
         else:
             show, proposed = st.success, ""
             if len(self.seen) < FEWEST:
                 show, proposed = st.info, "proposed: "
-            elif self.track in found.beyond(self.frame):
+            elif self.track in measurement.beyond(self.frame):
                 show = st.warning
-            words = escape_markdown(f"{proposed}{found.sentence(place)}")
+            words = escape_markdown(f"{proposed}{measurement.sentence(place)}")
             show(f"**{escape_markdown(self.track)}**, {words}")
         if trial is None:
             return
-        tracks = dict.fromkeys(each.track for each in trial.rows if each.track != self.track)
-        others = {f"{each}, in the same frame": Place(each, self.frame) for each in tracks}
-        others |= {str(each): each for each in sorted(trial.rows) if each != place}
+        tracks = dict.fromkeys(row.track for row in trial.rows if row.track != self.track)
+        others = {f"{track}, in the same frame": Place(track, self.frame) for track in tracks}
+        others |= {str(row): row for row in sorted(trial.rows) if row != place}
         left, right = st.columns([2, 1])
         lines = []
         if (before := trial.previous(place)) is not None:
@@ -303,7 +316,7 @@ class _Panel:
 def _in_doubt(proposed: Sequence[Click], trial: MeasuredClicks | None) -> set[str]:
     """The tracks of which no point is measured where one is proposed: the images of two cameras
     have to agree."""
-    places = {Place(each.track, each.frame) for each in proposed}
+    places = {Place(click.track, click.frame) for click in proposed}
     return {place.track for place in places - {*(trial.rows if trial else ())}}
 
 
@@ -311,7 +324,7 @@ def _next_click(track: str, seen: Sequence[str], cameras: Sequence[str]) -> str:
     if not seen:
         return f"Click {track} in one of the pictures."
     if len(seen) == 1:
-        others = " or ".join(each for each in cameras if each != seen[0])
+        others = " or ".join(camera for camera in cameras if camera != seen[0])
         return f"Now click {track} in the {others} picture, near the line."
     return f"The rays of {track} do not meet in front of the cameras."
 

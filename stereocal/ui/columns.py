@@ -85,14 +85,14 @@ def _menus(ask: Ask, titles: Sequence[str], proposed: Roles) -> Roles:
         if camera or target
     ]
     words = {str(role): in_words(role) for role in dict.fromkeys([*options, *proposed])}
-    found = []
+    chosen = []
     for start in range(0, len(titles), IN_A_ROW):
         for k, column in enumerate(st.columns(IN_A_ROW), start):
             if k < len(titles):
-                own = ask(f"role_{k}", str(proposed[k]), one_of(words))
+                role_field = ask(f"role_{k}", str(proposed[k]), one_of(words))
                 title = escape_markdown(titles[k])
-                found.append(own.menu(title, column, format_func=words.__getitem__))
-    return parse_roles(",".join(found), "")
+                chosen.append(role_field.menu(title, column, format_func=words.__getitem__))
+    return parse_roles(",".join(chosen), "")
 
 
 def _show(rows: Sequence[Sequence[str]], titles: Sequence[str], roles: Roles) -> None:

@@ -102,31 +102,37 @@ def _begin() -> None:
 
 def _say_how_many(pairs: int, frames: int) -> None:
     """How many points there are; green if they are enough, yellow if they are not."""
-    there = f"{count(pairs, 'pair')} of points in {count(frames, 'frame')}"
+    amount = f"{count(pairs, 'pair')} of points in {count(frames, 'frame')}"
     if pairs < MINIMUM_PAIRS:
-        st.warning(f"{there}: at least {MINIMUM_PAIRS} pairs are needed, {RECOMMENDED}.")
+        st.warning(f"{amount}: at least {MINIMUM_PAIRS} pairs are needed, {RECOMMENDED}.")
     elif frames < FEW_FRAMES:
         few = "The fewer the frames, the less certain the results: record more if you can"
-        st.warning(f"Complete: {there}. {few}, {RECOMMENDED}.")
+        st.warning(f"Complete: {amount}. {few}, {RECOMMENDED}.")
     else:
-        st.success(f"Complete: {there}.")
+        st.success(f"Complete: {amount}.")
 
 
 def show_in_step(project: Project | None) -> None:
     """What was found, and on demand the figure of each pair; nothing of cameras in step."""
-    recording = None if project is None else readable(lambda: project.recording, told=False)
+    recording = None if project is None else readable(lambda: project.recording, warn=False)
     if recording is None or not (recording.step_notes or any(recording.start_frames.values())):
         return
     starts, notes = recording.start_frames, recording.step_notes
     counted = recording.counted_from({name: -start for name, start in starts.items()})
     with st.container(key="started_by_hand"):
         st.subheader("The cameras were started by hand")
-        listed = notes or [f"{name} was started at frame {at}." for name, at in starts.items()]
+        listed = notes or [
+            f"{name} was started at frame {frame}." for name, frame in starts.items()
+        ]
         st.markdown("\n".join(f"- {escape_markdown(note)}" for note in listed))
         if not st.toggle("Show the error at each offset", key="show_offsets"):
             return
         with st.spinner("Trying all offsets ..."):
-            found = readable(lambda: bring_into_step(counted))
-        for pair, own in ({} if found is None else found.pairs).items():
+            offsets = readable(lambda: bring_into_step(counted))
+        for pair, pair_offsets in ({} if offsets is None else offsets.pairs).items():
             st.caption(escape_markdown(" and ".join(pair)))
-            show_figure(plot_offsets(own), describe_offsets(own), f"offsets_{'_'.join(pair)}")
+            show_figure(
+                plot_offsets(pair_offsets),
+                describe_offsets(pair_offsets),
+                f"offsets_{'_'.join(pair)}",
+            )

@@ -121,33 +121,33 @@ def _keep(opened: list[Project], name: str, content: bytes) -> StoredFile:
     return opened[0].database.keep_file(content, name)
 
 
-def _take(given: Dropped[StoredFile], use_videos: UseVideos) -> None:
+def _take(dropped: Dropped[StoredFile], use_videos: UseVideos) -> None:
     """Use what was given; what is wrong with one kind leaves the others."""
-    if given.of("data set"):
-        intake.store_dataset(given)
+    if dropped.of("data set"):
+        intake.store_dataset(dropped)
         project = current_project()
         if project is None or not project.is_rig:
-            given.use(partial(place_videos, given.of("video"), use_videos))
+            dropped.use(partial(place_videos, dropped.of("video"), use_videos))
         return
-    if not (given.photographs or given.files):
+    if not (dropped.photographs or dropped.files):
         return
     project_files = ProjectGiven(project_to_write())
-    given.use(partial(project_files.add_photographs, given.photographs))
-    given.use(partial(_take_cameras, project_files, given))
-    given.use(partial(_take_tables, project_files, given.of("table")))
+    dropped.use(partial(project_files.add_photographs, dropped.photographs))
+    dropped.use(partial(_take_cameras, project_files, dropped))
+    dropped.use(partial(_take_tables, project_files, dropped.of("table")))
     cameras = project_files.rig_cameras or CAMERAS
-    given.use(partial(place_videos, given.of("video"), use_videos, cameras, len(cameras)))
+    dropped.use(partial(place_videos, dropped.of("video"), use_videos, cameras, len(cameras)))
 
 
-def _take_cameras(project_files: ProjectGiven, given: Dropped[StoredFile]) -> None:
+def _take_cameras(project_files: ProjectGiven, dropped: Dropped[StoredFile]) -> None:
     """Camera files, those of both cameras or of all, and rigs."""
-    files = given.of("camera")
-    for content in given.of("rig").values():
+    files = dropped.of("camera")
+    for content in dropped.of("rig").values():
         rig = RigFile.loads(content.decode("utf-8-sig"))
-        files |= {f"{camera}.json": write_camera(each) for camera, each in rig.cameras.items()}
+        files |= {f"{camera}.json": write_camera(lens) for camera, lens in rig.cameras.items()}
     several: dict[str, bytes] = {}
-    of_two = any(_cameras_of(*table) == 2 for table in given.of("table").items())
-    for name, content in given.of("cameras").items():
+    of_two = any(_cameras_of(*table) == 2 for table in dropped.of("table").items())
+    for name, content in dropped.of("cameras").items():
         if len(project_files.cameras_in(name, content)) > 2 and not of_two:
             several[name] = content
         else:
@@ -193,8 +193,8 @@ def _cameras_of(name: str, content: bytes) -> int:
 
 def _waiting() -> dict[str, bytes]:
     """The videos given on this page whose cameras are to be asked about."""
-    found: dict[str, bytes] = st.session_state.setdefault(f"{_VIDEOS}_{page_shown()}", {})
-    return found
+    videos: dict[str, bytes] = st.session_state.setdefault(f"{_VIDEOS}_{page_shown()}", {})
+    return videos
 
 
 def place_videos(
@@ -250,11 +250,11 @@ def _ask_whose(
     answers: dict[str, Callable[[], object]]
     if len(items) == 2 and cameras == CAMERAS:
         question = f"Which {whose} the primary camera's?"
-        answers = {str(each): partial(act, each, CAMERAS[0]) for each in items}
+        answers = {str(item): partial(act, item, CAMERAS[0]) for item in items}
     else:
         question, titles = took.format(items[0]), BOTH if cameras == CAMERAS else cameras
-        own = [partial(act, items[0], camera) for camera in cameras]
-        answers = dict(zip(titles, own, strict=True))
+        acts = [partial(act, items[0], camera) for camera in cameras]
+        answers = dict(zip(titles, acts, strict=True))
     with st.container(border=True):
         st.markdown(f"**{escape_markdown(question)}**")
         with st.container(horizontal=True):
@@ -276,14 +276,17 @@ def ask_whose(project_files: ProjectGiven) -> None:
     series = project_files.open_series
     cameras = project_files.rig_cameras if project_files.is_of_rig else CAMERAS
     if series and cameras:
-        act, rest = partial(_answer, project_files), {REMOVE: project_files.photographs.clear}
-        _ask_whose("whose", "photographs are", series, TOOK, act, cameras, rest)
+        act, more_answers = (
+            partial(_answer, project_files),
+            {REMOVE: project_files.photographs.clear},
+        )
+        _ask_whose("whose", "photographs are", series, TOOK, act, cameras, more_answers)
     elif files := project_files.open_files:
-        rest = {"A third camera": partial(project_files.more_cameras, {})}
+        more_answers = {"A third camera": partial(project_files.more_cameras, {})}
         if len(files) == 2 or not {*CAMERAS} <= {*project_files.project.inputs.labels}:
-            rest = {}
+            more_answers = {}
         act, took = partial(_give_file, project_files), "Which camera's is {}?"
-        _ask_whose("whose_file", "camera file is", files, took, act, CAMERAS, rest)
+        _ask_whose("whose_file", "camera file is", files, took, act, CAMERAS, more_answers)
 
 
 def _answer(project_files: ProjectGiven, series: Series, camera: str) -> None:
@@ -294,8 +297,8 @@ def _answer(project_files: ProjectGiven, series: Series, camera: str) -> None:
 
 def _give_file(project_files: ProjectGiven, name: str, camera: CameraName) -> None:
     """Store a camera file as stated, and the other one as the other camera's."""
-    (other,) = (each for each in CAMERAS if each != camera)
-    names = [name, *(each for each in project_files.open_files if each != name)]
+    (other,) = (side for side in CAMERAS if side != camera)
+    names = [name, *(file for file in project_files.open_files if file != name)]
     _use_kept(project_files, dict(zip((camera, other), names, strict=False)))
 
 
@@ -315,7 +318,7 @@ def ask_whose_video(use: UseVideos, cameras: tuple[str, ...] = CAMERAS, fewest: 
 
         def act(name: str, camera: str) -> None:
             """Of two, the other one is the other camera's."""
-            order = [name, *(each for each in waiting if each != name)]
+            order = [name, *(video for video in waiting if video != name)]
             both = len(waiting) == 2 and cameras == CAMERAS
             _use_videos(dict(zip(CAMERAS, order, strict=True)) if both else {camera: name}, use)
 

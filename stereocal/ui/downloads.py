@@ -37,21 +37,23 @@ def offer(
         button: passed on to `st.download_button`.
     """
     draw: Any = place or st
-    shown = {"icon": ":material/download:", **button}
+    options = {"icon": ":material/download:", **button}
     if content is None:
-        draw.button(label, disabled=True, key=f"no_{key}", **shown)
+        draw.button(label, disabled=True, key=f"no_{key}", **options)
         return
     mime = mimetypes.guess_type(name)[0] or "text/plain"
     kind = "primary" if primary else "secondary"
 
     def data() -> bytes:
-        made = content() if callable(content) else content
-        packed = made.encode() if isinstance(made, str) else made
+        result = content() if callable(content) else content
+        packed = result.encode() if isinstance(result, str) else result
         _hold(packed, name, mime)
         return packed
 
-    given = data if callable(content) else content
-    draw.download_button(label, given, name, mime, key=key, on_click="ignore", type=kind, **shown)
+    payload = data if callable(content) else content
+    draw.download_button(
+        label, payload, name, mime, key=key, on_click="ignore", type=kind, **options
+    )
 
 
 def _hold(content: bytes, name: str, mime: str) -> None:

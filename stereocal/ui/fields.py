@@ -129,9 +129,9 @@ class Field:
         """
         assert isinstance(self.fit, Number)
         low, high = (end if math.isfinite(end) else None for end in (self.fit.low, self.fit.high))
-        shown = {"format": None if isinstance(low, int) else "%.4g", **widget, **self.widget()}
+        options = {"format": None if isinstance(low, int) else "%.4g", **widget, **self.widget()}
         draw: Any = place or st
-        return draw.number_input(title, low, high, **shown)
+        return draw.number_input(title, low, high, **options)
 
     def slider(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
         """As `number_input`, a slider between ends that depend on the data.
@@ -141,8 +141,8 @@ class Field:
         """
         assert isinstance(self.fit, Number)
         low, high = self.fit.low, self.fit.high
-        own = replace(self, key=f"{self.key}_{low}_{high}")
-        return (place or st).slider(title, low, high, **widget, **own.widget())
+        field = replace(self, key=f"{self.key}_{low}_{high}")
+        return (place or st).slider(title, low, high, **widget, **field.widget())
 
     def menu(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
         """As `number_input`, a menu of the options of `fit`."""
@@ -266,7 +266,7 @@ def one_of(options: Iterable[Any]) -> Options:
 def some_of(options: Sequence[Any]) -> Fit:
     """A list of some of the options; others are dropped."""
 
-    return lambda value: [each for each in value if each in options]
+    return lambda value: [option for option in value if option in options]
 
 
 def yes_or_no(value: Any) -> bool:
@@ -294,9 +294,9 @@ def choose(
         widget: passed on to Streamlit.
     """
     fit = one_of(options)
-    first = fit.options[0] if usual is None else usual
-    own = setting(values, key, first, fit, tabs_own=tabs_own)
-    return (own.menu if as_menu else own.buttons)(title, place, **widget)
+    default = fit.options[0] if usual is None else usual
+    field = setting(values, key, default, fit, tabs_own=tabs_own)
+    return (field.menu if as_menu else field.buttons)(title, place, **widget)
 
 
 choose_from_menu = partial(choose, as_menu=True, tabs_own=False)

@@ -62,10 +62,10 @@ def show_figure(
 def clicked_in(chart: str) -> Any:
     """What the first point is of that was clicked in a figure: a frame, or a name; None if none
     was."""
-    shown = st.session_state.get(chart)
-    points = shown["selection"]["points"] if shown else ()
-    found = [np.ravel(each["customdata"])[0] for each in points if "customdata" in each]
-    return found[0].item() if found else None
+    state = st.session_state.get(chart)
+    points = state["selection"]["points"] if state else ()
+    values = [np.ravel(point["customdata"])[0] for point in points if "customdata" in point]
+    return values[0].item() if values else None
 
 
 def is_narrow() -> bool:
@@ -82,9 +82,9 @@ def tell_screen() -> None:
     """Have the browser tell whether the screen is narrow, and again when that changes."""
 
     def note() -> None:
-        told: Any = st.session_state.get(KEY)
-        if told is not None and isinstance(told.get("narrow"), bool):
-            st.session_state[NARROW] = told["narrow"]
+        state: Any = st.session_state.get(KEY)
+        if state is not None and isinstance(state.get("narrow"), bool):
+            st.session_state[NARROW] = state["narrow"]
 
     component = st.components.v2.component(NAME, js=JS)
     with st.container(key="arrival_screen"):

@@ -39,16 +39,16 @@ class FilesOfAll:
 
     @cached_property
     def tables(self) -> dict[str, bytes]:
-        return {name: own for name, own in self.contents.items() if is_table(name, own)}
+        return {name: content for name, content in self.contents.items() if is_table(name, content)}
 
     @property
     def of_cameras(self) -> dict[str, bytes]:
-        return {name: own for name, own in self.contents.items() if name not in self.tables}
+        return {name: content for name, content in self.contents.items() if name not in self.tables}
 
     @cached_property
     def cameras(self) -> dict[str, Camera]:
         """The cameras by name; none while their files cannot be read."""
-        return readable(lambda: cameras_in(self.of_cameras, self.options), told=False) or {}
+        return readable(lambda: cameras_in(self.of_cameras, self.options), warn=False) or {}
 
     @property
     def targets(self) -> list[str]:
@@ -57,7 +57,9 @@ class FilesOfAll:
         Raises:
             StereocalError: it has too many.
         """
-        return sorted({t for name, own in self.tables.items() for t in targets_in(own, name)})
+        return sorted(
+            {t for name, content in self.tables.items() for t in targets_in(content, name)}
+        )
 
     def place(self, target: str) -> Field:
         """The place of a target along the bar, in metres."""
@@ -70,8 +72,8 @@ class FilesOfAll:
         Raises:
             StereocalError: the files make none yet.
         """
-        if not self.contents and (given := self.project.recording_as_given) is not None:
-            return Gathered(given, (), ())
+        if not self.contents and (recording := self.project.recording_as_given) is not None:
+            return Gathered(recording, (), ())
         name = self.project.inputs.name or "Rig"
         stated = {target: self.place(target).value() for target in self.targets[1:]}
         places = {target: metres for target, metres in stated.items() if metres}
@@ -98,10 +100,10 @@ def ask_about_files(project: Project | None) -> FilesOfAll | None:
     for name in store.replaced:
         undo = "Undo", f"undo_{name}", store.undo_part, name
         show_with_button("info", f"{name} was replaced.", *undo, icon="undo")
-    asked = Questions(project, "several_{}")
+    questions = Questions(project, "several_{}")
     with st.expander("Correct or complete what the files say"):
         left, right = st.columns(2)
-        lens_model, corner = asked.ask(left, "lens_model"), asked.ask(right, "corner")
+        lens_model, corner = questions.ask(left, "lens_model"), questions.ask(right, "corner")
     files = FilesOfAll(project, contents, ExchangeOptions(lens_model=lens_model, corner=corner))
     if len(files.of_cameras) == 1:
         button("Use only two of these cameras", "several_two", _use_two, store, *files.of_cameras)
@@ -110,9 +112,9 @@ def ask_about_files(project: Project | None) -> FilesOfAll | None:
 
 def _use_two(store: ProjectGiven, name: str) -> None:
     """Ask which two cameras of a file of all to use, and of the table."""
-    asked = ProjectApplication(store.project)
+    application = ProjectApplication(store.project)
     for part, file in store.parts.items():
-        asked.ask("archive" if part == name else "bars", part, file.read_bytes())
+        application.ask("archive" if part == name else "bars", part, file.read_bytes())
         store.drop_part(part)
 
 

@@ -60,8 +60,8 @@ class _Videos:
                 weakref.finalize(self, shutil.rmtree, folder, True)
                 path = Path(folder) / PurePosixPath(name).name
                 path.write_bytes(content)
-                for other, each in paths.items():
-                    if other != camera and filecmp.cmp(path, each, shallow=False):
+                for other, other_path in paths.items():
+                    if other != camera and filecmp.cmp(path, other_path, shallow=False):
                         whose = f"{camera_in_words(camera)} and of {camera_in_words(other)}"
                         raise StereocalError(f"{name}: the same video is given of {whose}.")
                 paths[camera] = path
@@ -72,8 +72,11 @@ class _Videos:
 
     def footage(self, later: Mapping[str, int]) -> Footage:
         """The frames of all videos."""
-        labels, first = _names(self.paths), next(iter(self.paths))
-        later = {camera: own - later.get(first, 0) for camera, own in later.items()}
+        labels, first_camera = _names(self.paths), next(iter(self.paths))
+        later = {
+            camera: frames_later - later.get(first_camera, 0)
+            for camera, frames_later in later.items()
+        }
         make = partial(of_videos, self.paths, labels, later)
         return self.opened.once(repr((labels, later)), make)
 
@@ -90,10 +93,10 @@ class Pictures:
         self.given = ProjectGiven(ProjectClicks(project).of_pictures)
         first, *others = self.cameras
         self.later = {}
-        for each in others:
-            pair = rig.pair(first, each)
-            key, usual = f"clicks_later_{each}", pair.start_frame
-            self.later[each] = setting(project, key, usual, Number(-10_000_000))
+        for camera in others:
+            pair = rig.pair(first, camera)
+            key, usual = f"clicks_later_{camera}", pair.start_frame
+            self.later[camera] = setting(project, key, usual, Number(-10_000_000))
 
     @property
     def _key(self) -> str:
@@ -128,35 +131,42 @@ class Pictures:
         if videos.paths:
             later = {camera: field.value() for camera, field in self.later.items()}
             return videos.footage(later) if len(videos.paths) > 1 else None
-        for project, of in ((self.given.project, ""), (self.project, " of this project")):
+        for project, whose in ((self.given.project, ""), (self.project, " of this project")):
             store = ProjectPhotographs(project)
             if not (files := store.photographs):
                 continue
-            with suppress(*([StereocalError] if of else [])):
+            with suppress(*([StereocalError] if whose else [])):
                 moments = store.paired(self.cameras).moments
-                found = {
-                    frame: {camera: files[name] for camera, name in own.items() if name in files}
-                    for frame, own in moments.items()
+                frames = {
+                    frame: {camera: files[name] for camera, name in names.items() if name in files}
+                    for frame, names in moments.items()
                 }
-                seen = [c for c in self.cameras if any(c in own for own in found.values())]
-                labels = {camera: f"{camera} photographs{of}" for camera in seen}
-                key = repr([(k, [(c, f.name) for c, f in own.items()]) for k, own in found.items()])
+                seen = [
+                    c for c in self.cameras if any(c in pictures for pictures in frames.values())
+                ]
+                labels = {camera: f"{camera} photographs{whose}" for camera in seen}
+                key = repr(
+                    [
+                        (k, [(c, f.name) for c, f in pictures.items()])
+                        for k, pictures in frames.items()
+                    ]
+                )
                 return once(
                     "footage of photographs",
                     self._key + key,
-                    partial(of_photographs, found, labels),
+                    partial(of_photographs, frames, labels),
                 )
         return None
 
     def _take(self, dropped: Dropped[StoredFile]) -> None:
-        self.given.name_cameras({name: own.camera for name, own in self.rig.placed.items()})
+        self.given.name_cameras({name: placed.camera for name, placed in self.rig.placed.items()})
         dropped.use(partial(self.given.add_photographs, dropped.photographs))
         dropped.use(partial(place_videos, dropped.of("video"), self._use, self.cameras, 1))
 
     def _use(self, videos: Mapping[str, tuple[str, bytes]]) -> None:
-        kept = _VIDEOS.get(self._key) or _Videos()
-        kept.take(videos, self.cameras)
-        _VIDEOS.keep(self._key, kept)
+        stored = _VIDEOS.get(self._key) or _Videos()
+        stored.take(videos, self.cameras)
+        _VIDEOS.keep(self._key, stored)
 
     def _clear(self) -> None:
         _VIDEOS.keep(self._key, _Videos())

@@ -38,8 +38,8 @@ def settings_form(project: Project, dataset: Pair) -> dict[str, Any]:
     frames = len(dataset.correspondences.frames)
     if frames > 1:
         title = "Frames to calibrate with (the others test the result)"
-        told = f"All {frames}, or fewer, drawn at random. Paper: 20 of 25."
-        _frames_field(project, frames).slider(title, help=told)
+        help_text = f"All {frames}, or fewer, drawn at random. Paper: 20 of 25."
+        _frames_field(project, frames).slider(title, help=help_text)
     fields, columns = _search_fields(project, bool(project.pair)), cycle(st.columns(3))
     for name, field in fields.items():
         if name != "time_drift" or fields["time_offset"].value():
@@ -59,22 +59,22 @@ def _frames_field(project: Project, frames: int) -> Field:
     return setting(project, "calibration_frames", frames, Number(1, frames))
 
 
-def field_of(project: Values, key: str, about: About) -> Field:
+def field_of(project: Values, key: str, described: About) -> Field:
     """The field of a described setting: a choice, a switch, or a number within its bounds."""
-    kind = type(about.default)
-    if about.choices:
-        return setting(project, key, about.default, one_of(about.choices))
+    kind = type(described.default)
+    if described.choices:
+        return setting(project, key, described.default, one_of(described.choices))
     if kind is bool:
-        return setting(project, key, about.default, yes_or_no)
-    fit = Number(kind(about.low), kind(min(about.high, LARGEST_WHOLE)))
-    return setting(project, key, about.default, fit)
+        return setting(project, key, described.default, yes_or_no)
+    fit = Number(kind(described.low), kind(min(described.high, LARGEST_WHOLE)))
+    return setting(project, key, described.default, fit)
 
 
 def _search_fields(project: Values, of_pair: bool = False) -> dict[str, Field]:
     return {
-        name: field_of(project, name, about)
-        for name, about in ASKED.items()
-        if not isinstance(about.default, tuple) and not (of_pair and name in OF_PAIR)
+        name: field_of(project, name, described)
+        for name, described in ASKED.items()
+        if not isinstance(described.default, tuple) and not (of_pair and name in OF_PAIR)
     }
 
 
@@ -91,22 +91,26 @@ def search_form(project: Project) -> None:
     """The two settings of the search that the paper varies, as sliders."""
     fields, (left, right) = _search_fields(project), st.columns(2)
     delta, acceptance = ASKED["delta"], ASKED["acceptance"]
-    own, ratio = fields["delta"].widget(), fields["acceptance"].widget()
+    delta_widget, ratio_widget = fields["delta"].widget(), fields["acceptance"].widget()
     steps = sorted({*DELTAS, fields["delta"].value()})
-    left.select_slider(delta.title, steps, format_func="{:g}".format, help=delta.help, **own)
-    right.slider(acceptance.title, *RATIOS, step=0.01, help=acceptance.help, **ratio)
+    left.select_slider(
+        delta.title, steps, format_func="{:g}".format, help=delta.help, **delta_widget
+    )
+    right.slider(acceptance.title, *RATIOS, step=0.01, help=acceptance.help, **ratio_widget)
 
 
-def ask(place: DeltaGenerator, about: About, own: Field, disabled: bool = False) -> Any:
+def ask(place: DeltaGenerator, described: About, field: Field, disabled: bool = False) -> Any:
     """The widget of a described setting; its value."""
-    if about.choices:
-        words = about.choices.__getitem__
-        return own.buttons(about.title, place, format_func=words, help=about.help)
-    if isinstance(about.default, bool):
-        return place.toggle(about.title, help=about.help, disabled=disabled, **own.widget())
-    shown = {} if isinstance(about.default, int) else {"format": "%.10g"}
-    step = 1 if isinstance(about.default, int) else about.default / 10
-    return own.number_input(about.title, place, help=about.help, step=step, **shown)
+    if described.choices:
+        words = described.choices.__getitem__
+        return field.buttons(described.title, place, format_func=words, help=described.help)
+    if isinstance(described.default, bool):
+        return place.toggle(
+            described.title, help=described.help, disabled=disabled, **field.widget()
+        )
+    options = {} if isinstance(described.default, int) else {"format": "%.10g"}
+    step = 1 if isinstance(described.default, int) else described.default / 10
+    return field.number_input(described.title, place, help=described.help, step=step, **options)
 
 
 def refine_form(project: Project, dataset: Pair) -> None:
@@ -122,8 +126,10 @@ def refine_form(project: Project, dataset: Pair) -> None:
     st.page_link("pages/data.py", label="State it on the Data page")
     noise, free = _refined_fields(project)
     title, none = "Estimate the distortion of", "no camera: as its file says"
-    told = "k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders."
-    st.multiselect(title, CAMERAS, placeholder=none, help=told, **free.widget("default"))
+    help_text = (
+        "k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders."
+    )
+    st.multiselect(title, CAMERAS, placeholder=none, help=help_text, **free.widget("default"))
     noise.number_input("Noise of an image point, px", help="0: found from the images.")
 
 
@@ -160,7 +166,7 @@ def describe_settings(settings: CalibrationSettings) -> str:
     """The settings of a search, in one line."""
     values = settings.to_json()
     return ", ".join(
-        f"{about.name} {f'{value:g}' if isinstance(value := values[name], float) else value}"
-        for name, about in ASKED.items()
+        f"{described.name} {f'{value:g}' if isinstance(value := values[name], float) else value}"
+        for name, described in ASKED.items()
         if name not in _FRAMES
     )

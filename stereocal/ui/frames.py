@@ -46,33 +46,35 @@ def show_left_out(project: Project, calibration: Calibration, look: Callable[[in
         return
     with st.container(horizontal=True):
         camera = screening.full_dataset.names[1]
-        told = f"In the image of {camera_in_words(camera)}. The result is made again at once."
+        help_text = f"In the image of {camera_in_words(camera)}. The result is made again at once."
         for frame in screening.exchanged[:MOST_BUTTONS]:
             label, act = f"Exchange A and B in frame {frame}", (_exchange, project, frame, camera)
-            button(label, f"exchange_{frame}", *act, icon="swap_horiz", help=told)
-        first, told = screening.left_out[0], "There it can be put back."
-        button(f"Look at frame {first}", "look_left_out", look, first, icon="search", help=told)
+            button(label, f"exchange_{frame}", *act, icon="swap_horiz", help=help_text)
+        first, help_text = screening.left_out[0], "There it can be put back."
+        button(
+            f"Look at frame {first}", "look_left_out", look, first, icon="search", help=help_text
+        )
 
 
 def show_exchanged(project: Project) -> None:
     """The frames whose targets the user has exchanged, with buttons to undo that."""
     with st.container(horizontal=True):
         for camera, frames in project.inputs.exchanged.items():
-            told = (
+            help_text = (
                 f"A and B of this frame were exchanged in the image of {camera_in_words(camera)}."
             )
             for frame in frames[:MOST_BUTTONS]:
                 label = f"Frame {frame}: take the exchange back"
                 act = _exchange, project, frame, camera
-                button(label, f"unexchange_{camera}_{frame}", *act, icon="undo", help=told)
+                button(label, f"unexchange_{camera}_{frame}", *act, icon="undo", help=help_text)
 
 
 def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None:
     """A button to calibrate with the time offset, if the cameras seem to be out of step."""
     if calibration.out_of_step:
-        told = "It becomes an unknown, and the secondary points are shifted by it."
+        help_text = "It becomes an unknown, and the secondary points are shifted by it."
         act = "bring_into_step", _change, project, project.keep_settings, {"time_offset": True}
-        button("Calibrate with the time offset", *act, icon="schedule", help=told)
+        button("Calibrate with the time offset", *act, icon="schedule", help=help_text)
 
 
 def _change(project: Project, act: Callable[[T], object], value: T) -> None:
@@ -98,9 +100,9 @@ def frame_field(project: Project, calibration: Calibration) -> Field:
     """The chosen frame; at first the one that shows best why there are two sets."""
     numbers = _numbers(calibration)
     fields = partial(setting, project, "chosen_frame", name=NAME, tabs_own=True)
-    found = fields(None, one_of(numbers))
-    if found.value() in numbers:
-        return found
+    field = fields(None, one_of(numbers))
+    if field.value() in numbers:
+        return field
     return fields(telling_frame(calibration), one_of(numbers))
 
 
@@ -108,13 +110,13 @@ def choose_frame(project: Project, calibration: Calibration) -> int:
     """A menu of the frames, with buttons for the next and the previous one, and for corrections."""
     numbers, field = _numbers(calibration), frame_field(project, calibration)
     frame: int = field.value()
-    at = numbers.index(frame)
+    index = numbers.index(frame)
     with st.container(horizontal=True, vertical_alignment="bottom"):
         field.menu("Frame", width=140)
-        for way, side, to in (("previous", "left", at - 1), ("next", "right", at + 1)):
-            there = 0 <= to < len(numbers)
-            act = f"{way}_frame", field.set, numbers[to] if there else None
-            button(f"{way.capitalize()} frame", *act, icon=f"chevron_{side}", disabled=not there)
+        for way, side, to in (("previous", "left", index - 1), ("next", "right", index + 1)):
+            exists = 0 <= to < len(numbers)
+            act = f"{way}_frame", field.set, numbers[to] if exists else None
+            button(f"{way.capitalize()} frame", *act, icon=f"chevron_{side}", disabled=not exists)
         _actions(project, calibration.screening, frame)
     return frame
 
@@ -132,15 +134,15 @@ def _actions(project: Project, screening: Screening, frame: int) -> None:
         button("Leave it out", "frame_leave_out", *change, icon="close", help=again)
     if frame in screening.exchanged:
         camera = screening.full_dataset.names[1]
-        act, told = (
+        act, help_text = (
             (_exchange, project, frame, camera),
             f"In the image of {camera_in_words(camera)}. {again}",
         )
-        button("Exchange A and B", "frame_exchange", *act, icon="swap_horiz", help=told)
+        button("Exchange A and B", "frame_exchange", *act, icon="swap_horiz", help=help_text)
     if photographed(project):
-        told, store = "Its photographs on the Data page.", ProjectPhotographs(project)
+        help_text, store = "Its photographs on the Data page.", ProjectPhotographs(project)
         look = look_closely, store, frame
-        if button("Correct it", "frame_correct", *look, icon="edit", help=told):
+        if button("Correct it", "frame_correct", *look, icon="edit", help=help_text):
             st.switch_page("pages/data.py")
 
 
@@ -175,13 +177,13 @@ def frames_photographed(project: Project) -> dict[int, Frame]:
 
 def photographs_of(project: Project, frame: int) -> tuple[Photograph | None, Photograph | None]:
     """Both photographs of a frame; None for one that is not there."""
-    found = frames_photographed(project).get(frame)
-    files = ProjectPhotographs(project).photographs if found else {}
+    shown_frame = frames_photographed(project).get(frame)
+    files = ProjectPhotographs(project).photographs if shown_frame else {}
     first, second = (
         once("photograph", files[name].name, partial(_decoded, files[name], name))
         if name in files
         else None
-        for name in (found.files if found else ("", ""))
+        for name in (shown_frame.files if shown_frame else ("", ""))
     )
     return first, second
 

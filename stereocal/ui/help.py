@@ -21,12 +21,14 @@ _LINK = re.compile(r"\[([^\]]+)\]\((?!https?:|#)([\w./-]+)(#[\w-]+)?\)")
 
 def topics(*lists: str) -> dict[str, str]:
     """Titles of the pages in these lists by their name in the documentation; of all if none."""
-    found = {}
-    for name in [name for of in lists or (FIRST_PAGES, REFERENCE, RECIPES) for name in _listed(of)]:
+    titles = {}
+    for name in [
+        name for listing in lists or (FIRST_PAGES, REFERENCE, RECIPES) for name in _listed(listing)
+    ]:
         first = _text(name).partition("\n")[0]
         if first.startswith("# ") and name != REFERENCE:
-            found[name] = first.removeprefix("# ").replace("`", "")
-    return found
+            titles[name] = first.removeprefix("# ").replace("`", "")
+    return titles
 
 
 def show_help() -> None:
@@ -35,25 +37,25 @@ def show_help() -> None:
     if not titles:
         st.info(f"The documentation is not in this installation: {DOCS} is missing.")
         return
-    asked = st.query_params.get(TOPIC, FIRST)
-    asked = asked if asked in titles else FIRST
-    _choose("Begin with", topics(FIRST_PAGES, RECIPES), asked)
+    topic = st.query_params.get(TOPIC, FIRST)
+    topic = topic if topic in titles else FIRST
+    _choose("Begin with", topics(FIRST_PAGES, RECIPES), topic)
     reference = topics(REFERENCE)
-    with st.expander("Reference", expanded=asked in reference):
-        _choose("About", reference, asked)
-    for text, picture in parts(asked):
+    with st.expander("Reference", expanded=topic in reference):
+        _choose("About", reference, topic)
+    for text, picture in parts(topic):
         st.markdown(text)
         if picture is not None and picture[1].is_file():
             st.image(str(picture[1]), caption=picture[0], alt=picture[0])
 
 
-def _choose(label: str, titles: dict[str, str], asked: str) -> None:
+def _choose(label: str, titles: dict[str, str], topic: str) -> None:
     """A menu of pages; empty if the page shown is none of them."""
-    at = [*titles].index(asked) if asked in titles else None
+    index = [*titles].index(topic) if topic in titles else None
     name = st.selectbox(
-        label, titles, at, titles.__getitem__, key=f"help_{label}_{asked}", placeholder="Choose"
+        label, titles, index, titles.__getitem__, key=f"help_{label}_{topic}", placeholder="Choose"
     )
-    if name is not None and name != asked:
+    if name is not None and name != topic:
         st.query_params[TOPIC] = name
         st.rerun()
 
@@ -70,10 +72,10 @@ def parts(name: str) -> Iterator[tuple[str, tuple[str, Path] | None]]:
         other = page.relative_to(root).as_posix() if page.is_relative_to(root) else ""
         return f"[{link[1]}](?{TOPIC}={other}{link[3] or ''})" if other in known else link[1]
 
-    for found in _PICTURE.finditer(text):
-        picture = found["alt"], folder / found["file"]
-        yield _LINK.sub(to_topic, text[end : found.start()]), picture
-        end = found.end()
+    for match in _PICTURE.finditer(text):
+        picture = match["alt"], folder / match["file"]
+        yield _LINK.sub(to_topic, text[end : match.start()]), picture
+        end = match.end()
     yield _LINK.sub(to_topic, text[end:]), None
 
 
@@ -81,8 +83,8 @@ def _text(name: str) -> str:
     """A page with what it includes; empty where it is not installed."""
     path = DOCS / f"{name}.md"
 
-    def included(found: re.Match[str]) -> str:
-        return _read(path.parent / found[1])
+    def included(match: re.Match[str]) -> str:
+        return _read(path.parent / match[1])
 
     return _INCLUDE.sub(included, _read(path))
 

@@ -51,16 +51,16 @@ def _show_proposal(store: ProjectPhotographs, pairs: Sequence[PhotographPair]) -
     if HELD in project.settings or len(pairs) < 2 or is_found:
         return
     _look(store, pairs)
-    said = project.settings[PROPOSAL]
-    if "kind" not in said:
+    proposal = project.settings[PROPOSAL]
+    if "kind" not in proposal:
         st.info(UNDECIDED)
         return
     with st.container(border=True):
         left, right = st.columns([2, 3], vertical_alignment="center")
-        left.markdown(escape_markdown(said["sentence"]))
+        left.markdown(escape_markdown(proposal["sentence"]))
         left.caption("Yes, or choose below what you hold.")
-        button("Yes, that is it", "held_yes", _kind(project).set, said["kind"], place=left)
-        picture = readable(lambda: _picture(store, said))
+        button("Yes, that is it", "held_yes", _kind(project).set, proposal["kind"], place=left)
+        picture = readable(lambda: _picture(store, proposal))
         if picture is not None:
             alt = "Both photographs of a frame, with what was found in them"
             right.image(picture, width="stretch", alt=alt)
@@ -75,36 +75,41 @@ def ask_if_bar(project: Project) -> None:
 
 def _look(store: ProjectPhotographs, pairs: Sequence[PhotographPair]) -> None:
     """Make the proposal, unless it was made from these photographs."""
-    project, files, first = store.project, store.photographs, spread(pairs)
-    names = [[getattr(pair, which) for pair in first] for which in ("primary", "secondary")]
-    there = [[files[name] for name in own if name in files] for own in names]
-    of = hashlib.sha256(repr([[file.name for file in own] for own in there]).encode()).hexdigest()
-    said = project.settings.get(PROPOSAL)
-    if isinstance(said, dict) and said.get("of") == of:
+    project, files, some_pairs = store.project, store.photographs, spread(pairs)
+    names = [[getattr(pair, which) for pair in some_pairs] for which in ("primary", "secondary")]
+    present = [[files[name] for name in side_names if name in files] for side_names in names]
+    digest = hashlib.sha256(
+        repr([[file.name for file in side_files] for side_files in present]).encode()
+    ).hexdigest()
+    proposal = project.settings.get(PROPOSAL)
+    if isinstance(proposal, dict) and proposal.get("of") == digest:
         return
-    cameras = [{name: files[name] for name in own if name in files} for own in names]
+    cameras = [{name: files[name] for name in side_names if name in files} for side_names in names]
 
     def looked(name: str, make: Callable[[], Patterns]) -> Patterns:
         return once("patterns", files[name].name, make)
 
     with st.spinner("Looking at the first photographs ..."):
-        held = once("what is held", f"{names} {of}", lambda: held_object(cameras, looked))
-    settings: dict[str, Any] = {PROPOSAL: {"of": of}}
+        held = once("what is held", f"{names} {digest}", lambda: held_object(cameras, looked))
+    settings: dict[str, Any] = {PROPOSAL: {"of": digest}}
     if held is not None:
-        settings = {PROPOSAL: {"of": of, **_told(held, first)}, **_values(held)}
+        settings = {PROPOSAL: {"of": digest, **_as_stored(held, some_pairs)}, **_values(held)}
     project.keep_settings(settings)
     st.rerun()  # what stands above depends on it
 
 
-def _told(held: HeldObject, pairs: Sequence[PhotographPair]) -> dict[str, Any]:
+def _as_stored(held: HeldObject, pairs: Sequence[PhotographPair]) -> dict[str, Any]:
     """The proposal as it is stored: its kind, its sentence, and a frame to draw it in."""
     first, second = held.seen
     seen = [(p.primary in first) + (p.secondary in second) for p in pairs]
     best = pairs[int(np.argmax(seen))]
     names = best.primary, best.secondary
-    marks = [own[n].tolist() if n in own else [] for own, n in zip(held.seen, names, strict=True)]
-    said = {"kind": held.kind, "sentence": held.sentence}
-    return {**said, "frame": best.frame, "names": names, "marks": marks}
+    marks = [
+        points[n].tolist() if n in points else []
+        for points, n in zip(held.seen, names, strict=True)
+    ]
+    stored = {"kind": held.kind, "sentence": held.sentence}
+    return {**stored, "frame": best.frame, "names": names, "marks": marks}
 
 
 def _values(held: HeldObject) -> dict[str, Any]:
@@ -128,14 +133,16 @@ def fields_of_board(board: ProposedBoard) -> dict[str, Any]:
     return {"board_kind": CHARUCO, **size, **markers}
 
 
-def _picture(store: ProjectPhotographs, said: dict[str, Any]) -> bytes:
+def _picture(store: ProjectPhotographs, proposal: dict[str, Any]) -> bytes:
     try:
-        first, second = map(str, said["names"])
-        points = [np.reshape(own, (-1, 2)).astype(np.float64) for own in said["marks"]]
+        first, second = map(str, proposal["names"])
+        points = [np.reshape(marks, (-1, 2)).astype(np.float64) for marks in proposal["marks"]]
     except (KeyError, TypeError, ValueError) as error:
         raise StereocalError("The proposal is damaged: give the photographs again.") from error
-    of_bar = all(len(own) in (0, 2) for own in points)
-    return thumbnail(store, (first, second), [_targets(own) if of_bar else own for own in points])
+    of_bar = all(len(marks) in (0, 2) for marks in points)
+    return thumbnail(
+        store, (first, second), [_targets(marks) if of_bar else marks for marks in points]
+    )
 
 
 def _targets(points: FloatArray) -> CentrePair:
@@ -156,8 +163,8 @@ CALLED: dict[type, str] = {Bar2x2: "fitted corner", Balls: "ball", Tags: "tag"}
 
 def _kind(project: Project | None) -> Field:
     """What is held; as proposed until the user says."""
-    said = None if project is None else project.settings.get(PROPOSAL)
-    usual = str(said.get("kind", "bar2x2")) if isinstance(said, dict) else "bar2x2"
+    proposal = None if project is None else project.settings.get(PROPOSAL)
+    usual = str(proposal.get("kind", "bar2x2")) if isinstance(proposal, dict) else "bar2x2"
     return setting(project, HELD, usual, one_of(KINDS))
 
 
@@ -185,8 +192,8 @@ def _text(value: Any) -> str:
 def held_text(project: Project) -> str:
     """The target as `parse_target` reads it."""
     kind = held_kind(project)
-    rest = {"balls": _colours, "tags": held_tags}.get(kind)
-    return kind if rest is None else f"{kind}:{rest(project).value()}"
+    details = {"balls": _colours, "tags": held_tags}.get(kind)
+    return kind if details is None else f"{kind}:{details(project).value()}"
 
 
 def settle(project: Project) -> None:
@@ -201,7 +208,7 @@ def holds_board(project: Project) -> bool:
 
 def first_pairs(pairs: Sequence[PhotographPair]) -> list[PhotographPair]:
     """Three of the pairs: the first, one from the middle, the last."""
-    return [pairs[at] for at in sorted({0, len(pairs) // 2, len(pairs) - 1})] if pairs else []
+    return [pairs[index] for index in sorted({0, len(pairs) // 2, len(pairs) - 1})] if pairs else []
 
 
 def held_target(project: Project) -> Target:
@@ -279,15 +286,15 @@ def _ask_colours(store: ProjectPhotographs, pair: PhotographPair | None, fold: b
 
 
 @callback
-def _take(project: Project, file: StoredFile, at: Pick) -> None:
+def _take(project: Project, file: StoredFile, click: Pick) -> None:
     """Use the colour at a click: of A, then of B, then anew."""
     field = _colours(project)
-    own = colour_at(read_colours(file, "the photograph"), (at.u, at.v))
+    colour = colour_at(read_colours(file, "the photograph"), (click.u, click.v))
     before = field.value()
-    if own == "white":
+    if colour == "white":
         field.set("white,white")
     else:
-        field.set(f"{before},{own}" if before and _unfinished(project) else own)
+        field.set(f"{before},{colour}" if before and _unfinished(project) else colour)
 
 
 def _found(store: ProjectPhotographs, file: StoredFile, name: str) -> list[Mark]:
@@ -307,9 +314,9 @@ def _found(store: ProjectPhotographs, file: StoredFile, name: str) -> list[Mark]
         radii = " and ".join(f"{spot.radius_px:.0f}" for spot in seen.spots if spot)
         st.success(f"Both balls are found here, with radii of {radii} px.")
     return [
-        Mark(letter, at.u, at.v, at.radius_px, TARGET_COLOURS[letter], TARGET_SYMBOLS[letter])
-        for letter, at in zip("AB", seen.spots, strict=True)
-        if at
+        Mark(letter, spot.u, spot.v, spot.radius_px, TARGET_COLOURS[letter], TARGET_SYMBOLS[letter])
+        for letter, spot in zip("AB", seen.spots, strict=True)
+        if spot
     ]
 
 
@@ -327,10 +334,10 @@ def corner_fields(
 ) -> tuple[int, int]:
     """The fields of a board's inner corners, its columns and rows; `text` is their help."""
     columns, rows = (
-        setting(project, f"{prefix}_{name}", first, Number(3, 100)).number_input(
+        setting(project, f"{prefix}_{name}", default, Number(3, 100)).number_input(
             f"Inner corners, {way} way", place, help=text
         )
-        for place, way, name, first in zip(
+        for place, way, name, default in zip(
             places, ("one", "other"), ("columns", "rows"), usual, strict=True
         )
     )
@@ -354,18 +361,21 @@ def board_form(
     board = choose(project, "board_kind", "Board", kinds, place=kind, tabs_own=False)
     corners = "Where four squares meet: one less than squares. Paper: 18 and 12."
     columns, rows = corner_fields(project, places, "board", size, corners)
-    own = setting(project, "board_square_mm", square_mm, Number(*side, or_none=True))
-    about = "The lens does not depend on it; lengths do, where the board gives them."
-    shown = {"placeholder": "measured", "step": 1.0, "format": "%.10g"}
-    side_mm = own.number_input("Side of a square (mm)", square, help=about, **shown) or SQUARE_MM
+    side_field = setting(project, "board_square_mm", square_mm, Number(*side, or_none=True))
+    help_text = "The lens does not depend on it; lengths do, where the board gives them."
+    options = {"placeholder": "measured", "step": 1.0, "format": "%.10g"}
+    side_mm = (
+        side_field.number_input("Side of a square (mm)", square, help=help_text, **options)
+        or SQUARE_MM
+    )
     if board == CHESSBOARD:
         return BoardPattern(columns, rows, 1e-3 * side_mm)
     left, right = st.columns(2)
     part = setting(project, MARKER_PART, 0.75, Number(0.01, 1.0)).value()
-    title, first = "Dictionary of the markers", "DICT_4X4_250"
+    title, default = "Dictionary of the markers", "DICT_4X4_250"
     dictionary = choose_from_menu(
-        project, "board_dictionary", title, DICTIONARIES, first, place=left
+        project, "board_dictionary", title, DICTIONARIES, default, place=left
     )
-    own = setting(project, "board_marker_mm", float(f"{part * side_mm:.3g}"), Number(*side))
-    marker_mm = own.number_input("Side of a marker (mm)", right, step=1.0, format="%.10g")
+    side_field = setting(project, "board_marker_mm", float(f"{part * side_mm:.3g}"), Number(*side))
+    marker_mm = side_field.number_input("Side of a marker (mm)", right, step=1.0, format="%.10g")
     return BoardPattern(columns, rows, 1e-3 * side_mm, dictionary, 1e-3 * marker_mm)

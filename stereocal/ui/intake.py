@@ -74,12 +74,12 @@ def store_cameras(files: Mapping[Slot, tuple[str, bytes]]) -> None:
         for slot, (name, content) in files.items():
             try:
                 camera = read_camera(content, name, model)
-                asked = model == "fisheye"
+                is_asked = model == "fisheye"
             except ImageSizeError:
                 camera = read_camera(content, name, model, size)
-                asked = True
+                is_asked = True
             # The stored file must state what was asked.
-            stored[slot] = name, as_read(write_camera(camera) if asked else content, camera)
+            stored[slot] = name, as_read(write_camera(camera) if is_asked else content, camera)
         store_files(stored)
 
     ask_about_lens(take)
@@ -88,29 +88,29 @@ def store_cameras(files: Mapping[Slot, tuple[str, bytes]]) -> None:
 def _offer_rest(error: RefusedRowsError, table: bytes, use: Callable[[bytes], None]) -> None:
     """Refuse rows of a table, and offer to leave them out."""
     rows = read_table(table, TABLE).correspondences
-    rest = rows.without_lines(problem.line for problem in error.problems)
-    label = f"Leave these rows out and use the other {len(rest)}"
-    without = refusing()(lambda: use(write_table(rest)))
-    set_refusal(error, {label: without} if len(rest) else None)
+    other_rows = rows.without_lines(problem.line for problem in error.problems)
+    label = f"Leave these rows out and use the other {len(other_rows)}"
+    without = refusing()(lambda: use(write_table(other_rows)))
+    set_refusal(error, {label: without} if len(other_rows) else None)
 
 
-def store_dataset(given: Dropped[StoredFile]) -> None:
+def store_dataset(dropped: Dropped[StoredFile]) -> None:
     """Store a data set and its photographs; what may be a fisheye's is asked, and if rows are
     refused, it is offered to leave them out."""
 
     def take(files: Mapping[str, bytes], videos: bool, lens_model: LensModel | None) -> None:
-        about = files, given.source, given.photographs, lens_model
+        about = files, dropped.source, dropped.photographs, lens_model
         try:
             give_dataset(project_to_write(), *about, has_videos=videos)
         except RefusedRowsError as error:
-            name = find_description(files, given.source).folder + TABLE
+            name = find_description(files, dropped.source).folder + TABLE
             if name not in files:  # a recording has another table
                 raise
             _offer_rest(
                 error, files[name], lambda rest: take({**files, name: rest}, False, lens_model)
             )
 
-    ask_if_fisheye(partial(take, given.files, bool(given.of("video"))))
+    ask_if_fisheye(partial(take, dropped.files, bool(dropped.of("video"))))
 
 
 def store_files(files: Mapping[Slot, tuple[str, bytes]]) -> None:
@@ -145,33 +145,35 @@ def give_dataset(
     Raises:
         StereocalError: it is invalid; the project is unchanged.
     """
-    description, found = find_description(files, source), of_the_bar(photographs)
+    description, bar_photographs = find_description(files, source), of_the_bar(photographs)
     folder = description.folder
-    has_photographs = bool(found) or has_videos
+    has_photographs = bool(bar_photographs) or has_videos
     with_points = description.is_recording or folder + TABLE in files or not has_photographs
     recording = parse_recording(files, source, lens_model=lens_model, with_points=with_points)
     stated = {**files, **_fisheyes(description, recording.cameras)}
     if len(recording.cameras) > 2:
         with naming(source):
             recording = in_step(recording)
-        own = {name: content for name, content in stated.items() if name.startswith(folder)}
-        project.give_recording(recording, own)
+        described_files = {
+            name: content for name, content in stated.items() if name.startswith(folder)
+        }
+        project.give_recording(recording, described_files)
         jobs.abandon(project, "rig")
         jobs.drop_pairs(project)
         return
     with naming(source):
         survey = pair_to_calibrate(recording) if with_points else recording.pair(*CAMERAS)
     if description.is_recording:
-        give_pair(project, survey, photographs=found)
+        give_pair(project, survey, photographs=bar_photographs)
         return
-    given: dict[Slot, tuple[str, bytes]] = {}
+    slot_files: dict[Slot, tuple[str, bytes]] = {}
     if with_points:
         table = as_read(files[folder + TABLE], Table(survey.correspondences, []))
-        given["correspondences"] = TABLE, table
+        slot_files["correspondences"] = TABLE, table
     for which in CAMERAS:
         name: str = description.entries["cameras"][which]
-        given[which] = name, as_read(stated[folder + name], recording.cameras[which])
-    give_pair(project, survey, given, found)
+        slot_files[which] = name, as_read(stated[folder + name], recording.cameras[which])
+    give_pair(project, survey, slot_files, bar_photographs)
 
 
 def _fisheyes(description: Description, cameras: Mapping[str, Camera]) -> dict[str, bytes]:
@@ -187,25 +189,25 @@ def _fisheyes(description: Description, cameras: Mapping[str, Camera]) -> dict[s
 def give_pair(
     project: Project,
     dataset: Pair,
-    given: Mapping[Slot, tuple[str, bytes]] | None = None,
+    files: Mapping[Slot, tuple[str, bytes]] | None = None,
     photographs: StoredPhotographs = MappingProxyType({}),
 ) -> None:
     """Replace a project's data by a data set.
 
     Args:
-        given: its files, where it was read from some.
+        files: of the data set, where it was read from some.
         photographs: its photographs, which are stored already.
     """
-    if given is None:
-        given = {slot: (NAMES[slot], content) for slot, content in packed_files(dataset).items()}
-    kept = ProjectPhotographs(project).give(given, photographs, **stated_in(dataset))
-    if not kept:  # a running search is for the previous data set
+    if files is None:
+        files = {slot: (NAMES[slot], content) for slot, content in packed_files(dataset).items()}
+    stays = ProjectPhotographs(project).give(files, photographs, **stated_in(dataset))
+    if not stays:  # a running search is for the previous data set
         jobs.abandon(project, "photographs")
 
 
 def is_new(*uploads: Upload) -> bool:
     """Whether any of these uploads has not been processed yet."""
-    return not st.session_state.get(_SEEN, set()).issuperset(one.file_id for one in uploads)
+    return not st.session_state.get(_SEEN, set()).issuperset(upload.file_id for upload in uploads)
 
 
 def take_uploads(
@@ -267,32 +269,34 @@ def drop_zone(
     def used(uploads: Sequence[Upload]) -> None:
         st.session_state.pop(_SAID, None)
         with st.spinner("Reading the files."):
-            given = sort_files(((each.name, each.getvalue()) for each in uploads), keep, tables)
-        take(given)
-        st.session_state[_SAID] = key, given.in_words, given.problems
+            dropped = sort_files(
+                ((upload.name, upload.getvalue()) for upload in uploads), keep, tables
+            )
+        take(dropped)
+        st.session_state[_SAID] = key, dropped.in_words, dropped.problems
 
     emptied_uploader(label, None, key, used)
     with (row or st).popover("Give a whole folder"):
-        own = "A folder, with all folders in it"
-        emptied_uploader(own, None, f"{key}_folder", used, many="directory")
+        folder_label = "A folder, with all folders in it"
+        emptied_uploader(folder_label, None, f"{key}_folder", used, many="directory")
     with below or st.container():
         _show_last(key, in_use)
 
 
 def _show_last(key: str, in_use: bool) -> None:
     """What the last files were, and those that cannot be used."""
-    of, taken, problems = st.session_state.get(_SAID, ("", "", []))
-    if of != key:
+    shown_key, taken, problems = st.session_state.get(_SAID, ("", "", []))
+    if shown_key != key:
         return
     if taken and not in_use:
         (st.info if problems else st.success)(f"Recognised: {taken}.")
     if problems:
-        first = "\n".join(f"- {escape_markdown(each)}" for each in problems[:SHOWN])
-        st.warning(first)
+        head = "\n".join(f"- {escape_markdown(problem)}" for problem in problems[:SHOWN])
+        st.warning(head)
         if len(problems) > SHOWN:
             with st.expander(f"And {len(problems) - SHOWN} more"):
                 rest = problems[SHOWN:]
-                st.markdown("\n".join(f"- {escape_markdown(each)}" for each in rest))
+                st.markdown("\n".join(f"- {escape_markdown(problem)}" for problem in rest))
 
 
 def take_new(

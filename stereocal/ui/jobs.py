@@ -88,7 +88,7 @@ class Job:
     work: PageWork
     executor: Executor
     """Computes its tasks."""
-    at: int = 0
+    stage: int = 0
     """Number of the stage."""
     total: int = 0
     done: int = 0
@@ -105,7 +105,7 @@ class Job:
 
     def begin(self, stage: str) -> None:
         """Begin a stage."""
-        self.at, self.done, self.total = self.work.stages.index(stage), 0, 0
+        self.stage, self.done, self.total = self.work.stages.index(stage), 0, 0
         self.started, self.begun_with = time.monotonic(), 0
 
     def progress(self, done: int, total: int) -> None:
@@ -124,9 +124,9 @@ class Job:
         if self.cancelled:
             raise StoppedError
 
-    def found_before(self, of: Any) -> FoundBefore:
+    def found_before(self, record_type: Any) -> FoundBefore:
         """What such a search has found if it was not finished."""
-        return FoundBefore(self.work.project.results, self.work.kind, of)
+        return FoundBefore(self.work.project.results, self.work.kind, record_type)
 
 
 @cache
@@ -168,10 +168,10 @@ def start(work: PageWork, anew: bool = False) -> Job:
     key = work.project.results, work.kind
     with _STARTING:
         if (last := JOBS.get(key)) is not None:
-            kept = ("running", "failed", "cancelled") if work.follows else ("running",)
+            kept_states = ("running", "failed", "cancelled") if work.follows else ("running",)
             same = last.work.made_from == work.made_from or not work.follows
             pressed = last.state == "running" and not last.work.follows
-            if ((last.state in kept and same) or pressed) and not anew:
+            if ((last.state in kept_states and same) or pressed) and not anew:
                 return last
             last.cancelled = True
         job = JOBS[key] = Job(work, pool())
@@ -241,7 +241,7 @@ def show_job(project: Project, kind: Kind, cancelled: str) -> None:
             time.sleep(0.01)
     if job is not None and job.state == "running":
         # Only now: a permanent timer would interrupt every longer run of the page.
-        _show_progress(project, kind, job.at)
+        _show_progress(project, kind, job.stage)
     elif stored_jobs.is_interrupted(project.results, kind):
         st.warning(INTERRUPTED)
         button("Discard", f"discard_{kind}", abandon, project, kind)
@@ -274,19 +274,21 @@ def abandon(project: Project, kind: Kind) -> None:
 @st.fragment(run_every=0.5)
 def _show_progress(project: Project, kind: Kind, stage: int) -> None:
     """How far a job is; the page is drawn again when it ends, or has ended a stage."""
-    job, left = job_of(project, kind), ""
-    if job is None or job.state != "running" or job.at != stage:
+    job, time_left = job_of(project, kind), ""
+    if job is None or job.state != "running" or job.stage != stage:
         st.rerun()
     counted, stages = job.done - job.begun_with, job.work.stages
-    if counted > 0 and stages[job.at] != UNEVEN:
+    if counted > 0 and stages[job.stage] != UNEVEN:
         pace = (time.monotonic() - job.started) / counted
-        left = f", about {pace * (job.total - job.done):.0f} s left"
+        time_left = f", about {pace * (job.total - job.done):.0f} s left"
     for number, named in enumerate(stages):
-        if number < job.at:
+        if number < job.stage:
             st.progress(1.0, f"{named.capitalize()}: all")
-        elif number == job.at and (job.done or (job.total and named == UNEVEN)):
-            words = f"{job.done} of {job.total} {named}{left}"
+        elif number == job.stage and (job.done or (job.total and named == UNEVEN)):
+            words = f"{job.done} of {job.total} {named}{time_left}"
             st.progress(job.done / max(job.total, 1), words)
         else:
-            st.progress(0.0, "Starting" if number == job.at else f"{named.capitalize()}: not yet")
+            st.progress(
+                0.0, "Starting" if number == job.stage else f"{named.capitalize()}: not yet"
+            )
     button("Cancel", f"cancel_{kind}", setattr, job, "cancelled", True)

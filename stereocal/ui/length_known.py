@@ -38,11 +38,11 @@ HELP_ON_FREE = (
 )
 
 
-def give_lengths(settings: Mapping[str, Any], given: Mapping[str, Any]) -> None:
+def give_lengths(settings: Mapping[str, Any], values: Mapping[str, Any]) -> None:
     """Store inputs, and how they are stated."""
     with refusing():
         project = project_to_write()
-        project.give({}, **given)
+        project.give({}, **values)
         project.keep_settings({**settings})
 
 
@@ -86,10 +86,10 @@ def ask_known(
     left, right = st.columns([3, 2], vertical_alignment="bottom")
     titles = {NOT_STATED: f"Not known: {assumed} assumed"} | TITLES
     del titles[PRINTED if baseline else FREE]
-    told = HELP.format(assumed=assumed) + HELP_ON_FREE * baseline
+    help_text = HELP.format(assumed=assumed) + HELP_ON_FREE * baseline
     known = Field(key, key, read, choose, fit=one_of(titles))
     named = titles.__getitem__
-    if known.menu("How well is it known?", left, format_func=named, help=told) == TYPED:
+    if known.menu("How well is it known?", left, format_func=named, help=help_text) == TYPED:
         ask_number("± mm", f"{name}_sigma_mm", mm, take, right, least=LEAST_MM)
 
 
@@ -112,10 +112,10 @@ def ask_number(
     take: Callable[[float | None], None],
     place: DeltaGenerator,
     least: float = 0.0,
-    told: str | None = None,
+    help_text: str | None = None,
 ) -> None:
-    own = Field(key, key, read, take, fit=Number(least, or_none=True))
-    own.number_input(title, place, format="%.6g", placeholder="not stated", help=told)
+    field = Field(key, key, read, take, fit=Number(least, or_none=True))
+    field.number_input(title, place, format="%.6g", placeholder="not stated", help=help_text)
 
 
 def scaled(value: float | None, scale: float) -> float | None:
@@ -154,21 +154,21 @@ def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
     titles = {OWN: f"Its own calibration: {lens_sigmas(camera)}"} if camera.uncertainty else {}
     titles |= {NOT_STATED: NOT_STATED, TYPED: "Typed"}
     assumed = f"± {100 * unknowns.DEFAULT_FOCAL:g} % and ± {unknowns.DEFAULT_CENTRE_PX:g} px"
-    title, told = f"How well is the {which} lens known?", HELP.format(assumed=assumed)
+    title, help_text = f"How well is the {which} lens known?", HELP.format(assumed=assumed)
     known = Field(key, key, read, choose, fit=one_of(titles))
-    if known.menu(title, format_func=titles.__getitem__, help=told) != TYPED:
+    if known.menu(title, format_func=titles.__getitem__, help=help_text) != TYPED:
         return
 
-    def number(at: int, scale: float) -> float | None:
-        return scaled((stated().get(which) or (None, None))[at], scale)
+    def number(index: int, scale: float) -> float | None:
+        return scaled((stated().get(which) or (None, None))[index], scale)
 
-    def take(at: int, scale: float, value: float | None) -> None:
-        both = [*(stated().get(which) or (None, None))]
-        both[at] = None if value is None else value / scale
-        give_lengths({key: TYPED}, {"lens_known": {**stated(), which: tuple(both)}})
+    def take(index: int, scale: float, value: float | None) -> None:
+        values = [*(stated().get(which) or (None, None))]
+        values[index] = None if value is None else value / scale
+        give_lengths({key: TYPED}, {"lens_known": {**stated(), which: tuple(values)}})
 
     counts = "0 holds it as it is given. It counts once both numbers are there."
-    asked = (("Focal length, ± %", "focal_percent", 100), ("Image centre, ± px", "centre_px", 1))
-    for at, (place, (title, name, scale)) in enumerate(zip(st.columns(2), asked, strict=True)):
-        shown, store = partial(number, at, scale), partial(take, at, scale)
-        ask_number(title, f"lens_{which}_{name}", shown, store, place, told=counts)
+    numbers = (("Focal length, ± %", "focal_percent", 100), ("Image centre, ± px", "centre_px", 1))
+    for index, (place, (title, name, scale)) in enumerate(zip(st.columns(2), numbers, strict=True)):
+        shown, store = partial(number, index, scale), partial(take, index, scale)
+        ask_number(title, f"lens_{which}_{name}", shown, store, place, help_text=counts)

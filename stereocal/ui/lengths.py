@@ -59,8 +59,8 @@ def ask_lengths(project: Project | None, files: FilesOfAll | None) -> None:
     with right:
         if project is not None and has_photographs(project) and holds_board(project):
             st.markdown("The squares of the board are the measured lengths.")
-        elif about := _object_in_words(project):
-            st.markdown(about)
+        elif described := _object_in_words(project):
+            st.markdown(described)
         else:
             _ask_length(project, "target_distance_m", "Distance between targets A and B")
         ask_known(project, "target_distance_m", "± 0.1 %")
@@ -72,22 +72,22 @@ def ask_lengths(project: Project | None, files: FilesOfAll | None) -> None:
 def _ask_lengths_of_all(files: FilesOfAll) -> None:
     """The places of the targets along the bar; once the points are read with them, the rest."""
     _ask_places(files)
-    given = readable(lambda: files.gathered.recording, told=False)
-    if given is None:
+    recording = readable(lambda: files.gathered.recording, warn=False)
+    if recording is None:
         return
     left, right = st.columns(2)
     with left:
-        _ask_baselines(files.project, given)
+        _ask_baselines(files.project, recording)
     with right:
-        held = given.object
-        st.markdown(f"The {held.word} is {held.longest_m:.6g} m long.")
-        assumed = "± 0.1 %" if held.sigma_m is None else "what the files state"
-        ask_known(files.project, "target_distance_m", assumed, held.longest_m)
+        held_object = recording.object
+        st.markdown(f"The {held_object.word} is {held_object.longest_m:.6g} m long.")
+        assumed = "± 0.1 %" if held_object.sigma_m is None else "what the files state"
+        ask_known(files.project, "target_distance_m", assumed, held_object.longest_m)
 
 
 def _ask_places(files: FilesOfAll) -> None:
     """The places of the targets along the bar, from the first."""
-    first, *others = readable(lambda: files.targets, told=False) or [""]
+    first, *others = readable(lambda: files.targets, warn=False) or [""]
     for target, column in zip(others, cycle(st.columns(2) if others else ()), strict=False):
         place = files.place(target)
         label = f"{escape_markdown(f'{first} to {target}')}, along the bar"
@@ -100,8 +100,8 @@ def _ask_length(project: Project | None, name: Length, label: str) -> None:
     """A length of two cameras."""
 
     def read() -> float | None:
-        own = project or current_project()  # the first number makes the project
-        return getattr(own.inputs, name) if own else None
+        present = project or current_project()  # the first number makes the project
+        return getattr(present.inputs, name) if present else None
 
     def store(metres: float | None) -> None:
         project_to_write().give({}, **_with_sigma(project, name, metres))
@@ -110,36 +110,36 @@ def _ask_length(project: Project | None, name: Length, label: str) -> None:
     _length_field(label, what, f"{name}_value", _unit(project, name), read, store)
 
 
-def _ask_baselines(project: Project, given: Recording) -> None:
+def _ask_baselines(project: Project, recording: Recording) -> None:
     """The distances of two cameras that were measured, and how well they are known."""
 
     def measured() -> Mapping[str, float]:
-        of_files = {pair_name(pair): metres for pair, metres in given.baselines_m.items()}
+        of_files = {pair_name(pair): metres for pair, metres in recording.baselines_m.items()}
         return project.inputs.baselines_m or of_files
 
-    known, names = measured(), [*map(pair_name, given.pairs)]
-    first = next(iter(known), None)
+    baselines, names = measured(), [*map(pair_name, recording.pairs)]
+    default = next(iter(baselines), None)
     title = "Measured distance of two cameras"
-    about = "Any of them, or none: the bars give the scale."
-    pair = choose_from_menu(project, "baseline_of", title, names, first, help=about)
+    help_text = "Any of them, or none: the bars give the scale."
+    pair = choose_from_menu(project, "baseline_of", title, names, default, help=help_text)
 
     def read() -> float | None:
         return measured().get(pair)
 
     def store(metres: float | None) -> None:
-        now = measured()
-        if metres != now.get(pair):
-            own = {} if metres is None else {pair: metres}
-            rest = {name: length for name, length in now.items() if name != pair}
-            project.give({}, baselines_m=rest | own)
+        present = measured()
+        if metres != present.get(pair):
+            added = {} if metres is None else {pair: metres}
+            rest = {name: length for name, length in present.items() if name != pair}
+            project.give({}, baselines_m=rest | added)
 
     unit, what = _unit(project, "rig"), f"distance of the cameras {pair}"
     label = f"Cameras {escape_markdown(pair)}"
     is_typed = pair in project.inputs.baselines_m
     _length_field(label, what, f"baseline_{pair}", unit, read, store, is_typed)
-    if known:
+    if baselines:
         per = words.METRES_PER[unit.value()]
-        listed = (f"{name} {own / per:.6g} {unit.value()}" for name, own in known.items())
+        listed = (f"{name} {metres / per:.6g} {unit.value()}" for name, metres in baselines.items())
         st.caption(f"Measured: {escape_markdown(', '.join(listed))}")
         ask_known(project, "baseline_m", "± 1 %")
 
@@ -148,7 +148,7 @@ def _length_field(
     label: str,
     what: str,
     key: str,
-    kept: Field,
+    stored_unit: Field,
     read: Callable[[], float | None],
     store: Callable[[float | None], object],
     is_typed: bool = True,
@@ -157,14 +157,14 @@ def _length_field(
 
     Args:
         what: it is, in messages.
-        kept: the unit.
+        stored_unit: the unit in use.
         read, store: the length in metres; None: it is not stated.
         is_typed: whether a person has typed it, or may.
     """
 
     def shown() -> float | None:
         metres = read()
-        return None if metres is None else _as_typed(metres / words.METRES_PER[kept.value()])
+        return None if metres is None else _as_typed(metres / words.METRES_PER[stored_unit.value()])
 
     def take(number: float | None, unit: str) -> None:
         metres = None if number is None else _as_typed(number * words.METRES_PER[unit])
@@ -175,14 +175,18 @@ def _length_field(
             if metres is not None:
                 check_length(what, metres)
             store(metres)
-            project_to_write().keep_settings({kept.name: unit})
+            project_to_write().keep_settings({stored_unit.name: unit})
 
     number = Field(
-        key, key, shown, lambda value: take(value, kept.value()), fit=Number(0.0, or_none=True)
+        key,
+        key,
+        shown,
+        lambda value: take(value, stored_unit.value()),
+        fit=Number(0.0, or_none=True),
     )
     # Keeps the number that was typed, in the new unit; that of a file is a length.
-    write = (lambda chosen: take(number.shown(), chosen)) if is_typed else kept.write
-    unit = replace(kept, write=write)
+    write = (lambda chosen: take(number.shown(), chosen)) if is_typed else stored_unit.write
+    unit = replace(stored_unit, write=write)
     left, right = st.columns([3, 1], vertical_alignment="bottom")
     number.number_input(label, left, format="%.10g", placeholder="measured length")
     unit.menu("Unit", right)
@@ -195,10 +199,10 @@ def _as_typed(number: float) -> float:
 
 def _with_sigma(project: Project | None, name: str, metres: float | None) -> dict[str, Any]:
     """A length to store, and with one as printed its standard deviation, which is a share of it."""
-    given: dict[str, Any] = {name: metres}
+    values: dict[str, Any] = {name: metres}
     if project is not None and project.settings.get(f"{name}_known") == PRINTED:
-        given[sigma_of(name)] = metres and OF_PRINTER * metres
-    return given
+        values[sigma_of(name)] = metres and OF_PRINTER * metres
+    return values
 
 
 def _unit(project: Project | None, name: str) -> Field:
@@ -211,10 +215,10 @@ def _offer_nominal_baseline(project: Project) -> None:
     inputs = project.inputs
     if inputs.baseline_m is not None or inputs.baseline_free:
         return
-    found = readable(lambda: ProjectGiven(project).nominal_baseline)
-    if found is None:
+    nominal = readable(lambda: ProjectGiven(project).nominal_baseline)
+    if nominal is None:
         return
-    metres, sigma = found
+    metres, sigma = nominal
     st.caption(
         f"The camera files state {rounded(metres, 4)} m. It is the other program's result, not a "
         "measurement: measure it, or use it as it is."
@@ -227,12 +231,12 @@ def _offer_nominal_baseline(project: Project) -> None:
 def _object_in_words(project: Project | None) -> str:
     """The object whose targets the table shows; empty for a bar of A and B."""
     dataset = readable(lambda: project.dataset) if project is not None else None
-    own = None if dataset is None else dataset.correspondences.rigid_object
-    if own is None:
+    rigid_object = None if dataset is None else dataset.correspondences.rigid_object
+    if rigid_object is None:
         return ""
     return (
-        f"An object with {len(own.names)} targets, up to {own.longest_m:.4g} m apart: their "
-        "distances are the measured lengths."
+        f"An object with {len(rigid_object.names)} targets, up to {rigid_object.longest_m:.4g} m "
+        "apart: their distances are the measured lengths."
     )
 
 
@@ -268,14 +272,16 @@ def show_rig(project: Project, dataset: Pair) -> None:
         return
     st.warning(escape_markdown(question))
     with st.container(horizontal=True):
-        kept = {KEPT_ANSWER: stated}
+        answer = {KEPT_ANSWER: stated}
         if typed:
-            button("They are right", "lengths_right", project.keep_settings, kept)
+            button("They are right", "lengths_right", project.keep_settings, answer)
             metres = {name: _number(project, name) for name in typed}
-            shown = " and ".join(f"{LENGTHS[name]} {own:.10g} m" for name, own in metres.items())
+            shown = " and ".join(
+                f"{LENGTHS[name]} {number:.10g} m" for name, number in metres.items()
+            )
             button(f"In metres: {shown}", "in_metres", _take_in_metres, project, metres)
             return
-        button("They are in metres", "in_metres", project.keep_settings, kept)
+        button("They are in metres", "in_metres", project.keep_settings, answer)
         both = _asked(dataset) == BOTH
         units = words.units_that_fit(dataset) if both else ()
         offers = [(f"They are in {unit}", f"in_{unit}", unit, BOTH) for unit in units]
@@ -302,10 +308,10 @@ def _number(project: Project, name: str) -> float:
 
 def _take_in_metres(project: Project, metres: Mapping[str, float]) -> None:
     """Take the numbers that were typed as metres, and ask no more about the lengths they make."""
-    given: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for name, length in metres.items():
-        given |= _with_sigma(project, name, length)
-    project.give({}, **given)
+        values |= _with_sigma(project, name, length)
+    project.give({}, **values)
     for name in metres:
         _unit(project, name).set("m")
     if (dataset := project.dataset) is not None:
@@ -315,8 +321,8 @@ def _take_in_metres(project: Project, metres: Mapping[str, float]) -> None:
 
 def _take_unit(project: Project, unit: str, names: Sequence[str]) -> None:
     """These lengths, which were typed in metres, are in this unit."""
-    given: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for name in names:
         metres = getattr(project.inputs, name) * words.METRES_PER[unit]
-        given |= _with_sigma(project, name, metres)
-    project.give({}, **given)
+        values |= _with_sigma(project, name, metres)
+    project.give({}, **values)

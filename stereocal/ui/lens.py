@@ -62,10 +62,10 @@ _ROUND = "boards_round"
 
 def show_lenses(project: Project | None) -> None:
     """The lenses in use, and how a camera's is found or given."""
-    found = zip(CAMERAS, project.cameras if project else (None, None), strict=True)
+    cameras = zip(CAMERAS, project.cameras if project else (None, None), strict=True)
     labels = project.inputs.labels if project else {}
     named = {which: f"{which}: {labels[which]}" if which in labels else which for which in CAMERAS}
-    _show_table(lens_table({named[which]: camera for which, camera in found}))
+    _show_table(lens_table({named[which]: camera for which, camera in cameras}))
     which, how = _choose_camera(project)
     if how == FILE:
         _from_file(project, which)
@@ -109,12 +109,14 @@ def _tell_what_is_loaded(project: Project | None, which: CameraName) -> None:
         return
     cameras = project.cameras if project else (None, None)
     if all(cameras):
-        said = "Both lenses are loaded. To calibrate one again, upload photographs of the board."
+        sentence = (
+            "Both lenses are loaded. To calibrate one again, upload photographs of the board."
+        )
     elif cameras[CAMERAS.index(which)]:
-        said = f"The {which} camera's lens is loaded; the other camera's is still missing."
+        sentence = f"The {which} camera's lens is loaded; the other camera's is still missing."
     else:
-        said = "Nothing to calibrate yet: upload photographs of the board."
-    st.info(said)
+        sentence = "Nothing to calibrate yet: upload photographs of the board."
+    st.info(sentence)
 
 
 def _choose_camera(project: Project | None) -> tuple[CameraName, str]:
@@ -123,10 +125,10 @@ def _choose_camera(project: Project | None) -> tuple[CameraName, str]:
     shown = partial(choose, place=left, format_func=str.capitalize)
     which: CameraName = shown(project, "lens_camera", "Camera", CAMERAS)
     how: str = choose(project, "lens_how", "I have", (BOARD, FILE), place=right)
-    stores = [] if project is None else [ProjectLens(project, each) for each in CAMERAS]
+    stores = [] if project is None else [ProjectLens(project, camera) for camera in CAMERAS]
     # What is damaged is reported where they are shown.
-    found = readable(lambda: [each.photographs for each in stores], told=False)
-    has_boards = found is None or any(found)
+    photographs = readable(lambda: [store.photographs for store in stores], warn=False)
+    has_boards = photographs is None or any(photographs)
     if how == BOARD and has_sample_photographs() and not has_boards:
         st.button("Try with sample photographs", key="sample_boards", on_click=load_sample_boards)
     return which, how
@@ -148,18 +150,20 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
     """The uploader, the forms and the calibration; None while there are no photographs."""
 
     def take(uploads: Sequence[UploadedFile]) -> None:
-        own = ProjectLens(project_to_write(), which)
+        camera_store = ProjectLens(project_to_write(), which)
         with st.spinner("Storing the photographs."):
-            given = sort_files(((each.name, each.getvalue()) for each in uploads), own.keep)
-        own.add(given.photographs)
-        if given.photographs:
+            dropped = sort_files(
+                ((upload.name, upload.getvalue()) for upload in uploads), camera_store.keep
+            )
+        camera_store.add(dropped.photographs)
+        if dropped.photographs:
             with st.spinner("Looking at the first photographs ..."):
-                _propose_board(own)
-        if videos := given.of("video"):
-            given.use(partial(_take_video, own, videos))
-        if given.problems or not (given.photographs or videos):
+                _propose_board(camera_store)
+        if videos := dropped.of("video"):
+            dropped.use(partial(_take_video, camera_store, videos))
+        if dropped.problems or not (dropped.photographs or videos):
             none = "There is neither a photograph nor a video among these files."
-            raise StereocalError(" ".join(given.problems) or none)
+            raise StereocalError(" ".join(dropped.problems) or none)
 
     title = f"Photographs of the board by the {which} camera, a zip of them, or a video"
     kinds, key = [*intake.PHOTOGRAPH_KINDS, *intake.VIDEO_KINDS], f"upload_boards_{which}"
@@ -168,7 +172,7 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
     if project is None:
         return None
     store, key = ProjectLens(project, which), f"no_boards_{which}"
-    last = "Cancelled. What was there before is unchanged."
+    cancelled = "Cancelled. What was there before is unchanged."
     try:
         photographs = store.photographs
         if photographs:
@@ -180,7 +184,7 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
         st.error(escape_markdown(str(error)))
         button("Remove them", key, _clear, store)
         return None
-    jobs.show_job(project, JOB_KINDS[which], last)
+    jobs.show_job(project, JOB_KINDS[which], cancelled)
     return store if photographs else None
 
 
@@ -197,14 +201,14 @@ def _take_frames(
     store: ProjectLens, folder: str, videos: Mapping[str, Path], job: jobs.Job
 ) -> None:
     """The sharpest still frames of a video, which become photographs in a folder of its name."""
-    found: dict[str, StoredFile] = {}
+    photographs: dict[str, StoredFile] = {}
 
     def keep(frame: str, content: bytes) -> None:
         name = f"{folder}/{PurePosixPath(frame).name}"
-        found[name] = store.keep(name, content)
+        photographs[name] = store.keep(name, content)
 
     report = extract(videos, VideoSettings(), keep, job.begin, job.progress)
-    store.replace(folder, found)
+    store.replace(folder, photographs)
     _propose_board(store)
     job.note = " ".join(report.sentences)
 
@@ -219,13 +223,15 @@ def _propose_board(store: ProjectLens) -> None:
 
 def _lens_form(project: Project) -> LensSettings:
     settings = asked(LensSettings)
-    fields = {name: field_of(project, f"lens_{name}", about) for name, about in settings.items()}
+    fields = {
+        name: field_of(project, f"lens_{name}", described) for name, described in settings.items()
+    }
     held = ("fix_k3", "zero_tangential") if fields["model"].value() == "fisheye" else ()
     with st.expander("Settings of the calibration"):
         places = (*st.columns(3), *st.columns(2), st.container())
         values = {
-            name: ask(place, about, fields[name], disabled=name in held)
-            for place, (name, about) in zip(places, settings.items(), strict=True)
+            name: ask(place, described, fields[name], disabled=name in held)
+            for place, (name, described) in zip(places, settings.items(), strict=True)
         }
     return LensSettings(**values)
 
@@ -246,8 +252,8 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> N
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
     if lens is not None and not jobs.is_running(store.project, kind):
         then = _parts(lens.search.pattern, [v.name for v in lens.search.views], lens.settings)
-        left = [name for name in names if name not in leave_out]
-        show_stale(changed(then, _parts(pattern, left, settings)))
+        used = [name for name in names if name not in leave_out]
+        show_stale(changed(then, _parts(pattern, used, settings)))
     jobs.start_button(work, label, f"calibrate_{store.which}", primary=lens is None)
 
 
@@ -283,8 +289,8 @@ def _clear(store: ProjectLens) -> None:
 def _show_lens(store: ProjectLens) -> None:
     """The last finished lens of a camera."""
     # Reported above, where it can be calibrated again.
-    lens = readable(lambda: store.calibration, told=False)
-    search = readable(lambda: store.search, told=False)
+    lens = readable(lambda: store.calibration, warn=False)
+    search = readable(lambda: store.search, warn=False)
     if search is not None and search.refused:
         with st.expander(f"{count(len(search.refused), 'photograph')} without a usable board"):
             for item in search.refused:
@@ -301,7 +307,7 @@ def _show_lens(store: ProjectLens) -> None:
     if text := quality.hint(lens):
         st.caption(text)
     _use_and_downloads(store, lens)
-    results, each, leaves, without = (
+    results, by_photograph, leaves, without = (
         f"The {lens.settings.repeats} results",
         "Photograph by photograph",
         "What the lens leaves",
@@ -309,7 +315,7 @@ def _show_lens(store: ProjectLens) -> None:
     )
     views = {
         results: (figures.plot_draws, figures.describe_draws, "draws"),
-        each: (figures.plot_view_errors, figures.describe_view_errors, "view_errors"),
+        by_photograph: (figures.plot_view_errors, figures.describe_view_errors, "view_errors"),
         leaves: (figures.plot_residual_field, figures.describe_residual_field, "residual_field"),
     }
     view = choose(store.project, "lens_view", "Look at", [*views, without])

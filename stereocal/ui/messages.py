@@ -45,7 +45,7 @@ def tell(sentence: str, kind: Literal["error", "info"] = "error") -> None:
 def show_messages(place: DeltaGenerator, but: Sequence[str] = ()) -> list[str]:
     """Draw the queued messages except `but`; they stay queued until forgotten."""
     queued = st.session_state.get(_MESSAGES, {})
-    messages = [one for one in queued if one not in but]
+    messages = [message for message in queued if message not in but]
     for sentence in messages:
         getattr(place, queued[sentence])(escape_markdown(sentence))
     return messages
@@ -82,25 +82,25 @@ def button(
     label: str,
     key: str,
     act: Callable[..., object],
-    *given: object,
+    *arguments: object,
     place: DeltaGenerator | None = None,
     first: bool = False,
     icon: str | None = None,
-    **more: Any,
+    **options: Any,
 ) -> bool:
     """A button; errors of what it does become messages. Returns whether it was pressed.
 
     Args:
-        act: called with what is `given`.
+        act: called with the `arguments`.
         place: where it stands; None: here.
         first: it stands out, as the one thing to do next.
         icon: its name among Material's.
-        more: passed on to `st.button`.
+        options: passed on to `st.button`.
     """
-    shown = {"type": "primary" if first else "secondary", **more}
+    shown = {"type": "primary" if first else "secondary", **options}
     shown["icon"] = icon and f":material/{icon}:"
     draw: Any = place or st
-    return bool(draw.button(label, key, on_click=callback(act), args=given, **shown))
+    return bool(draw.button(label, key, on_click=callback(act), args=arguments, **shown))
 
 
 def show_with_button(
@@ -159,12 +159,12 @@ def show_stale(changed: str) -> None:
         st.warning(f"Changed since this result: {changed}. It is shown as it was before.")
 
 
-def readable(read: Callable[[], T], told: bool = True) -> T | None:
-    """The result of a read; after an error None, and a warning on the page if it is to be told."""
+def readable(read: Callable[[], T], warn: bool = True) -> T | None:
+    """The result of a read; after an error None, and with `warn` a warning on the page."""
     try:
         return read()
     except StereocalError as error:
-        if told:
+        if warn:
             st.warning(escape_markdown(str(error)))
         return None
 

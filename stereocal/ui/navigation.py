@@ -105,7 +105,7 @@ def run_page(page: StreamlitPage) -> None:
     if open_created() and page.url_path == "":  # a sample that was just opened goes on
         st.switch_page("pages/data.py")
     top = st.container()
-    told = show_messages(top)
+    shown_messages = show_messages(top)
     _take_focus(page)
     tell_screen()
     begin_page(page.url_path)
@@ -132,7 +132,7 @@ def run_page(page: StreamlitPage) -> None:
         st.session_state[STATES] = states
         show_menu()
     # Messages queued meanwhile; if the page is drawn again, it shows all of them.
-    forget_messages(told + show_messages(top, told))
+    forget_messages(shown_messages + show_messages(top, shown_messages))
     if stopped is not None:
         raise stopped
 
@@ -154,13 +154,13 @@ def _show_next(page: StreamlitPage, states: Mapping[str, PageState]) -> None:
 
     It stands out unless something on this page is to be pressed first.
     """
-    first = st.session_state.pop(PRESS_FIRST, False)
+    press_first = st.session_state.pop(PRESS_FIRST, False)
     order = [name for name in TITLES if name != "help"]
     following = dict(pairwise(order)).get(OTHER_ADDRESSES.get(page.url_path, page.url_path))
     data = states.get(page.url_path) if page.url_path == "data" else None
     if following is not None and (data is None or data.mark != "missing"):
         label = f"Next: {TITLES[following]}"
-        button(label, "next", go_to, following, first=not first, icon="arrow_forward")
+        button(label, "next", go_to, following, first=not press_first, icon="arrow_forward")
 
 
 def go_to(name: str) -> None:

@@ -75,55 +75,57 @@ class NewImagesForm:
         Args:
             matched: pairs of Apply, which serve too, of two cameras.
         """
-        own, given = self._photographs.project, self.store.file(IMAGES)
-        offered = {MATCHED: None if self._is_rig else matched, FILE: given}
+        project, stored = self._photographs.project, self.store.file(IMAGES)
+        offered = {MATCHED: None if self._is_rig else matched, FILE: stored}
         kinds = [kind for kind, file in offered.items() if file is not None]
-        usual = FILE if given else MATCHED
+        usual = FILE if stored else MATCHED
         kind = setting(self.store.project, CHOSEN, usual, one_of(kinds or [usual]))
         zone, whose = st.container(), st.container()
         with st.expander("What can I give?"):
             st.markdown(CAN_BE_GIVEN.format(POINTS if self._is_rig else TABLE))
-            use_videos = partial(take_videos, settings=video_settings(own), project=own)
+            use_videos = partial(take_videos, settings=video_settings(project), project=project)
         with zone:
 
-            def take(given: Dropped[StoredFile]) -> None:
-                given.use(partial(self._take, use_videos, given))
+            def take(dropped: Dropped[StoredFile]) -> None:
+                dropped.use(partial(self._take, use_videos, dropped))
 
             title, key = OF_RIG if self._is_rig else OF_PAIR, "upload_check_images"
             drop_zone(title, key, self._photographs.keep, take, tables=PARQUET)
         with whose:
-            ask_whose(ProjectGiven(own))
+            ask_whose(ProjectGiven(project))
             ask_whose_video(use_videos)
-            show_frames_taken(own)
+            show_frames_taken(project)
             self._search()
         if len(kinds) > 1:
             kind.menu("Check")
-        new = offered[kind.value()]
-        if new is not None:
-            st.caption(f"In use: {escape_markdown(new.label)}")
-        return new
+        images = offered[kind.value()]
+        if images is not None:
+            st.caption(f"In use: {escape_markdown(images.label)}")
+        return images
 
     def tell_missing(self) -> None:
         """That there are none yet."""
         st.info(MISSING_OF_RIG if self._is_rig else MISSING_OF_PAIR)
 
-    def _take(self, use_videos: Callable[..., None], given: Dropped[StoredFile]) -> None:
+    def _take(self, use_videos: Callable[..., None], dropped: Dropped[StoredFile]) -> None:
         """Use what was given: photographs and videos to be searched, or a file as it is."""
-        own = ProjectGiven(self._photographs.project)
-        tables, data_set = given.of("table"), bool(given.of("data set"))
-        has_points = any(PurePosixPath(name).suffix.lower() == ".csv" for name in given.files)
-        if data_set and (has_points or not given.photographs):
-            self._use(given.source, pack_zip(given.files))
-        elif given.photographs:
-            own.name_cameras({n: c.camera for n, c in self.rig.placed.items()} if self.rig else {})
-            own.add_photographs(given.photographs)
+        project_files = ProjectGiven(self._photographs.project)
+        tables, data_set = dropped.of("table"), bool(dropped.of("data set"))
+        has_points = any(PurePosixPath(name).suffix.lower() == ".csv" for name in dropped.files)
+        if data_set and (has_points or not dropped.photographs):
+            self._use(dropped.source, pack_zip(dropped.files))
+        elif dropped.photographs:
+            project_files.name_cameras(
+                {n: c.camera for n, c in self.rig.placed.items()} if self.rig else {}
+            )
+            project_files.add_photographs(dropped.photographs)
             self._hold_as_in_the_data()
-        elif videos := given.of("video"):
+        elif videos := dropped.of("video"):
             place_videos(videos, use_videos)
         elif tables:
             self._use(*next(iter(tables.items())))
         else:
-            given.problems += [f"{name}: this is no new image." for name in given.files]
+            dropped.problems += [f"{name}: this is no new image." for name in dropped.files]
 
     def _use(self, name: str, content: bytes) -> None:
         self.store.keep_images(name, content, self.rig)
@@ -131,9 +133,9 @@ class NewImagesForm:
 
     def _hold_as_in_the_data(self) -> None:
         """Until something else is said, what was held for the calibration is held again."""
-        own, whole = self._photographs.project, self.store.project.settings
-        if "held" not in own.settings and "held" in whole:
-            own.keep_settings({n: each for n, each in whole.items() if n.startswith(OF_HELD)})
+        project, whole = self._photographs.project, self.store.project.settings
+        if "held" not in project.settings and "held" in whole:
+            project.keep_settings({n: value for n, value in whole.items() if n.startswith(OF_HELD)})
 
     def _search(self) -> None:
         """What is held in the new photographs, and the press that looks for it."""
@@ -144,7 +146,7 @@ class NewImagesForm:
         if self.rig is None:
             st.info("The photographs are searched once there are parameters: they hold the lenses.")
             return
-        cameras = {name: own.camera for name, own in self.rig.placed.items()}
+        cameras = {name: placed.camera for name, placed in self.rig.placed.items()}
         with st.container(border=True):
             pairing = readable(lambda: store.paired([*cameras]))
             moments = pairing.moments if pairing else {}
@@ -166,12 +168,12 @@ class NewImagesForm:
             tell_changed(store, work)
             press_search(work, "targets", "find_new", bool(store.found_in), ready)
 
-    def _keep(self, length_m: float | None, found: Found, made_from: Parts) -> None:
+    def _keep(self, length_m: float | None, result: Found, made_from: Parts) -> None:
         """Use the targets that were found as the new images."""
-        recording, photographs = found.recording, len(self._photographs.photographs)
+        recording, photographs = result.recording, len(self._photographs.photographs)
         frames = len({*recording.frame.tolist()})
         label = f"targets found in {frames} frames of {photographs} photographs"
-        own = recording.object if length_m is None else RigidObject.bar(length_m)
-        whole = replace(recording, object=own, name=label)
+        held_object = recording.object if length_m is None else RigidObject.bar(length_m)
+        whole = replace(recording, object=held_object, name=label)
         self._use(label, pack_zip(pack_recording(whole)))
         self._photographs.keep_found_in(made_from)

@@ -76,10 +76,10 @@ def _of_several(project: Project) -> dict[str, PageState]:
 
 def _of_use(project: Project, of_rig: bool = False) -> dict[str, PageState]:
     applied = ProjectApplication(project).result
-    given = ProjectCheck(project).file(IMAGES) or (applied and not of_rig)
+    has_images = ProjectCheck(project).file(IMAGES) or (applied and not of_rig)
     return {
         "apply": _done_if(applied, "Points matched and measured", "No points matched yet"),
-        "check": _done_if(given, "New images are given", "No new bars or points yet"),
+        "check": _done_if(has_images, "New images are given", "No new bars or points yet"),
     }
 
 
@@ -87,10 +87,10 @@ def _of_two(project: Project) -> dict[str, PageState]:
     inputs, dataset = project.inputs, project.dataset
     lenses = [slot for slot in CAMERAS if slot not in inputs.files]
     lacking = f"No lens of the {' and '.join(lenses)} camera yet"
-    found = {"cameras": _done_if(not lenses, "Both lenses are known", lacking), **_of_use(project)}
+    states = {"cameras": _done_if(not lenses, "Both lenses are known", lacking), **_of_use(project)}
     if dataset is None:
         missing = PageState("missing", f"Missing: {', '.join(inputs.missing)}")
-        return found | dict.fromkeys(("data", "calibrate", "validate"), missing)
+        return states | dict.fromkeys(("data", "calibrate", "validate"), missing)
     points = dataset.correspondences
     data = PageState("done", count(len(points.frames), "frame"))
     if len(points) < MINIMUM_PAIRS:
@@ -98,10 +98,10 @@ def _of_two(project: Project) -> dict[str, PageState]:
             "missing", f"{count(len(points), 'pair')}, at least {MINIMUM_PAIRS} needed"
         )
     calibrate = _calibrate(project)
-    own = project.settings.get("apply_sets") != "Parameter files"
-    if found["apply"].mark == "done" and own and calibrate.mark == "stale":
-        found["apply"] = calibrate
-    return {**found, "data": data, "calibrate": calibrate, "validate": _validate(project, dataset)}
+    uses_results = project.settings.get("apply_sets") != "Parameter files"
+    if states["apply"].mark == "done" and uses_results and calibrate.mark == "stale":
+        states["apply"] = calibrate
+    return {**states, "data": data, "calibrate": calibrate, "validate": _validate(project, dataset)}
 
 
 def _calibrate(project: Project) -> PageState:
@@ -118,7 +118,7 @@ def _calibrate(project: Project) -> PageState:
 def _validate(project: Project, dataset: Pair) -> PageState:
     if not (project.evaluation or project.calibration_evaluation):
         return PageState("missing", "Not validated yet")
-    found = current_validation(project, chosen_data(project, dataset))
-    if found is None:
+    validation = current_validation(project, chosen_data(project, dataset))
+    if validation is None:
         return PageState("stale", "The data or the settings have changed since")
-    return PageState("done", f"Validated, {count(found.settings.runs, 'run')}")
+    return PageState("done", f"Validated, {count(validation.settings.runs, 'run')}")

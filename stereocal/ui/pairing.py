@@ -65,9 +65,9 @@ def _show_same(store: ProjectPhotographs) -> None:
         show_with_button("warning", words, label, "pair_clear", store.clear)
 
 
-def _change(act: Callable[..., object], *given: object) -> None:
+def _change(act: Callable[..., object], *arguments: object) -> None:
     """Change the pairs, and have the table begin with them."""
-    act(*given)
+    act(*arguments)
     forget_table()
 
 
@@ -86,7 +86,7 @@ def _show_ways(store: ProjectPhotographs, proposal: Proposal) -> None:
     choice = store.choice
     with st.container(horizontal=True, vertical_alignment="bottom"):
         if len(proposal.ways) > 1:
-            counts = {way: len(own.pairs) for way, own in proposal.ways.items()}
+            counts = {way: len(pairing.pairs) for way, pairing in proposal.ways.items()}
 
             def titled(way: Way) -> str:
                 proposed = ", proposed" * (way == proposal.best)
@@ -104,28 +104,28 @@ def _show_ways(store: ProjectPhotographs, proposal: Proposal) -> None:
 def _show_slips(store: ProjectPhotographs, proposal: Proposal) -> None:
     """Photographs without a partner by the times, to be left out of the other ways by one press;
     and those that are left out."""
-    choice, own = store.choice, {one.name for one in proposal.pairing.alone}
-    slips = [one for one in proposal.slips if proposal.way != "time" and one.name not in own]
+    choice, alone = store.choice, {photograph.name for photograph in proposal.pairing.alone}
+    slips = [slip for slip in proposal.slips if proposal.way != "time" and slip.name not in alone]
     if slips:
         more = f" And {len(slips) - MOST_SLIPS} more." if len(slips) > MOST_SLIPS else ""
         what = "; ".join(map(str, slips[:MOST_SLIPS]))
         words = f"The times say otherwise: {what}.{more}"
-        without = replace(choice, without=(*choice.without, *(one.name for one in slips)))
+        without = replace(choice, without=(*choice.without, *(slip.name for slip in slips)))
         label = f"Leave {'it' if len(slips) == 1 else 'them'} out"
         act = "pair_mend", _change, store.choose, without
         show_with_button("warning", words, label, *act, first=True)
     if choice.without:
         with st.container(horizontal=True, vertical_alignment="center"):
             for name in choice.without:
-                rest = replace(choice, without=tuple(o for o in choice.without if o != name))
+                restored = replace(choice, without=tuple(o for o in choice.without if o != name))
                 label = f"{escape_markdown(short_names([name])[0])} is left out: put it back"
-                button(label, f"pair_back_{name}", _change, store.choose, rest, icon="undo")
+                button(label, f"pair_back_{name}", _change, store.choose, restored, icon="undo")
 
 
 def _show_found_slip(store: ProjectPhotographs) -> None:
     """A photograph without a partner by the targets found, to be left out by one press."""
     frames, pairs = store.frames or [], [row.pair for row in store.rows if row.use]
-    first, second = readable(lambda: store.project.cameras, told=False) or (None, None)
+    first, second = readable(lambda: store.project.cameras, warn=False) or (None, None)
     by_hand = store.proposal.way == "motion"
     if by_hand or first is None or second is None or len(frames) != len(pairs):
         return
@@ -152,24 +152,24 @@ def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:
     if not items:
         return
     usual = NONE if store.frames is not None else FEW
-    shown = setting(store.project, "pairs_shown", usual, one_of((FEW, ALL, NONE)), tabs_own=True)
-    how = shown.value()
+    field = setting(store.project, "pairs_shown", usual, one_of((FEW, ALL, NONE)), tabs_own=True)
+    how = field.value()
     show = partial(_show_item, store, in_order)
     some = [*(() if in_order else alone[:MOST_SLIPS]), *first_pairs(pairs)]
     if how == FEW and len(some) < len(items):
         on_a_sheet(store.project, some, show, "pair_sheet")
-        rest = f"Show more ({len(items) - len(some)})"
-        _button(shown, rest, ALL)
+        label = f"Show more ({len(items) - len(some)})"
+        _button(field, label, ALL)
     elif how == NONE:
-        _button(shown, "Show the pairs", ALL)
+        _button(field, "Show the pairs", ALL)
     else:
         on_a_sheet(store.project, items, show, "pair_sheet")
         if len(some) < len(items):
-            _button(shown, "Show fewer", FEW)
+            _button(field, "Show fewer", FEW)
 
 
-def _button(shown: Field, label: str, how: str) -> None:
-    button(label, f"pairs_show_{how}", shown.set, how, type="tertiary", icon="visibility")
+def _button(field: Field, label: str, how: str) -> None:
+    button(label, f"pairs_show_{how}", field.set, how, type="tertiary", icon="visibility")
 
 
 def _show_item(store: ProjectPhotographs, ask: bool, item: PhotographPair | Alone) -> None:
@@ -195,11 +195,11 @@ def _show_item(store: ProjectPhotographs, ask: bool, item: PhotographPair | Alon
         choice = store.choice
         both = (item.primary, item.secondary)
         with st.container(horizontal=True):
-            for name, shown in zip(both, short, strict=True):
+            for name, title in zip(both, short, strict=True):
                 without = replace(choice, without=(*choice.without, name))
-                told = f"{shown} has no partner: those after it move up by one."
+                help_text = f"{title} has no partner: those after it move up by one."
                 act = f"pair_without_{name}", _change, store.choose, without
-                button(f"Leave {shown} out", *act, type="tertiary", help=told)
+                button(f"Leave {title} out", *act, type="tertiary", help=help_text)
 
 
 COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")

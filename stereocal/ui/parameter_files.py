@@ -55,7 +55,7 @@ FILES: dict[Method, tuple[str, str]] = {
 PURPOSES: Mapping[Use, str] = {"matching": "Match with", "measuring": "Measure with"}
 APPLY_SETS = "apply_sets"
 """Where the page Apply keeps its choice of the two."""
-_title = {name: own.title for name, own in FORMATS.items()}.__getitem__
+_title = {name: entry.title for name, entry in FORMATS.items()}.__getitem__
 RESULTS, GIVEN = "This project's results", "Parameter files"
 KINDS = ["json", "zip", "yml", "yaml", "xml", "toml", "m", "csv", "txt", "ini", "conf", "mat"]
 
@@ -135,8 +135,8 @@ def other_formats(project: Project, answer: PairAnswer) -> None:
     with ErrorsShown():
         options = ExchangeOptions()
         if chosen == "dlt":
-            asked = Questions(project, f"dlt_{{}}_{method}", short={"first_pixel": "first"})
-            options = replace(options, **vars(asked.origin(PixelOrigin())))
+            questions = Questions(project, f"dlt_{{}}_{method}", short={"first_pixel": "first"})
+            options = replace(options, **vars(questions.origin(PixelOrigin())))
         files = export_files(sets[method], chosen, options)
         name, content = packed(files, FILES[method][0], chosen)
         for note in export_notes(sets[method], chosen):
@@ -168,16 +168,16 @@ def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
     def form(label: str, content: bytes) -> Callable[[], None] | None:
         st.markdown(f"**{escape_markdown(label)}**: parameters of another program.")
         short = {"lens_model": "lens"}
-        asked = Questions(project, f"set_{{}}_{use}", tabs_own=True, short=short)
-        program = asked.field("format", None, one_of(FORMATS))
+        questions = Questions(project, f"set_{{}}_{use}", tabs_own=True, short=short)
+        program = questions.field("format", None, one_of(FORMATS))
         name: str | None = program.menu(
             "Which program?", index=None, placeholder="choose", format_func=_title
         )
         if name is None:
             return None
         try:
-            options = _options(asked, name, read_once(_names_in, content, label, name))
-            rig = _read(asked, use, content, label, name, options)
+            options = _options(questions, name, read_once(_names_in, content, label, name))
+            rig = _read(questions, use, content, label, name, options)
         except (FourCoefficientsError, ImageSizeError, OriginError, UnitError) as error:
             st.info(escape_markdown(error.question))
             return None
@@ -198,42 +198,42 @@ def _names_in(content: bytes, label: str, name: str) -> tuple[str, ...]:
 
 
 def _read(
-    asked: Questions, use: Use, content: bytes, label: str, name: str, options: ExchangeOptions
+    questions: Questions, use: Use, content: bytes, label: str, name: str, options: ExchangeOptions
 ) -> RigParameters:
     """The parameters in files; image sizes are asked for if the files do not state them."""
     try:
         return read_once(_imported, content, label, name, options)
     except ImageSizeError:
-        asked_of = partial(ask_size, asked.project, tabs_own=True)
+        ask = partial(ask_size, questions.project, tabs_own=True)
         first, second = (
-            asked_of(f"set_size_{use}_{which}", f", {which}", camera.image_size if camera else None)
-            for which, camera in zip(CAMERAS, asked.project.cameras, strict=True)
+            ask(f"set_size_{use}_{which}", f", {which}", camera.image_size if camera else None)
+            for which, camera in zip(CAMERAS, questions.project.cameras, strict=True)
         )
         options = replace(options, image_sizes=(first, second))
         return read_once(_imported, content, label, name, options)
 
 
-def _options(asked: Questions, name: str, names: tuple[str, ...]) -> ExchangeOptions:
+def _options(questions: Questions, name: str, names: tuple[str, ...]) -> ExchangeOptions:
     left, right = st.columns(2)
-    unit, lens_model = asked.ask(left, "unit"), asked.ask(right, "lens_model")
+    unit, lens_model = questions.ask(left, "unit"), questions.ask(right, "lens_model")
     options = ExchangeOptions(unit=unit, lens_model=lens_model)
     if name == "dlt":
-        said = asked.ask(left, "corner"), asked.ask(right, "first_pixel", 0.0)
-        lower = said[0] == "lower-left"
-        how = asked.ask(left, "flip", USUAL_ORIGIN.flip) if lower else None
-        options = replace(options, corner=said[0], first_pixel=said[1], flip=how)
+        origin = questions.ask(left, "corner"), questions.ask(right, "first_pixel", 0.0)
+        lower = origin[0] == "lower-left"
+        how = questions.ask(left, "flip", USUAL_ORIGIN.flip) if lower else None
+        options = replace(options, corner=origin[0], first_pixel=origin[1], flip=how)
     if name == "ros" and len(names) == 2:
         words: dict[int | None, str] = {None: f"{STATED}: that without a baseline"}
         words |= enumerate(names)
-        primary = asked.field("primary", None, one_of(words)).menu(
+        primary = questions.field("primary", None, one_of(words)).menu(
             "The primary camera is", format_func=words.__getitem__, placeholder=words[None]
         )
         return options if primary is None else replace(options, cameras=(primary, 1 - primary))
     if len(names) < 3:
         return options
     chosen = [
-        asked.field(which, own, one_of(names)).menu(f"The {which} camera is", place)
-        for place, which, own in zip(st.columns(2), CAMERAS, names, strict=False)
+        questions.field(which, default, one_of(names)).menu(f"The {which} camera is", place)
+        for place, which, default in zip(st.columns(2), CAMERAS, names, strict=False)
     ]
     return replace(options, cameras=(names.index(chosen[0]), names.index(chosen[1])))
 
@@ -247,23 +247,25 @@ def ask_about_archive(project: Project) -> None:
 
     def form(label: str, content: bytes) -> Callable[[], None]:
         st.markdown(f"**{escape_markdown(label)}** is a file of another program.")
-        known = project.inputs.baseline_m is not None
+        baseline_known = project.inputs.baseline_m is not None
         names = ProjectGiven(project).cameras_in(label, content)
         cameras = _cameras(project, names) if len(names) > 2 else None
         with st.expander("Correct or complete what the file says"):
-            asked, (left, right) = Questions(project, "archive_{}"), st.columns(2)
-            unit, lens_model = asked.ask(left, "unit"), asked.ask(right, "lens_model")
+            questions, (left, right) = Questions(project, "archive_{}"), st.columns(2)
+            unit, lens_model = questions.ask(left, "unit"), questions.ask(right, "lens_model")
             size = ask_size(project, "archive", "")
         options = ExchangeOptions((size, size), cameras, unit, lens_model)
-        found = read_once(_gathered, content, label, options, known)
-        _show(found, known)
-        return partial(_use, store, label, found)
+        archive = read_once(_gathered, content, label, options, baseline_known)
+        _show(archive, baseline_known)
+        return partial(_use, store, label, archive)
 
     ask_about(store, "archive", form, "Use what was found")
 
 
-def _gathered(content: bytes, label: str, options: ExchangeOptions, known: bool) -> Archive:
-    return gather({label: content}, options, baseline_known=known)
+def _gathered(
+    content: bytes, label: str, options: ExchangeOptions, baseline_known: bool
+) -> Archive:
+    return gather({label: content}, options, baseline_known=baseline_known)
 
 
 def _cameras(project: Project, names: tuple[str, ...]) -> tuple[int, int]:
@@ -278,7 +280,7 @@ def _cameras(project: Project, names: tuple[str, ...]) -> tuple[int, int]:
 
 
 def _show(archive: Archive, baseline_known: bool) -> None:
-    rows = [(each.what, each.taken, each.origin) for each in archive.taken]
+    rows = [(item.what, item.taken, item.origin) for item in archive.taken]
     table = pd.DataFrame(rows, columns=["What", "Found", "From"])
     st.table(escaped_table(table).set_index("What"))
     for remark in archive.remarks:

@@ -39,7 +39,7 @@ from stereocal.ui.videos import show_frames_taken
 def has_photographs(project: Project) -> bool:
     """Whether the project has photographs."""
     # What is damaged is reported where they are shown.
-    return readable(lambda: ProjectPhotographs(project).photographs, told=False) != {}
+    return readable(lambda: ProjectPhotographs(project).photographs, warn=False) != {}
 
 
 def show_photographs(project: Project | None, files: FilesOfAll | None) -> None:
@@ -53,7 +53,7 @@ def show_photographs(project: Project | None, files: FilesOfAll | None) -> None:
         files or has_photographs(project) or "correspondences" in project.inputs.files
     ):
         cameras = readable(lambda: project.cameras) if project else None
-        focal = [float(min(one.K[0, 0], one.K[1, 1])) for one in cameras or () if one]
+        focal = [float(min(camera.K[0, 0], camera.K[1, 1])) for camera in cameras or () if camera]
         print_what_is_held(project, min(focal) if len(focal) == 2 else None)
     if project is None:
         return
@@ -112,12 +112,12 @@ def _targets(
 
 
 def _keep_frames(
-    store: ProjectPhotographs, searched: Mapping[str, StoredFile], found: Found, made_from: Parts
+    store: ProjectPhotographs, searched: Mapping[str, StoredFile], result: Found, made_from: Parts
 ) -> None:
     """Store the targets that were found, to be reviewed."""
     holding.settle(store.project)
-    store.settle(found.pairing)
-    store.keep_found(found.frames, searched, made_from)
+    store.settle(result.pairing)
+    store.keep_found(result.frames, searched, made_from)
 
 
 OF_BOARDS = "lens from the boards"
@@ -130,33 +130,33 @@ def _boards(
     store: ProjectPhotographs, pairing: Pairing, pattern: BoardPattern, ready: bool
 ) -> None:
     """The search for a board, and what was found."""
-    project, pairs, found = store.project, pairing.pairs, store.boards_found
-    if not found:
+    project, pairs, sentence = store.project, pairing.pairs, store.boards_found
+    if not sentence:
         _show_first(store, pairs, pattern)
-    given = _lenses_given(store)
-    where = "are those of the camera files" if given else "come from the same photographs"
+    lenses = _lenses_given(store)
+    where = "are those of the camera files" if lenses else "come from the same photographs"
     st.markdown(f"The lenses {where}.")
-    keep = partial(_keep_boards, store, None if given else OF_BOARDS)
-    work = search_work(store, pairing, given or dict.fromkeys(CAMERAS), pattern, keep)
-    press_search(work, "boards", "find_boards", bool(found), ready)
+    keep = partial(_keep_boards, store, None if lenses else OF_BOARDS)
+    work = search_work(store, pairing, lenses or dict.fromkeys(CAMERAS), pattern, keep)
+    press_search(work, "boards", "find_boards", bool(sentence), ready)
     refused = len(store.doubtful_boards) > MOST_REFUSED * len(pairs)
-    last = jobs.job_of(project, work.kind)
-    if refused if found else last is not None and last.state == "failed":
+    last_job = jobs.job_of(project, work.kind)
+    if refused if sentence else last_job is not None and last_job.state == "failed":
         ask_if_bar(project)
-    if not found:
+    if not sentence:
         return
     tell_changed(store, work)
-    st.success(escape_markdown(found))
+    st.success(escape_markdown(sentence))
     _show_found(store, pairs)
 
 
 def _keep_boards(
-    store: ProjectPhotographs, lenses: str | None, found: Found, made_from: Parts
+    store: ProjectPhotographs, lenses: str | None, result: Found, made_from: Parts
 ) -> None:
     """Store the boards that were found, and their lenses."""
-    data, sentence = found.recording.pair(*CAMERAS), f"{found.sentence} {found.beyond}".rstrip()
-    store.settle(found.pairing)
-    store.keep_boards(data, sentence, found.doubtful, lenses, made_from)
+    data, sentence = result.recording.pair(*CAMERAS), f"{result.sentence} {result.beyond}".rstrip()
+    store.settle(result.pairing)
+    store.keep_boards(data, sentence, result.doubtful, lenses, made_from)
     holding.settle(store.project)
 
 
@@ -197,14 +197,16 @@ def _show_found(store: ProjectPhotographs, pairs: Sequence[PhotographPair]) -> N
     )
 
     def show(pair: PhotographPair) -> None:
-        own = rows.frame == pair.frame
-        _show_pair(store, pair, rows.primary[own], rows.secondary[own])
-        state = "found" if pair.frame not in doubtful else "doubtful" if own.any() else "refused"
+        in_frame = rows.frame == pair.frame
+        _show_pair(store, pair, rows.primary[in_frame], rows.secondary[in_frame])
+        state = (
+            "found" if pair.frame not in doubtful else "doubtful" if in_frame.any() else "refused"
+        )
         st.markdown(f"{badge(state)} **Frame {pair.frame}**")
         why = doubtful.get(pair.frame, "")
         named = [name for name in (pair.primary, pair.secondary) if f"{name}: " in why]
-        if told := reasons.get(pair.frame) or " and ".join(named):
-            st.caption(escape_markdown(told))
+        if caption := reasons.get(pair.frame) or " and ".join(named):
+            st.caption(escape_markdown(caption))
 
     on_a_sheet(store.project, sorted(pairs, key=lambda pair: pair.frame not in doubtful), show)
 
@@ -224,12 +226,12 @@ UNUSED, TOLD = "several_unused", "several_told"
 def _find_in_all(store: ProjectPhotographs, cameras: Mapping[str, Camera]) -> None:
     """How many photographs there are of each of three cameras and more, and the search."""
     folders = by_folder(store.photographs, cameras)
-    counts = ", ".join(f"{camera} {len(own) or 'none'}" for camera, own in folders.items())
+    counts = ", ".join(f"{camera} {len(names) or 'none'}" for camera, names in folders.items())
     if len(cameras) < 3 or not any(folders.values()):
         return
     words, remove = f"Photographs: {counts}.", "Remove all photographs"
     show_with_button("markdown", words, remove, "several_clear", clear, store)
-    pairing = readable(lambda: store.pairing([*cameras]), told=all(folders.values()))
+    pairing = readable(lambda: store.pairing([*cameras]), warn=all(folders.values()))
     if pairing is not None:
         _search_all(store, cameras, pairing)
 
@@ -247,22 +249,22 @@ def _search_all(store: ProjectPhotographs, cameras: Mapping[str, Camera], pairin
         return
     tell_changed(store, work)
     unused = project.settings.get(UNUSED) or []
-    told = project.settings.get(TOLD) or f"{count(len(pairing.moments), 'frame')}."
-    st.caption(f"{escape_markdown(str(told))} Photographs not used: {len(unused):,}.")
+    sentence = project.settings.get(TOLD) or f"{count(len(pairing.moments), 'frame')}."
+    st.caption(f"{escape_markdown(str(sentence))} Photographs not used: {len(unused):,}.")
     if unused:
         with st.expander("Photographs that are not used"):
             st.markdown("\n".join(f"- {escape_markdown(line)}" for line in unused))
 
 
-def _keep_all(store: ProjectPhotographs, found: Found, made_from: Parts) -> None:
+def _keep_all(store: ProjectPhotographs, result: Found, made_from: Parts) -> None:
     """Store the table of the targets that were found, of boards the whole recording."""
     project = store.project
-    if found.recording.object.board is not None:
-        whole = replace(found.recording, name=project.inputs.name or "Rig")
+    if result.recording.object.board is not None:
+        whole = replace(result.recording, name=project.inputs.name or "Rig")
         project.give_recording(whole, pack_recording(whole), same_lengths=True)
         jobs.drop_pairs(project)
     else:
-        ProjectGiven(project).add_parts({POINTS: write_points(found.recording)})
+        ProjectGiven(project).add_parts({POINTS: write_points(result.recording)})
     store.keep_found_in(made_from)
-    project.keep_settings({UNUSED: [*found.unused], TOLD: found.pairing.sentence})
+    project.keep_settings({UNUSED: [*result.unused], TOLD: result.pairing.sentence})
     holding.settle(project)

@@ -118,7 +118,7 @@ def pick(
     locked: bool,
     on_pick: Callable[[Pick], None],
     lines: Sequence[tuple[FloatArray, str]] | None = None,
-    about: str = "",
+    placed: str = "",
 ) -> None:
     """Show a photograph; a click calls `on_pick` before the page is drawn again.
 
@@ -127,17 +127,17 @@ def pick(
         locked: clicks do nothing.
         lines: curves over it, (n, 2) pixels, and their colours; then it has a magnifier, and no
             targets to go to.
-        about: what a click places. A text field in which it was just named passes on its keys.
+        placed: what a click places. A text field in which it was just named passes on its keys.
     """
 
     def picked() -> None:
-        found = pick_of(st.session_state[key].get("picked"))
-        if found is not None:
-            on_pick(found)
+        click = pick_of(st.session_state[key].get("picked"))
+        if click is not None:
+            on_pick(click)
 
     curves = [{"points": points.tolist(), "colour": colour} for points, colour in lines or ()]
     drawn = {"marks": [*map(asdict, marks)], "lines": curves}
-    kind = {"label": f"{label} {KEYS}", "locked": locked, "targets": lines is None, "about": about}
+    kind = {"label": f"{label} {KEYS}", "locked": locked, "targets": lines is None, "about": placed}
     sent = {**asdict(shown), **drawn, **kind}
     # Declared in every run: tests have several runtimes.
     css, js = (_text(Path(__file__).with_suffix(suffix)) for suffix in (".css", ".js"))
@@ -148,10 +148,10 @@ def pick(
 def pick_of(sent: Any) -> Pick | None:
     """The click that the browser sent; None if it is invalid."""
     try:
-        found = Pick(str(sent["id"]), float(sent["u"]), float(sent["v"]), sent["raw"] is True)
+        click = Pick(str(sent["id"]), float(sent["u"]), float(sent["v"]), sent["raw"] is True)
     except (TypeError, KeyError, ValueError, OverflowError):
         return None
-    return found if math.isfinite(found.u) and math.isfinite(found.v) else None
+    return click if math.isfinite(click.u) and math.isfinite(click.v) else None
 
 
 @cache

@@ -55,9 +55,9 @@ def _forecast_of(plan: Plan) -> PlanForecast:
         show(0, 1)
         return forecast(plan, pool(), progress=show)
 
-    found = once("plan", write_plan(plan).decode(), make)
+    result = once("plan", write_plan(plan).decode(), make)
     place.empty()
-    return found
+    return result
 
 
 def open_plan(project: Project | None) -> None:
@@ -67,7 +67,7 @@ def open_plan(project: Project | None) -> None:
 
     def take(_: object) -> None:
         # All of them: those that are new may be the ones that were missing.
-        files = {PurePath(one.name).name: one.getvalue() for one in uploads}
+        files = {PurePath(upload.name).name: upload.getvalue() for upload in uploads}
         plans = [name for name, content in files.items() if b"stereocal-plan" in content]
         if len(plans) != 1:
             raise StereocalError(
@@ -90,24 +90,24 @@ def open_plan(project: Project | None) -> None:
 
 def show_forecast(project: Project | None, plan: Plan) -> None:
     """What the plan will measure, what would help, errors by place, plans side by side, files."""
-    found = _forecast_of(plan)
-    shown = {"yes": st.success, "no": st.warning, "not sure": st.info}[found.reached or "yes"]
-    shown(f"**{escape_markdown(plan_answer(found))}**")
-    if found.rigs.failed:
+    result = _forecast_of(plan)
+    shown = {"yes": st.success, "no": st.warning, "not sure": st.info}[result.reached or "yes"]
+    shown(f"**{escape_markdown(plan_answer(result))}**")
+    if result.rigs.failed:
         st.warning(
-            f"{found.rigs.failed} of {found.rigs.count} simulated recordings could not be "
+            f"{result.rigs.failed} of {result.rigs.count} simulated recordings could not be "
             "calibrated: plan more frames, or a larger common view."
         )
     st.markdown("**What would help most**")
-    st.markdown("\n".join(f"- {escape_markdown(text)}" for text in found.advice.sentences[:4]))
+    st.markdown("\n".join(f"- {escape_markdown(text)}" for text in result.advice.sentences[:4]))
     quantity: Any = QUANTITIES[choose(project, "plan_quantity", "Show", QUANTITIES)]
-    words = figures.describe_plan_map(found, quantity)
-    show_figure(figures.plot_plan_map(found, quantity), words, "plan_map")
+    words = figures.describe_plan_map(result, quantity)
+    show_figure(figures.plot_plan_map(result, quantity), words, "plan_map")
     others = []
     for text in _compared(project).value():
         with suppress(StereocalError):  # of an older version
             others.append(_forecast_of(parse_plan(text.encode(), "plan", str.encode)))
-    plans = [found, *others]
+    plans = [result, *others]
     left, right = st.columns(2, gap="medium")
     with left:
         st.markdown("**Length error by depth**")
@@ -115,69 +115,69 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
         show_figure(figures.plot_plan_depths(plans), words, "plan_depths")
     with right:
         st.markdown("**Length error by baseline**")
-        words = figures.describe_plan_baselines(found)
-        show_figure(figures.plot_plan_baselines(found), words, "plan_baselines")
-    _compare(project, found, others)
+        words = figures.describe_plan_baselines(result)
+        show_figure(figures.plot_plan_baselines(result), words, "plan_baselines")
+    _compare(project, result, others)
     with st.container(horizontal=True):
-        told = (
+        help_text = (
             "A new project with these cameras and uncertainties, and with these lengths until they "
             "are measured. The forecast is then shown beside the result."
         )
         st.session_state[PRESS_FIRST] = project is None  # the plan is lost with the tab
-        begin, first = ("plan_start", _start_project, found), project is None
-        button("Start a project from it", *begin, first=first, help=told)
+        begin, first = ("plan_start", _start_project, result), project is None
+        button("Start a project from it", *begin, first=first, help=help_text)
         offer("Save plan", partial(write_plan, plan), "plan.json", "download_plan.json")
-        offer("Forecast", found.dumps, "forecast.json", "download_forecast.json")
-        report = partial(figures.plan_report, found)
+        offer("Forecast", result.dumps, "forecast.json", "download_forecast.json")
+        report = partial(figures.plan_report, result)
         offer("Report", report, "report.html", "download_report.html")
         field_sheet_to_print(plan)
     planned_targets_to_print(project, plan)
     with st.expander("What each file will do, and how this was computed"):
-        st.table(plan_table(found))
-        st.caption(escape_markdown(figures.how_computed(found)))
+        st.table(plan_table(result))
+        st.caption(escape_markdown(figures.how_computed(result)))
 
 
-def _compare(project: Project | None, found: PlanForecast, others: Sequence[PlanForecast]) -> None:
-    kept, named = _compared(project), plan_field(project, "name")
+def _compare(project: Project | None, result: PlanForecast, others: Sequence[PlanForecast]) -> None:
+    compared, named = _compared(project), plan_field(project, "name")
     texts = [write_plan(other.plan).decode() for other in others]
-    own = write_plan(found.plan).decode()
+    text = write_plan(result.plan).decode()
 
     def change(plan: Plan, kept_then: list[str]) -> None:
         show_plan(project, plan)
-        kept.set(kept_then)
+        compared.set(kept_then)
 
     def keep() -> None:
-        kept.set([*texts, own])
+        compared.set([*texts, text])
         named.set(f"Plan {len(texts) + 2}")  # of the one that is changed next
 
     if others:
         first, *columns = st.columns(len(others) + 1)
         with first, st.container(border=True):
-            _summary(found, f"{found.plan.name} (above)")
-        for at, (column, other) in enumerate(zip(columns, others, strict=True)):
-            rest = [*texts[:at], *texts[at + 1 :]]
+            _summary(result, f"{result.plan.name} (above)")
+        for index, (column, other) in enumerate(zip(columns, others, strict=True)):
+            rest = [*texts[:index], *texts[index + 1 :]]
             with column, st.container(border=True):
                 _summary(other, other.plan.name)
                 with st.container(horizontal=True):
-                    show = f"plan_show_{at}", change, other.plan, [*rest, own]
+                    show = f"plan_show_{index}", change, other.plan, [*rest, text]
                     button("Change this one", *show)
-                    button("Remove", f"plan_drop_{at}", kept.set, rest)
+                    button("Remove", f"plan_drop_{index}", compared.set, rest)
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.text_input("Name of this plan", max_chars=LONGEST, **named.widget())
-        full = len(texts) >= MOST_PLANS - 1 or own in texts
-        told = "Then change the plan: up to three are shown side by side."
-        button("Keep it to compare", "plan_keep", keep, disabled=full, help=told)
+        full = len(texts) >= MOST_PLANS - 1 or text in texts
+        help_text = "Then change the plan: up to three are shown side by side."
+        button("Keep it to compare", "plan_keep", keep, disabled=full, help=help_text)
 
 
-def _summary(found: PlanForecast, title: str) -> None:
-    own = found.fit.by_depth
+def _summary(result: PlanForecast, title: str) -> None:
+    by_depth = result.fit.by_depth
     st.markdown(f"**{escape_markdown(title)}**")
     st.markdown(
-        f"95 % of lengths within {percent(own.length_p95[-1])} % at {rounded(own.depths_m[-1], 3)} "
-        "m  \n"
-        f"Positions to {distance(float(own.position_m[-1]))} there  \n"
-        f"{points_per_frame(found)} points a frame  \n"
-        f"Limited by: {found.advice.limited_by}"
+        f"95 % of lengths within {percent(by_depth.length_p95[-1])} % at "
+        f"{rounded(by_depth.depths_m[-1], 3)} m  \n"
+        f"Positions to {distance(float(by_depth.position_m[-1]))} there  \n"
+        f"{points_per_frame(result)} points a frame  \n"
+        f"Limited by: {result.advice.limited_by}"
     )
 
 
@@ -188,10 +188,10 @@ def _compared(project: Project | None) -> Field:
     )
 
 
-def _start_project(found: PlanForecast) -> None:
+def _start_project(result: PlanForecast) -> None:
     """Create a project as the plan states it, and open its Data page (a callback)."""
     project = Project.create(default_home())
-    plan, own = found.plan, found.plan.uncertainty
+    plan, uncertainty = result.plan, result.plan.uncertainty
     files: dict[Slot, tuple[str, bytes]] = {
         which: (f"{which}.json", write_camera(camera))
         for which, camera in zip(CAMERAS, (plan.stated_primary, plan.stated_secondary), strict=True)
@@ -203,11 +203,11 @@ def _start_project(found: PlanForecast) -> None:
         baseline_m=plan.baseline_m,
         target_distance_m=plan.bar_m,
         planned=list(LENGTHS),
-        baseline_sigma_m=own.baseline_m or None,
-        target_distance_sigma_m=own.bar_m or None,
-        lens_known={which: [own.focal, own.centre_px] for which in files},
+        baseline_sigma_m=uncertainty.baseline_m or None,
+        target_distance_sigma_m=uncertainty.bar_m or None,
+        lens_known={which: [uncertainty.focal, uncertainty.centre_px] for which in files},
     )
-    project.keep_settings({PLAN: write_plan(plan).decode(), FORECAST: found.to_json()})
+    project.keep_settings({PLAN: write_plan(plan).decode(), FORECAST: result.to_json()})
     show_plan(project, plan)
     open_project(project.id)
     go_to("data")
@@ -215,12 +215,12 @@ def _start_project(found: PlanForecast) -> None:
 
 def show_planned(project: Project) -> None:
     """What the plan of this project expected, in one line; nothing without a plan."""
-    kept: Any = project.settings.get(FORECAST)
+    stored: Any = project.settings.get(FORECAST)
     with suppress(*DAMAGED):
-        methods = [
-            f"{title} {percent(own['value'])} % ({percent(own['low'])} to {percent(own['high'])})"
-            for method, title in (("2d", "2D"), ("3d", "3D"), ("refined", "refined"))
-            for own in (kept["methods"][method]["p95_error_3d"],)
-        ]
+        methods = []
+        for method, title in (("2d", "2D"), ("3d", "3D"), ("refined", "refined")):
+            figure = stored["methods"][method]["p95_error_3d"]
+            value, low, high = (percent(figure[key]) for key in ("value", "low", "high"))
+            methods.append(f"{title} {value} % ({low} to {high})")
         expected = f"The plan expected 95 % of lengths within: {', '.join(methods)}"
         st.caption(escape_markdown(f"{expected}; 95 % of field days are within the brackets."))

@@ -50,8 +50,8 @@ Stated = Camera | SensorLens
 class _Control:
     """The field of one number of the plan."""
 
-    of: str
-    """The attribute of the plan."""
+    attribute: str
+    """Of the plan."""
     title: str
     usual: float
     bounds: Number = POSITIVE
@@ -96,7 +96,7 @@ def _pose_or_none(value: Any) -> Any:
 
 
 _FIELDS: dict[str, tuple[Any, Fit]] = {
-    **{name: (asked.scale * asked.usual, asked.bounds) for name, asked in _NUMBERS.items()},
+    **{name: (control.scale * control.usual, control.bounds) for name, control in _NUMBERS.items()},
     "name": ("Plan", str),
     "alike": (True, yes_or_no),
     "stated_pose": (None, _pose_or_none),  # R and T; None for cameras that are aimed
@@ -131,15 +131,15 @@ def plan_controls(project: Project | None) -> Plan:
         The plan that they state.
     """
     alike = plan_field(project, "alike")
-    one = "Both cameras" if alike.value() else "Primary camera, on the left"
-    primary = secondary = _camera(project, "primary", one)
+    title = "Both cameras" if alike.value() else "Primary camera, on the left"
+    primary = secondary = _camera(project, "primary", title)
     st.toggle("Both cameras are alike", **alike.widget())
     if not alike.value():
         secondary = _camera(project, "secondary", "Secondary camera, on the right")
     pose = _pose(project)
     near_m, far_m = _ask(project, st.columns(2), "near_m", "far_m")
-    asked = ("bar_m", "frames", "noise_px", "needed_percent")
-    bar_m, frames, noise_px, needed = _ask(project, st.columns(4), *asked)
+    numbers = ("bar_m", "frames", "noise_px", "needed_percent")
+    bar_m, frames, noise_px, needed = _ask(project, st.columns(4), *numbers)
     with st.expander("How well known, and heights"):
         names = ("focal_percent", "centre_px", "baseline_mm", "bar_mm", "height_m")
         *known, _ = _ask(project, st.columns(5), *names)
@@ -150,16 +150,16 @@ def plan_controls(project: Project | None) -> Plan:
 
 def _ask(project: Project | None, places: Sequence[DeltaGenerator], *names: str) -> list[Any]:
     """Draw fields beside each other; their values in the plan's units."""
-    found = []
+    values = []
     for place, name in zip(places, names, strict=True):
-        asked, own = _NUMBERS[name], plan_field(project, name)
-        if asked.options:
-            options = sorted({*asked.options, own.value()})
-            found.append(place.select_slider(asked.title, options, **own.widget()))
+        control, field = _NUMBERS[name], plan_field(project, name)
+        if control.options:
+            options = sorted({*control.options, field.value()})
+            values.append(place.select_slider(control.title, options, **field.widget()))
         else:
-            value = own.number_input(asked.title, place, step=asked.step, help=asked.help)
-            found.append(value / asked.scale)
-    return found
+            value = field.number_input(control.title, place, step=control.step, help=control.help)
+            values.append(value / control.scale)
+    return values
 
 
 def show_plan(project: Project | None, plan: Plan) -> None:
@@ -167,10 +167,10 @@ def show_plan(project: Project | None, plan: Plan) -> None:
     pose, cameras = plan.stated_pose, (plan.stated_primary, plan.stated_secondary)
     stated = None if isinstance(pose, AimedPose) else pose.to_json()
     values = {"name": plan.name, "alike": cameras[0] == cameras[1], "stated_pose": stated}
-    for name, asked in _NUMBERS.items():
-        if stated is None or not asked.of.startswith("stated_pose."):
-            stated_value = attrgetter(asked.of)(plan)
-            values[name] = asked.scale * (asked.usual if stated_value is None else stated_value)
+    for name, control in _NUMBERS.items():
+        if stated is None or not control.attribute.startswith("stated_pose."):
+            stated_value = attrgetter(control.attribute)(plan)
+            values[name] = control.scale * (control.usual if stated_value is None else stated_value)
     for name, value in values.items():
         plan_field(project, name).set(value)
     for which, camera in zip(CAMERAS, cameras, strict=True):
@@ -178,12 +178,12 @@ def show_plan(project: Project | None, plan: Plan) -> None:
 
 
 def _show_camera(project: Project | None, which: CameraName, stated: Stated) -> None:
-    known = (
+    names = (
         name
         for name, common in COMMON.items()
         if isinstance(stated, SensorLens) and replace(common, focal_mm=stated.focal_mm) == stated
     )
-    values: dict[str, Any] = {"camera": next(known, OTHER)}
+    values: dict[str, Any] = {"camera": next(names, OTHER)}
     # A sensor that is typed has the usual lens.
     if isinstance(stated, Camera) or (values["camera"] == OTHER and stated.model == "fisheye"):
         camera = stated if isinstance(stated, Camera) else stated.camera
@@ -202,8 +202,11 @@ def _camera(project: Project | None, which: CameraName, title: str) -> Stated:
     if chosen == FILE:
         with right:
             return _from_file(project, which)
-    own, told = _focal(project, which, chosen), "The lens's own, not the 35 mm equivalent."
-    focal = own.number_input("Focal length (mm)", right, step=1.0, help=told)
+    focal_field, help_text = (
+        _focal(project, which, chosen),
+        "The lens's own, not the 35 mm equivalent.",
+    )
+    focal = focal_field.number_input("Focal length (mm)", right, step=1.0, help=help_text)
     if chosen != OTHER:
         return replace(COMMON[chosen], focal_mm=focal)
     width, height, across, down = (
@@ -214,18 +217,18 @@ def _camera(project: Project | None, which: CameraName, title: str) -> Stated:
 
 
 def _from_file(project: Project | None, which: CameraName) -> Camera:
-    kept = plan_field(project, "file", which)
+    field = plan_field(project, "file", which)
 
     def take(name: str, content: bytes) -> None:
         ask_about_lens(
-            lambda *said: kept.set(write_camera(read_camera(content, name, *said)).decode())
+            lambda *answers: field.set(write_camera(read_camera(content, name, *answers)).decode())
         )
 
     title, key = f"Camera file, {which}", f"upload_plan_{which}"
     take_one(st.file_uploader(title, type=CAMERA_KINDS, key=key), take)
-    if kept.value() is None:
+    if field.value() is None:
         raise StereocalError(f"Give the file of the {which} camera, or choose a camera above.")
-    camera = read_camera(str(kept.value()).encode(), f"{which} camera")
+    camera = read_camera(str(field.value()).encode(), f"{which} camera")
     width, height = camera.image_size
     st.caption(f"In use: {width} x {height} px, focal length {rounded(camera.K[0, 0], 5)} px")
     return camera
@@ -241,8 +244,8 @@ def _pose(project: Project | None) -> Pose | AimedPose:
         return pose
     left, right = st.columns(2)
     (baseline_m,) = _ask(project, [left], "baseline_m")
-    turned = plan_field(project, "toe_in_deg")
-    low, high = min(TOE_IN_DEG[0], turned.value()), max(TOE_IN_DEG[1], turned.value())
-    told = "From parallel. Both optical axes then meet in front of the middle of the baseline."
-    toe = right.slider(TOE_IN, low, high, step=0.5, help=told, **turned.widget())
+    toe_field = plan_field(project, "toe_in_deg")
+    low, high = min(TOE_IN_DEG[0], toe_field.value()), max(TOE_IN_DEG[1], toe_field.value())
+    help_text = "From parallel. Both optical axes then meet in front of the middle of the baseline."
+    toe = right.slider(TOE_IN, low, high, step=0.5, help=help_text, **toe_field.widget())
     return AimedPose(baseline_m, toe, plan_field(project, "height_m").value())

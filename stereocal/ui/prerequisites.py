@@ -17,7 +17,7 @@ from stereocal.ui.rig import pair_field, tell_not_calibrated
 def is_asked(project: Project) -> bool:
     """Whether a table, or a file of another program, waits for answers on Data."""
     store = ProjectApplication(project)
-    return any(store.asking(about) is not None for about in ("bars", "archive"))
+    return any(store.asking(slot) is not None for slot in ("bars", "archive"))
 
 
 def missing_of(project: Project) -> str:
@@ -30,7 +30,7 @@ def missing_of(project: Project) -> str:
     if missing and holds_board(project):
         return "the boards in the photographs (press *Find the boards*)"
     targets = "the targets in the photographs (press *Find the targets*)"
-    if readable(lambda: ProjectPhotographs(project).frames, told=False) is not None:
+    if readable(lambda: ProjectPhotographs(project).frames, warn=False) is not None:
         targets = "usable targets in both photographs (the frames on *Data* say why none are)"
     return missing.replace("the table of points", targets)
 

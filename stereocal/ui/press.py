@@ -73,8 +73,8 @@ class Press:
             job.progress(STEPS.index(name), len(STEPS))
 
         job.begin("steps")
-        own = self.protocol.refined
-        run = PairRun(self.dataset, self.settings, own, trace=True, progress=step)
+        refined = self.protocol.refined
+        run = PairRun(self.dataset, self.settings, refined, trace=True, progress=step)
         calibration = run.calibration
         step("forecast")
         self.project.keep_calibration(calibration, self.inputs)
@@ -99,10 +99,10 @@ class Press:
             calibration_frames=min(self.protocol.calibration_frames, most),
             splits="runs",  # of which the tiles are, whatever Validate shows
         )
-        found = run.validate(settings, job.executor, job.progress)
+        evaluation = run.validate(settings, job.executor, job.progress)
         if self.project.calibration_digest != digest:
             raise StoppedError
-        self.project.keep_evaluation(found, of_calibration=True)
+        self.project.keep_evaluation(evaluation, of_calibration=True)
 
     def _conclude(self, digest: str | None) -> None:
         """Make the answer, so that the page has it at once, and store what it recommends, unless
@@ -134,8 +134,8 @@ def show_press(project: Project, only_if_stale: bool = False) -> None:
     """
     all_cameras = project.is_rig and not project.pair
     kind: jobs.Kind = "rig" if all_cameras else KIND
-    last = jobs.job_of(project, kind)
-    tried = last is not None and last.state in ("failed", "cancelled")
+    last_job = jobs.job_of(project, kind)
+    tried = last_job is not None and last_job.state in ("failed", "cancelled")
     if project.pair and project.calibration_digest is None and not tried:
         with ErrorsShown():
             jobs.start(work_of(project))
@@ -143,7 +143,7 @@ def show_press(project: Project, only_if_stale: bool = False) -> None:
         jobs.show_job(project, kind, RIG_CANCELLED if all_cameras else NOT_VALIDATED)
     if jobs.is_running(project, kind):
         return
-    is_there = readable(lambda: project.rig if all_cameras else project.calibration, told=False)
+    is_there = readable(lambda: project.rig if all_cameras else project.calibration, warn=False)
     stale = changed_since(project) if is_there else ""
     if (only_if_stale or project.pair) and is_there and not stale:
         return
@@ -183,7 +183,7 @@ def calibrate_all(project: Project) -> None:
         show_press(project)
     rig = readable(lambda: project.rig)
     if rig is None:
-        if (recording := readable(lambda: project.recording, told=False)) is not None:
+        if (recording := readable(lambda: project.recording, warn=False)) is not None:
             st.caption(escape_markdown(recording.describe_pairs()))
         end_here()
     show_rig(project, rig)
@@ -191,7 +191,7 @@ def calibrate_all(project: Project) -> None:
 
 def offer_again(project: Project) -> None:
     """On other pages: if the calibration is out of date, what changed and the button, as above."""
-    if readable(lambda: project.calibration, told=False) is not None:
+    if readable(lambda: project.calibration, warn=False) is not None:
         show_press(project, only_if_stale=True)
 
 
@@ -240,10 +240,10 @@ def compute_all(answer: PairAnswer) -> None:
         make(answer.run, "advice")
 
 
-def make(of: PairRun | PairAnswer, step: str) -> None:
+def make(result: PairRun | PairAnswer, step: str) -> None:
     """Compute a step in the pool, unless it is made."""
-    if not is_made(of, step):
-        jobs.compute(getattr, of, step)
+    if not is_made(result, step):
+        jobs.compute(getattr, result, step)
 
 
 def _show_job_of_answer(project: Project, answer: PairAnswer) -> None:
@@ -253,9 +253,9 @@ def _show_job_of_answer(project: Project, answer: PairAnswer) -> None:
         job.progress(0, 1)
         compute_all(answer)
 
-    last = jobs.job_of(project, "answer")
+    last_job = jobs.job_of(project, "answer")
     work = jobs.PageWork(project, "answer", ("steps",), compute)
-    ended = last is not None and last.state in ("failed", "cancelled")
+    ended = last_job is not None and last_job.state in ("failed", "cancelled")
     if not ended:  # what was made is kept in memory: after a restart it is made again
         jobs.start(work)
     jobs.show_job(project, "answer", "Cancelled.")

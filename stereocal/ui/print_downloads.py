@@ -64,28 +64,28 @@ def _board(project: Project | None) -> None:
     columns, rows = corner_fields(project, places, "print")
     with ErrorsShown(st.info):
         board = fitted(BoardPattern(columns, rows, 0.01), paper_named(named))
-        seen = (
+        words = (
             f"Squares of **{1e3 * board.square_m:.0f} mm**, the largest on {named}. The board "
             "should fill half of the image or more at the distance of your recordings: take larger "
             "paper where it does not."
         )
-        _sheet(lambda: print_board(board, paper_named(named)), "board", seen)
+        _sheet(lambda: print_board(board, paper_named(named)), "board", words)
 
 
 def _bar(project: Project | None, focal_px: float | None) -> None:
     left, right = st.columns(2)
     named = _paper(project, left, "targets")
-    own = setting(project, "print_side_mm", 180.0, SIDE_MM)
-    side_mm = own.number_input("Side of a target (mm)", right, **LENGTH)
-    seen = describe_target(1e-3 * side_mm, focal_px) if focal_px else ""
-    _sheet(lambda: print_targets(1e-3 * side_mm, paper_named(named)), "target", seen)
+    field = setting(project, "print_side_mm", 180.0, SIDE_MM)
+    side_mm = field.number_input("Side of a target (mm)", right, **LENGTH)
+    words = describe_target(1e-3 * side_mm, focal_px) if focal_px else ""
+    _sheet(lambda: print_targets(1e-3 * side_mm, paper_named(named)), "target", words)
 
 
 def _tags(project: Project | None) -> None:
     paper, side, tags = st.columns(3)
     named = _paper(project, paper, "tags")
-    own = setting(project, "print_tag_mm", 80.0, SIDE_MM)
-    side_mm = own.number_input("Side of a black square (mm)", side, **LENGTH)
+    field = setting(project, "print_tag_mm", 80.0, SIDE_MM)
+    side_mm = field.number_input("Side of a black square (mm)", side, **LENGTH)
     text = tags.text_input(TAGS_TITLE, **held_tags(project, "print_tags").widget())
 
     def sheet() -> Sheet:
@@ -102,21 +102,21 @@ def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
         left, right = st.columns(2)
         named = _paper(project, left, "targets")
         title = "Width in the image at the far end (px)"
-        tilted = "50 px are located well, also tilted; 20 px are the least."
-        own = setting(project, "print_px", GOOD_PX, Number(*DETECTED_PX))
-        least_px = own.number_input(title, right, **LENGTH, help=tilted)
+        help_text = "50 px are located well, also tilted; 20 px are the least."
+        field = setting(project, "print_px", GOOD_PX, Number(*DETECTED_PX))
+        least_px = field.number_input(title, right, **LENGTH, help=help_text)
         size = planned_target(plan, least_px)
         _sheet(lambda: print_targets(size.side_m, paper_named(named)), "target", size.sentence)
 
 
-def _sheet(make: Callable[[], Sheet], what: str, seen: str = "") -> None:
+def _sheet(make: Callable[[], Sheet], what: str, words: str = "") -> None:
     """Buttons for the sheet in each format, or why it cannot be printed."""
     try:
         sheet = make()
     except StereocalError as error:
-        st.info(escape_markdown(f"{seen} {error}".strip()))
+        st.info(escape_markdown(f"{words} {error}".strip()))
         return
-    st.markdown(f"{seen} {AT_TRUE_SCALE}")
+    st.markdown(f"{words} {AT_TRUE_SCALE}")
     with st.container(horizontal=True):
         for suffix, content in (("pdf", sheet.pdf), ("svg", sheet.svg)):
             name = f"{what}.{suffix}"

@@ -63,9 +63,9 @@ def show_projects() -> Project | None:
     if not ServerSettings.from_environment().shared:
         removed = home.removed_projects(default_home())
         last = st.session_state.get(_REMOVED)
-        for one in (one for one in removed if one.id == last):
-            words, undo = f"{one.title or 'The project'} was removed.", home.bring_back
-            show_with_button("info", words, "Undo", "undo_remove", undo, default_home(), one.id)
+        for entry in (entry for entry in removed if entry.id == last):
+            words, undo = f"{entry.title or 'The project'} was removed.", home.bring_back
+            show_with_button("info", words, "Undo", "undo_remove", undo, default_home(), entry.id)
         _show_all()
         if removed:
             _show_removed(removed)
@@ -110,43 +110,45 @@ def _of_page(ids: Sequence[T], key: str, search: str = "") -> Sequence[T]:
 def _show_cards(projects: Sequence[home.Listed]) -> None:
     """What each project holds and what can be done with it, as many in a row as fit."""
     with st.container(horizontal=True):
-        for one in projects:
+        for entry in projects:
             with st.container(border=True, width=250):
-                (_show_unreadable if one.damaged or one.unreadable else _show)(one)
+                (_show_unreadable if entry.damaged or entry.unreadable else _show)(entry)
 
 
-def _show(one: home.Listed) -> None:
+def _show(entry: home.Listed) -> None:
     try:
         card = once(
-            "card", f"{one.id} {one.changed}", lambda: card_of(Project.open(default_home(), one.id))
+            "card",
+            f"{entry.id} {entry.changed}",
+            lambda: card_of(Project.open(default_home(), entry.id)),
         )
     except StereocalError as error:
         card = Card("cannot be read", str(error))
-    state = ", interrupted" * one.interrupted
-    st.markdown(f"**{escape_markdown(one.title)}**")
+    state = ", interrupted" * entry.interrupted
+    st.markdown(f"**{escape_markdown(entry.title)}**")
     st.caption(
-        f"{date_of(one.changed)}, {escape_markdown(card.data)}  \n"
+        f"{date_of(entry.changed)}, {escape_markdown(card.data)}  \n"
         f"{escape_markdown(card.result)}{state}"
     )
-    key = f"name_{one.id}"
+    key = f"name_{entry.id}"
     with st.container(horizontal=True):
         # Opened by the next run: that empties the session, with a name typed before the click.
-        st.button("Open", f"open_{one.id}", on_click=_open, args=(one.id,))
+        st.button("Open", f"open_{entry.id}", on_click=_open, args=(entry.id,))
         with st.popover("More"):
-            rename = partial(_rename, one.id, key)
-            about = "Give it a name"
-            st.text_input("Name", one.title, key=key, placeholder=about, on_change=rename)
+            rename = partial(_rename, entry.id, key)
+            placeholder = "Give it a name"
+            st.text_input("Name", entry.title, key=key, placeholder=placeholder, on_change=rename)
             for label, act in (("Duplicate", _duplicate), ("Remove", _remove)):
-                button(label, f"{label.lower()}_{one.id}", act, one.id)
+                button(label, f"{label.lower()}_{entry.id}", act, entry.id)
 
 
-def _show_unreadable(one: home.Listed) -> None:
-    why = one.unreadable or (
+def _show_unreadable(entry: home.Listed) -> None:
+    why = entry.unreadable or (
         "the file of this project is damaged. It is kept as it is. Open the project's last backup "
         "(its zip) below."
     )
-    st.warning(f"{date_of(one.changed)}: {escape_markdown(why)}")
-    button("Remove", f"remove_{one.id}", _remove, one.id)
+    st.warning(f"{date_of(entry.changed)}: {escape_markdown(why)}")
+    button("Remove", f"remove_{entry.id}", _remove, entry.id)
 
 
 @callback
@@ -172,14 +174,14 @@ def _remove(project_id: str) -> None:
 
 def _show_removed(removed: Sequence[home.Listed]) -> None:
     with st.expander("Removed projects"):
-        for one in _of_page(removed, "removed_page"):
+        for entry in _of_page(removed, "removed_page"):
             text, place = st.columns([6, 2], vertical_alignment="center")
-            title = escape_markdown(one.title or "A damaged project")
-            text.markdown(f"{title}, removed {date_of(one.changed)}")
-            this, now = (default_home(), one.id), "Frees its space on the disk at once."
+            title = escape_markdown(entry.title or "A damaged project")
+            text.markdown(f"{title}, removed {date_of(entry.changed)}")
+            this, help_text = (default_home(), entry.id), "Frees its space on the disk at once."
             with place, st.container(horizontal=True):
-                button("Bring back", f"bring_back_{one.id}", home.bring_back, *this)
-                button("Delete for good", f"delete_{one.id}", home.delete, *this, help=now)
+                button("Bring back", f"bring_back_{entry.id}", home.bring_back, *this)
+                button("Delete for good", f"delete_{entry.id}", home.delete, *this, help=help_text)
 
 
 def show_storage(project: Project | None) -> None:
@@ -235,8 +237,8 @@ def _open_zip() -> None:
         if upload.file_id not in unpacked:
             check_uploads([upload])
             content, name = upload.getvalue(), upload.name
-            found = unpack_project(content, name, default_home(), remarks.append)
-            unpacked[upload.file_id] = found.id
+            project = unpack_project(content, name, default_home(), remarks.append)
+            unpacked[upload.file_id] = project.id
         opened = unpacked[upload.file_id]
         open_project(opened)
     for remark in remarks:

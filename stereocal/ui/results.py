@@ -62,17 +62,17 @@ def show_result(project: Project, run: PairRun, answer: PairAnswer | None) -> No
     Args:
         answer: the run with its files; None while they are computed.
     """
-    found = run.calibration
-    if timing := found.screening.time_note:
+    calibration = run.calibration
+    if timing := calibration.screening.time_note:
         st.info(escape_markdown(timing))
-    for warning in found.warnings[:1]:
+    for warning in calibration.warnings[:1]:
         st.warning(escape_markdown(warning))
-    frames.offer_to_bring_into_step(project, found)
+    frames.offer_to_bring_into_step(project, calibration)
     if answer:
         show_recommendation(answer)
     else:
         st.info("The errors below are of the new result.\n\nForecast and validation follow.")
-    frames.show_left_out(project, found, partial(_look_at_frame, project, found))
+    frames.show_left_out(project, calibration, partial(_look_at_frame, project, calibration))
     if answer:
         refined_looks.show_disagreement(answer.run.inputs)
     for title, column in zip(TILES, st.columns(4), strict=True):
@@ -80,7 +80,7 @@ def show_result(project: Project, run: PairRun, answer: PairAnswer | None) -> No
             value, words = _tile(title, answer) if answer else ("…", "being computed  \n…")
             st.metric(title, value)
             st.caption(words)
-    _show_rest(found, answer)
+    _show_rest(calibration, answer)
     with st.container(horizontal=True):
         parameter_downloads(answer)
         _offer_kit(project, answer)
@@ -88,7 +88,7 @@ def show_result(project: Project, run: PairRun, answer: PairAnswer | None) -> No
             with st.popover("Other formats"):
                 other_formats(project, answer)
     if project.pair is None:  # a rig shows all its cameras
-        _show_rig(project, found, answer)
+        _show_rig(project, calibration, answer)
     _show_closer_looks(project, run, answer, result_state(project))
 
 
@@ -107,18 +107,22 @@ def show_recommendation(answer: PairAnswer) -> None:
     show("\n\n".join([f"**{first}**", *others]))
 
 
-def _show_rest(found: Calibration, answer: PairAnswer | None) -> None:
+def _show_rest(calibration: Calibration, answer: PairAnswer | None) -> None:
     """Further warnings, and what the recommendation says beyond its box and the tiles."""
-    others = list[str]()
+    sentences = list[str]()
     if answer is not None:
-        said = answer.recommendation
-        others = [as_held(s, found.dataset) for s in said.sentences if s not in said.brief]
-    more = count(len(found.warnings[1:]), "more note") if found.warnings[1:] else ""
-    if others or more:
+        recommendation = answer.recommendation
+        sentences = [
+            as_held(s, calibration.dataset)
+            for s in recommendation.sentences
+            if s not in recommendation.brief
+        ]
+    more = count(len(calibration.warnings[1:]), "more note") if calibration.warnings[1:] else ""
+    if sentences or more:
         with st.expander(f"In words{more and ', and '}{more}"):
-            for warning in found.warnings[1:]:
+            for warning in calibration.warnings[1:]:
                 st.warning(escape_markdown(warning))
-            st.markdown("\n\n".join(map(escape_markdown, others)))
+            st.markdown("\n\n".join(map(escape_markdown, sentences)))
 
 
 def _tile(title: str, answer: PairAnswer) -> tuple[str, str]:
@@ -139,8 +143,8 @@ def _tile(title: str, answer: PairAnswer) -> tuple[str, str]:
     value, frames = match.threshold_px, len(calibration.dataset.correspondences.frames)
     source = "from frames held out here" if answer.validation else "forecast"
     left_out = f"{len(calibration.screening.left_out):,} of {frames:,} frames left out"
-    of = f"of {FILES[match.method][0]}, {source}  \n{left_out}"
-    return "unknown" if value is None else f"{digits(value, 2)} px", of
+    where_from = f"of {FILES[match.method][0]}, {source}  \n{left_out}"
+    return "unknown" if value is None else f"{digits(value, 2)} px", where_from
 
 
 def _expected(figure: Figure, answer: PairAnswer, counted: str = "") -> tuple[str, str]:
@@ -150,8 +154,10 @@ def _expected(figure: Figure, answer: PairAnswer, counted: str = "") -> tuple[st
     if held_out == 0.0 and counted:
         tested = f"none{counted}"
     if ahead is not None and (answer.recommendation.forecast_holds or held_out is None):
-        of = f"{frames_to_come(answer.run.calibration, answer.run.forecast)} ({interval(ahead)} %)"
-        return f"{percent(ahead.value)} %", f"forecast for {of}  \nheld out here: {tested}"
+        future = (
+            f"{frames_to_come(answer.run.calibration, answer.run.forecast)} ({interval(ahead)} %)"
+        )
+        return f"{percent(ahead.value)} %", f"forecast for {future}  \nheld out here: {tested}"
     if held_out is None:
         return "unknown", "no forecast, no held-out frames"
     if ahead is None:
@@ -180,8 +186,8 @@ def dataset_download(pack: Callable[[], Mapping[str, bytes]]) -> None:
 
 
 @fragment
-def _show_rig(project: Project, found: Calibration, answer: PairAnswer | None) -> None:
-    methods = ["2d", "3d", *(["refined"] if found.refined else [])]
+def _show_rig(project: Project, calibration: Calibration, answer: PairAnswer | None) -> None:
+    methods = ["2d", "3d", *(["refined"] if calibration.refined else [])]
     st.subheader("The rig in 3D")
     left, right = st.columns(2)
     usual = answer.recommendation.measure.method if answer else "3d"
@@ -189,7 +195,9 @@ def _show_rig(project: Project, found: Calibration, answer: PairAnswer | None) -
     named = METHOD_NAMES.__getitem__
     method = choose(project, name, "Set", methods, usual, place=left, format_func=named)
     view = choose(project, "rig_view", "Seen from", VIEWS, place=right)
-    show_figure(plot_rig(found, method, view, is_narrow()), describe_rig(found, method), "rig")
+    show_figure(
+        plot_rig(calibration, method, view, is_narrow()), describe_rig(calibration, method), "rig"
+    )
 
 
 def looks_of(project: Project) -> dict[str, Look]:
@@ -248,40 +256,43 @@ def _show_closer_looks(
 
 
 def _show_frames(project: Project, run: PairRun, answer: PairAnswer | None) -> None:
-    found = run.calibration
-    chosen = frames.frame_field(project, found)
+    calibration = run.calibration
+    field = frames.frame_field(project, calibration)
 
     @callback
     def clicked() -> None:
         if (frame := clicked_in(CHART)) is not None:
-            chosen.set(frame)
+            field.set(frame)
 
     st.caption("Click on a point to open its frame below.")
-    figure, words = plot_frame_errors(found, chosen.value()), describe_frame_errors(found)
+    figure, words = (
+        plot_frame_errors(calibration, field.value()),
+        describe_frame_errors(calibration),
+    )
     show_figure(figure, words, CHART, on_select=clicked, selection_mode="points")
     with scrolled_part(OPENED):
-        frame = frames.choose_frame(project, found)
-        views = frame_views(found, frame)
-        words = f"{frames.state_of(found, frame)} {_in_words(found, views)}"
+        frame = frames.choose_frame(project, calibration)
+        views = frame_views(calibration, frame)
+        words = f"{frames.state_of(calibration, frame)} {_in_words(calibration, views)}"
         st.markdown(escape_markdown(words))
         method = answer.recommendation.match.method if answer else "2d"
-        _show_images(project, found, frame, views, method, st.columns(2))
+        _show_images(project, calibration, frame, views, method, st.columns(2))
 
 
-def _in_words(found: Calibration, views: dict[Method, FrameView]) -> str:
-    return as_held(two_sets.describe_two_sets(views), found.dataset)
+def _in_words(calibration: Calibration, views: dict[Method, FrameView]) -> str:
+    return as_held(two_sets.describe_two_sets(views), calibration.dataset)
 
 
 def _show_images(
     project: Project,
-    found: Calibration,
+    calibration: Calibration,
     frame: int,
     views: dict[Method, FrameView],
     method: Method,
     columns: Sequence[DeltaGenerator],
 ) -> None:
     photographs = frames.photographs_of(project, frame)
-    names = found.dataset.names
+    names = calibration.dataset.names
     for camera, (side, name, column) in enumerate(zip(CAMERAS, names, columns, strict=True)):
         with column:
             title = f"Camera {name}" if project.pair else name.capitalize()
@@ -292,14 +303,14 @@ def _show_images(
 
 
 def _show_two_sets(project: Project, run: PairRun, _answer: PairAnswer | None) -> None:
-    found = run.calibration
-    frame = frames.choose_frame(project, found)
-    views = frame_views(found, frame)
+    calibration = run.calibration
+    frame = frames.choose_frame(project, calibration)
+    views = frame_views(calibration, frame)
     named = METHOD_NAMES.__getitem__
     method = choose(project, "two_sets_method", "Set", views, format_func=named)
-    st.markdown(f"**{escape_markdown(_in_words(found, views))}**")
+    st.markdown(f"**{escape_markdown(_in_words(calibration, views))}**")
     *images, space = st.columns(3)
-    _show_images(project, found, frame, views, method, images)
+    _show_images(project, calibration, frame, views, method, images)
     with space:
         st.markdown("**In space, where the rays pass each other**")
         words = two_sets.describe_gap(views, method)
@@ -308,26 +319,26 @@ def _show_two_sets(project: Project, run: PairRun, _answer: PairAnswer | None) -
 
 def _show_parameters(_project: Project, run: PairRun, answer: PairAnswer | None) -> None:
     refined_looks.show_inputs(answer)
-    found = run.calibration
+    calibration = run.calibration
     if answer is not None and answer.run.forecast is not None:
         st.table(forecast_table(answer.forecast_entries, answer.thresholds_px))
     else:
-        st.table(errors_table(found))
-    st.table(angles_table(found))
-    if found.refined is not None:
-        st.table(refined_table(found.refined))
-        noise, scatter = found.refined.sigma_px, found.refined.scatter_m
+        st.table(errors_table(calibration))
+    st.table(angles_table(calibration))
+    if calibration.refined is not None:
+        st.table(refined_table(calibration.refined))
+        noise, scatter = calibration.refined.sigma_px, calibration.refined.scatter_m
         st.caption(
             f"Noise of an image point {digits(noise.value)} px ({noise.source}); scatter of the "
             f"bar's length {digits(1000 * scatter.value)} mm ({scatter.source})."
         )
-    made_with = describe_settings(found.settings)
-    st.caption(f"Made with: {made_with}, {len(found.frames):,} calibration frames.")
+    made_with = describe_settings(calibration.settings)
+    st.caption(f"Made with: {made_with}, {len(calibration.frames):,} calibration frames.")
 
 
 def _show_searches(_project: Project, run: PairRun, _answer: PairAnswer | None) -> None:
-    found = run.calibration
-    show_figure(plot_traces(found), describe_traces(found), "traces")
+    calibration = run.calibration
+    show_figure(plot_traces(calibration), describe_traces(calibration), "traces")
 
 
 def _show_cameras(project: Project, _run: PairRun, _answer: PairAnswer | None) -> None:

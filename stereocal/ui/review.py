@@ -52,14 +52,16 @@ def _view(store: ProjectPhotographs) -> Field:
 
 def _frame(store: ProjectPhotographs, numbers: Sequence[int] = ()) -> Field:
     """The frame shown; without `numbers` it is not checked."""
-    first, fit = (numbers[0], one_of(numbers)) if numbers else (0, int)
-    return setting(store.project, "review_frame", first, fit, name="frame", tabs_own=True)
+    default, fit = (numbers[0], one_of(numbers)) if numbers else (0, int)
+    return setting(store.project, "review_frame", default, fit, name="frame", tabs_own=True)
 
 
 def _of_clicks(store: ProjectPhotographs) -> tuple[Field, Field]:
     """The target that a click moves, and whether the click itself is kept."""
-    own = partial(setting, store.project, tabs_own=True)
-    return own("review_target", NEAREST, one_of(WANTED)), own("review_raw", False, yes_or_no)
+    tab_setting = partial(setting, store.project, tabs_own=True)
+    return tab_setting("review_target", NEAREST, one_of(WANTED)), tab_setting(
+        "review_raw", False, yes_or_no
+    )
 
 
 def _called(store: ProjectPhotographs) -> str:
@@ -117,10 +119,10 @@ def _show_one(store: ProjectPhotographs, running: bool) -> None:
 
 def _show_outcome(number: int) -> bool:
     """What was done last, if it was done to this frame; whether it was."""
-    done: tuple[int, str, bool] | None = st.session_state.get(_OUTCOME)
-    if done is None or done[0] != number or not done[1]:
+    outcome: tuple[int, str, bool] | None = st.session_state.get(_OUTCOME)
+    if outcome is None or outcome[0] != number or not outcome[1]:
         return False
-    (st.warning if done[2] else st.success)(escape_markdown(done[1]))
+    (st.warning if outcome[2] else st.success)(escape_markdown(outcome[1]))
     return True
 
 
@@ -129,16 +131,16 @@ def _choose_frame(store: ProjectPhotographs, review: Review) -> Frame:
     numbers = sorted(frame.frame for frame in review.frames)
     field = _frame(store, numbers)
     number: int = field.value()
-    left = f"Next to decide ({sum(map(is_undecided, review.frames))} left)"
+    next_label = f"Next to decide ({sum(map(is_undecided, review.frames))} left)"
     before, after = (reviewing.beside(review.frames, number, way) for way in (-1, 1))
     doubtful = reviewing.next_doubtful(review.frames, number)
     chosen, buttons = st.columns([1, 3], vertical_alignment="bottom")
     field.menu("Frame", chosen)
-    ways = (("Previous", "p", before), ("Next", "n", after), (left, "d", doubtful))
+    ways = (("Previous", "p", before), ("Next", "n", after), (next_label, "d", doubtful))
     with buttons.container(horizontal=True):
         for label, key, to in ways:
-            there = to in (None, number)
-            button(label, f"review_{key}", _go_to, store, to, shortcut=key, disabled=there)
+            stays = to in (None, number)
+            button(label, f"review_{key}", _go_to, store, to, shortcut=key, disabled=stays)
     return review.frame(number)
 
 
@@ -176,9 +178,16 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
         st.warning(escape_markdown(str(error)))
         return
     marks = [
-        Mark(letter, at.u, at.v, at.sigma_px, TARGET_COLOURS[letter], TARGET_SYMBOLS[letter])
-        for letter, at in zip(TARGETS, frame.centres[camera], strict=True)
-        if at
+        Mark(
+            letter,
+            centre.u,
+            centre.v,
+            centre.sigma_px,
+            TARGET_COLOURS[letter],
+            TARGET_SYMBOLS[letter],
+        )
+        for letter, centre in zip(TARGETS, frame.centres[camera], strict=True)
+        if centre
     ]
     pick(
         image,
@@ -332,8 +341,8 @@ def on_a_sheet(
     sheets = -(-len(items) // ON_A_SHEET)
     sheet = 1
     if sheets > 1:
-        own = setting(project, key, 1, Number(1, sheets), tabs_own=True)
-        sheet = own.number_input(f"Sheet (of {sheets})", width=200)
+        field = setting(project, key, 1, Number(1, sheets), tabs_own=True)
+        sheet = field.number_input(f"Sheet (of {sheets})", width=200)
     on_it = items[(sheet - 1) * ON_A_SHEET : sheet * ON_A_SHEET]
     for start in range(0, len(on_it), COLUMNS):
         for item, column in zip(on_it[start:], st.columns(COLUMNS), strict=False):
@@ -353,8 +362,8 @@ def _show_frame(
     alt = f"Both photographs of frame {frame.frame} about the targets found"
     st.image(thumbnail(store, frame.files, frame.centres), width="stretch", alt=alt)
     sigmas = [c.sigma_px for pair in frame.centres for c in pair if c and c.sigma_px is not None]
-    seen = "corrected" if frame.corrected else "reviewed" if frame.reviewed else ""
-    reviewed = f" · {seen}" if seen else ""
+    checked = "corrected" if frame.corrected else "reviewed" if frame.reviewed else ""
+    reviewed = f" · {checked}" if checked else ""
     sigma = f" · sigma ≤ {max(sigmas):.3f} px" if sigmas else ""
     st.markdown(f"{badge(frame.state)} **Frame {frame.frame}**{sigma}{reviewed}")
     if reason := reasons.get(frame.frame):

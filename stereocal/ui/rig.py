@@ -63,15 +63,15 @@ def rig_work(project: Project) -> jobs.PageWork:
     """The work of a press."""
 
     def work(job: jobs.Job) -> None:
-        found = run_of(project, job.begin, job.progress)
-        if found is None:
+        run = run_of(project, job.begin, job.progress)
+        if run is None:
             raise StereocalError("This project holds no recording of several cameras.")
-        rig, files = found.rig.dumps(), pack_zip(found.pair_files)
-        now = project.recording
-        if now is None or [*now.cameras] != [*found.recording.cameras]:
+        rig, files = run.rig.dumps(), pack_zip(run.pair_files)
+        recording = project.recording
+        if recording is None or [*recording.cameras] != [*run.recording.cameras]:
             raise StoppedError  # another recording has been given
-        project.keep_settings({NOTES: found.notes_on_pairs})
-        project.keep_rig(rig, files, found.made_from)
+        project.keep_settings({NOTES: run.notes_on_pairs})
+        project.keep_rig(rig, files, run.made_from)
         jobs.drop_pairs(project)
 
     return jobs.PageWork(project, "rig", ("steps", "pairs"), work)
@@ -85,8 +85,8 @@ def tell_not_calibrated() -> None:
 
 def ask_time_offsets(project: Project) -> None:
     """Whether every time offset is applied."""
-    title, told = "Apply every time offset", "Else those that are significant are applied."
-    st.toggle(title, help=told, **setting(project, LATE, False, yes_or_no).widget())
+    title, help_text = "Apply every time offset", "Else those that are significant are applied."
+    st.toggle(title, help=help_text, **setting(project, LATE, False, yes_or_no).widget())
 
 
 def show_rig(project: Project, rig: RigFile) -> None:
@@ -102,9 +102,9 @@ def show_rig(project: Project, rig: RigFile) -> None:
                 st.warning(escape_markdown(note))
     for title, words, column in zip(TILES, _tiles(rig), st.columns(3), strict=True):
         with column, st.container(border=True):
-            value, told = words
+            value, caption = words
             st.metric(title, value)
-            st.caption(told)
+            st.caption(caption)
     with st.container(horizontal=True):
         offer("rig.json", rig.dumps(), RIG, "download_rig_json", primary=True)
         if project.pair_files is not None:

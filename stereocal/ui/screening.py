@@ -31,17 +31,17 @@ def screenings_of(
     Args:
         calibration: the stored result: its screening is not made again.
     """
-    others = replace(settings, frames_put_back=(), frames_left_out=())
+    for_others = replace(settings, frames_put_back=(), frames_left_out=())
     known = calibration and _key(calibration.dataset, calibration.settings)
-    found = []
-    for at, dataset in enumerate(datasets):
-        own = others if at else settings
-        if calibration is not None and known == _key(dataset, own):
-            found.append(calibration.screening)
+    screenings = []
+    for number, dataset in enumerate(datasets):
+        used = for_others if number else settings
+        if calibration is not None and known == _key(dataset, used):
+            screenings.append(calibration.screening)
         else:
-            make = partial(jobs.compute, screened, dataset, own)
-            found.append(once("screening", _key(dataset, own), make))
-    return found
+            make = partial(jobs.compute, screened, dataset, used)
+            screenings.append(once("screening", _key(dataset, used), make))
+    return screenings
 
 
 def _key(dataset: Pair, settings: CalibrationSettings) -> str:

@@ -59,11 +59,13 @@ def search_work(
     files = {name: file.name for name, file in search.photographs.items()}
     by_hand, moments = pairing.by_hand, [*pairing.moments.items()]
     if by_hand is not None:  # the search finds the moments
-        moments = [(k, {c: name}) for c, own in by_hand.counts.items() for name, k in own.items()]
+        moments = [
+            (k, {c: name}) for c, numbers in by_hand.counts.items() for name, k in numbers.items()
+        ]
     parts = {
         "photographs or their frames": [
-            {"frame": k, **{camera: files.get(name) for camera, name in own.items()}}
-            for k, own in moments
+            {"frame": k, **{camera: files.get(name) for camera, name in names.items()}}
+            for k, names in moments
         ],
         "lenses": {name: camera and camera.to_json() for name, camera in cameras.items()},
         "what you hold": None if held is None else [type(held).__name__, plain(held)],
@@ -72,8 +74,8 @@ def search_work(
     made_from = as_digests(parts)
 
     def run(job: jobs.Job) -> None:
-        found = search.run(job.executor, job.begin, job.progress, job.found_before)
-        keep(found, made_from)
+        result = search.run(job.executor, job.begin, job.progress, job.found_before)
+        keep(result, made_from)
 
     return jobs.PageWork(store.project, "photographs", search.stages, run, made_from)
 
@@ -84,9 +86,11 @@ def tell_changed(store: ProjectPhotographs, work: jobs.PageWork) -> None:
         show_stale(changed(store.found_in, work.made_from))
 
 
-def press_search(work: jobs.PageWork, what: str, key: str, found: bool, ready: bool) -> None:
+def press_search(work: jobs.PageWork, what: str, key: str, is_found: bool, ready: bool) -> None:
     """The button that begins a search in the photographs, and its progress."""
-    again = " again" * found
-    jobs.start_button(work, f"Find the {what}{again}", key, primary=not found, disabled=not ready)
+    again = " again" * is_found
+    jobs.start_button(
+        work, f"Find the {what}{again}", key, primary=not is_found, disabled=not ready
+    )
     cancelled = "Cancelled. What was found before is unchanged."
     jobs.show_job(work.project, work.kind, cancelled)

@@ -73,11 +73,11 @@ def show_story() -> None:
 
 def _sample(folder: Path, names: Sequence[str], source: str) -> Project:
     project = Project.create(default_home())
-    store, found = ProjectPhotographs(project), dict[str, StoredFile]()
+    store, photographs = ProjectPhotographs(project), dict[str, StoredFile]()
     for which in CAMERAS if folder == PHOTOGRAPHS else ():
         for name, content in _photographs(which):
-            found[f"{which}/{name}"] = store.keep(f"{which}/{name}", content)
-    give_dataset(project, _files(folder, names), source, found)
+            photographs[f"{which}/{name}"] = store.keep(f"{which}/{name}", content)
+    give_dataset(project, _files(folder, names), source, photographs)
     return project
 
 
@@ -118,8 +118,8 @@ def sample_photographs() -> Project:
 def begin_buttons() -> None:
     """The two ways to begin, large: with one's own data, or with the real recording."""
     st.html(LARGE)
-    own, sample = st.columns(2)
-    with own:
+    own_data, sample = st.columns(2)
+    with own_data:
         if st.button("Start with my own data", key="begin", type="primary", width="stretch"):
             forget_project()
             st.switch_page("pages/data.py")
@@ -134,10 +134,10 @@ def other_beginnings() -> None:
         ("demo_rig", "Three cameras", three_cameras, "a real recording by more than two"),
         ("demo", "Simulated rig", sample_points, "25 bars, as in the paper"),
     ]
-    for key, label, make, what in samples[0 if has_sample_photographs() else 1 :]:
+    for key, label, make, caption in samples[0 if has_sample_photographs() else 1 :]:
         with st.container(horizontal=True, vertical_alignment="center"):
             _sample_button(key, label, make)
-            st.caption(what)
+            st.caption(caption)
     with st.container(horizontal=True, vertical_alignment="center"):
         if st.button("Plan a field day", key="begin_plan"):
             forget_project()
@@ -147,9 +147,9 @@ def other_beginnings() -> None:
 
 def _sample_button(key: str, label: str, make: Callable[[], Project], large: bool = False) -> None:
     """A button that opens a sample's project; a click may end the run of the page."""
-    making, made = projects_in_creation(), partial(_opened_or_made, key, make)
+    making, opening = projects_in_creation(), partial(_opened_or_made, key, make)
     width: Literal["stretch", "content"] = "stretch" if large else "content"
-    st.button(label, key=key, on_click=lambda: making.append(pool().submit(made)), width=width)
+    st.button(label, key=key, on_click=lambda: making.append(pool().submit(opening)), width=width)
 
 
 def _opened_or_made(key: str, make: Callable[[], Project]) -> Project:
@@ -160,9 +160,9 @@ def _opened_or_made(key: str, make: Callable[[], Project]) -> Project:
     if not ServerSettings.from_environment().shared:
         for project_id in find_projects(default_home()):
             with suppress(StereocalError, OSError):
-                kept = Project.open(default_home(), project_id)
-                if kept.settings.get(SAMPLE) == [key, kept.given_digest]:
-                    return kept
+                opened = Project.open(default_home(), project_id)
+                if opened.settings.get(SAMPLE) == [key, opened.given_digest]:
+                    return opened
     project = make()
     project.keep_settings({SAMPLE: [key, project.given_digest]})
     return project
@@ -182,8 +182,8 @@ def _files(folder: Path, names: Sequence[str]) -> dict[str, bytes]:
 def _give_boards(project: Project) -> None:
     for which in CAMERAS:
         store = ProjectLens(project, which)
-        found = _photographs(f"boards_{which}")
-        store.add({name: store.keep(name, content) for name, content in found})
+        photographs = _photographs(f"boards_{which}")
+        store.add({name: store.keep(name, content) for name, content in photographs})
 
 
 def _photographs(folder: str) -> Iterator[tuple[str, bytes]]:

@@ -43,7 +43,7 @@ _read = cache(read_dataset)
 _FITS = KeptFits()
 
 
-def choose_data(project: Project, own: Pair) -> list[Pair]:
+def choose_data(project: Project, pair: Pair) -> list[Pair]:
     """The data sets to validate on."""
     kinds = [
         MINE,
@@ -52,7 +52,7 @@ def choose_data(project: Project, own: Pair) -> list[Pair]:
         *([PAPER] if NINETEEN.is_dir() else []),
     ]
     choose(project, "validate_on", "Validate on", kinds, tabs_own=False)
-    return chosen_data(project, own)
+    return chosen_data(project, pair)
 
 
 def more_data(project: Project) -> None:
@@ -71,15 +71,15 @@ def more_data(project: Project) -> None:
             button("Forget them", "drop_more", project.drop_datasets)
 
 
-def chosen_data(project: Project, own: Pair) -> list[Pair]:
+def chosen_data(project: Project, pair: Pair) -> list[Pair]:
     """The data sets to validate on, as last chosen."""
     kind = project.settings.get("validate_on", MINE)
     if kind == PAPER and NINETEEN.is_dir():
         return [_read(path) for path in sorted(NINETEEN.iterdir()) if path.is_dir()]
     if kind == ALL_PAIRS and project.pair:
         pairs = [project.of_pair(name).dataset for name in project.pair_names]
-        return [dataset for dataset in pairs if dataset is not None] or [own]
-    return [own, *project.more_datasets] if kind == ALL else [own]
+        return [dataset for dataset in pairs if dataset is not None] or [pair]
+    return [pair, *project.more_datasets] if kind == ALL else [pair]
 
 
 def choose_protocol(project: Project, datasets: Sequence[Pair]) -> EvaluationSettings:
@@ -88,10 +88,10 @@ def choose_protocol(project: Project, datasets: Sequence[Pair]) -> EvaluationSet
         runs, frames, splits = _protocol_fields(project, datasets)
         search_form(project)
         left, right = st.columns(2)
-        about = ABOUT["runs"]
-        left.slider(about.title, *RUNS, step=10, help=about.help, **runs.widget())
-        about = ABOUT["calibration_frames"]
-        frames.slider(about.title, right, help=about.help)
+        described = ABOUT["runs"]
+        left.slider(described.title, *RUNS, step=10, help=described.help, **runs.widget())
+        described = ABOUT["calibration_frames"]
+        frames.slider(described.title, right, help=described.help)
         return _protocol(project, datasets, runs, frames, splits)
 
 
@@ -99,8 +99,10 @@ def other_settings(project: Project) -> None:
     """The other settings of a validation, folded."""
     with st.expander("Other settings"):
         ask(st.container(), ABOUT["splits"], _splits(project))
-        told = "Of the curves, in decades. The overlap depends on it a little."
-        st.select_slider("Width of the bins", BIN_WIDTHS, help=told, **bin_width(project).widget())
+        help_text = "Of the curves, in decades. The overlap depends on it a little."
+        st.select_slider(
+            "Width of the bins", BIN_WIDTHS, help=help_text, **bin_width(project).widget()
+        )
         st.page_link("pages/calibrate.py", label="Other settings of the search")
 
 
@@ -117,10 +119,10 @@ def _protocol_fields(project: Project, datasets: Sequence[Pair]) -> tuple[Field,
     """Fields of runs, calibration frames and splits."""
     if not any(map(is_long, datasets)):
         search = CalibrationSettings.from_json(search_values(project))
-        calibration = readable(lambda: project.calibration, told=False)
+        calibration = readable(lambda: project.calibration, warn=False)
         screenings = screenings_of(datasets, search, calibration)
-        datasets = [each.dataset for each in screenings]
-    fewest = min(len(each.correspondences.frames) for each in datasets)
+        datasets = [screening.dataset for screening in screenings]
+    fewest = min(len(dataset.correspondences.frames) for dataset in datasets)
     most = max(fewest - 2, 2)
     bounds = Number(min(FEWEST_FRAMES, most), most)
     return (
@@ -138,11 +140,11 @@ def kept_protocol(project: Project, datasets: Sequence[Pair]) -> EvaluationSetti
 def _protocol(
     project: Project, datasets: Sequence[Pair], runs: Field, frames: Field, splits: Field
 ) -> EvaluationSettings:
-    own = refine_settings(project, datasets[0])
+    refined = refine_settings(project, datasets[0])
     if len(datasets) > 1:
-        own = RefineSettings(time_offset=own.time_offset, time_drift=own.time_drift)
+        refined = RefineSettings(time_offset=refined.time_offset, time_drift=refined.time_drift)
     search = CalibrationSettings.from_json(search_values(project))
-    return EvaluationSettings(search, runs.value(), frames.value(), splits.value(), own)
+    return EvaluationSettings(search, runs.value(), frames.value(), splits.value(), refined)
 
 
 def current_validation(project: Project, datasets: Sequence[Pair]) -> Evaluation | None:
@@ -152,7 +154,7 @@ def current_validation(project: Project, datasets: Sequence[Pair]) -> Evaluation
     """
     search = CalibrationSettings.from_json(search_values(project))
     for read in (lambda: project.calibration_evaluation, lambda: project.evaluation):
-        evaluation = readable(read, told=False)
+        evaluation = readable(read, warn=False)
         if evaluation is None:
             continue
         if changed_since(evaluation, datasets, replace(evaluation.settings, calibration=search)):
@@ -175,7 +177,7 @@ def follow_validation(
     """
     growing = GrowingRuns(len(datasets), settings)
     run = partial(_validate, project, datasets, settings, growing)
-    parts = evaluation_parts([each.sha256 for each in datasets], settings)
+    parts = evaluation_parts([dataset.sha256 for dataset in datasets], settings)
     work = jobs.PageWork(project, "evaluation", STAGES, run, parts, growing, follows=True)
     job, begun = jobs.start(work), time.monotonic()
     while job.state == "running" and (waited := time.monotonic() - begun) < LONGEST_WAIT_S:
@@ -195,8 +197,8 @@ def validation_so_far(
         refined: whether the refined method is shown.
     """
     growing: GrowingRuns = job.work.so_far
-    found = zip(datasets, unique_names(datasets), growing.so_far(refined), strict=True)
-    begun = [(runs, name, dataset.sha256) for dataset, name, runs in found if runs]
+    by_dataset = zip(datasets, unique_names(datasets), growing.so_far(refined), strict=True)
+    begun = [(runs, name, dataset.sha256) for dataset, name, runs in by_dataset if runs]
     if not begun:
         return None
     runs, names, digests = zip(*begun, strict=True)
@@ -207,7 +209,7 @@ def changed_since(
     evaluation: Evaluation, datasets: Sequence[Pair], settings: EvaluationSettings
 ) -> str:
     """What has changed since a validation."""
-    now = evaluation_parts([each.sha256 for each in datasets], settings)
+    now = evaluation_parts([dataset.sha256 for dataset in datasets], settings)
     return changed(parts_of_evaluation(evaluation), now)
 
 
@@ -219,9 +221,12 @@ def _validate(
     job: jobs.Job,
 ) -> None:
     """Evaluate, and store the result when it is whole."""
-    calibration = readable(lambda: project.calibration, told=False)
-    kept = [each.dataset for each in screenings_of(datasets, settings.calibration, calibration)]
-    runs = growing.compute(kept, job.executor, _FITS, job.progress)
+    calibration = readable(lambda: project.calibration, warn=False)
+    screened = [
+        screening.dataset
+        for screening in screenings_of(datasets, settings.calibration, calibration)
+    ]
+    runs = growing.compute(screened, job.executor, _FITS, job.progress)
     job.progress(job.total, job.total)  # ends here if the settings have changed meanwhile
     digests = [dataset.sha256 for dataset in datasets]
     project.keep_evaluation(Evaluation(runs, settings, unique_names(datasets), digests))

@@ -85,7 +85,7 @@ def show_validation(
         if job.state == "done":
             last, job = current_validation(project, datasets), None
         else:
-            last = readable(lambda: project.evaluation, told=False)
+            last = readable(lambda: project.evaluation, warn=False)
     # Only while runs come: a permanent timer would interrupt every longer run of the page.
     every = EVERY_S if job is not None and job.state == "running" else None
     running = every is not None
@@ -112,8 +112,8 @@ def _show(
     if job.state == "failed":
         st.error(escape_markdown(job.sentence))
         button("Try again", "validate", jobs.abandon, project, "evaluation")
-    elif (found := _so_far(job, datasets, with_refined(project).value())) is not None:
-        _show_evaluation(project, found, datasets, head, places.table)
+    elif (shown := _so_far(job, datasets, with_refined(project).value())) is not None:
+        _show_evaluation(project, shown, datasets, head, places.table)
         return
     else:
         head.info("The first runs are on their way.")
@@ -144,19 +144,19 @@ def _so_far(job: jobs.Job, datasets: Sequence[Pair], refined: bool) -> Shown | N
 
     As shown before until there are half as many more: the figure takes as long as some runs.
     """
-    kept = f"{job.work.digest} {refined} shown"
-    before: Shown | None = latest.get("validation shown", kept)
-    found = validation_so_far(job, datasets, refined)
-    if found is None:
+    key = f"{job.work.digest} {refined} shown"
+    before: Shown | None = latest.get("validation shown", key)
+    runs_found = validation_so_far(job, datasets, refined)
+    if runs_found is None:
         return before
-    evaluation, total = found
+    evaluation, total = runs_found
     count = sum(map(len, evaluation.runs))
     if before is not None and before.runs <= count < min(1.5 * before.runs, total):
         return before
     all_runs = f"{total} runs{', not yet all refined' * refined}"
     words = f"{count} of {total} runs" if count < total else all_runs
     shown = Shown(evaluation, f"{job.work.digest} {refined} {count}", words)
-    latest.keep("validation shown", kept, shown)
+    latest.keep("validation shown", key, shown)
     return shown
 
 
@@ -172,22 +172,26 @@ def _summaries(
             return pooled, {evaluation.names[0]: pooled}
         return summarise_all(evaluation.names, evaluation.runs, bin_width)
 
-    def chosen(of: Summaries) -> Summaries:
-        return {method: own for method, own in of.items() if refined or method != "refined"}
+    def chosen(summaries: Summaries) -> Summaries:
+        return {
+            method: summary
+            for method, summary in summaries.items()
+            if refined or method != "refined"
+        }
 
     pooled, by_dataset = once("validation shown", f"{shown.key} {bin_width}", make)
-    return chosen(pooled), {name: chosen(own) for name, own in by_dataset.items()}
+    return chosen(pooled), {name: chosen(summaries) for name, summaries in by_dataset.items()}
 
 
 def _note(evaluation: Evaluation, screening: Screening) -> str:
     """Whether single frames and whole runs left out give different figures."""
     key = f"{evaluation.digest} note"
-    if (found := latest.get("validation shown", key)) is None:
+    if (note := latest.get("validation shown", key)) is None:
         about = screening.dataset, evaluation.settings, evaluation.summaries
         with st.spinner("Leaving out the other way."):
-            found = jobs.compute(note_on_splits, *about)
-        latest.keep("validation shown", key, found)
-    return str(found)
+            note = jobs.compute(note_on_splits, *about)
+        latest.keep("validation shown", key, note)
+    return str(note)
 
 
 def _show_evaluation(
@@ -223,8 +227,8 @@ def _show_evaluation(
         show_figure(figure, words, name, config=config)
     of_files = readable(lambda: project.calibration_evaluation)
     if of_files is not None and not (whole and of_files.digest == evaluation.digest):
-        told = "The parameter files keep the threshold and the figures of their own validation"
-        st.caption(f"{told}: {_describe_protocol(of_files)}")
+        why = "The parameter files keep the threshold and the figures of their own validation"
+        st.caption(f"{why}: {_describe_protocol(of_files)}")
     if not whole:
         return
     if len(screenings) == 1 and (note := _note(evaluation, screenings[0])):
@@ -246,10 +250,10 @@ def _choose_view(project: Project, refined: Field) -> tuple[list[str], str]:
         horizontal=True, vertical_alignment="bottom", horizontal_alignment="distribute"
     ):
         wide = choose(project, "columns", "Show", panels)
-        told = "One set, fitted to images and lengths at once. The paper has the other three."
-        st.toggle("With the refined method", help=told, **refined.widget())
-        title, told = "Save pictures as", "The camera at the top right of a figure saves it."
-        picture = choose(project, "picture_format", title, FORMATS, help=told)
+        help_text = "One set, fitted to images and lengths at once. The paper has the other three."
+        st.toggle("With the refined method", help=help_text, **refined.widget())
+        title, help_text = "Save pictures as", "The camera at the top right of a figure saves it."
+        picture = choose(project, "picture_format", title, FORMATS, help=help_text)
     return [key for key, title in COLUMNS.items() if wide in ("All three", title)], picture
 
 
@@ -284,7 +288,7 @@ def _show_answer(
         if screening.left_out and len(screenings) > 1:  # of one, Calibrate names them
             line = f"{screening.full_dataset.name}: {left_out_line(screening)}"
             st.warning(escape_markdown(line))
-    errors = [own.reconstruction.p95 for own in summaries.values()]
+    errors = [summary.reconstruction.p95 for summary in summaries.values()]
     if caution := why_held_out_not_trusted(screenings, errors):
         st.error(escape_markdown(f"Do not rely on this result: {caution}"))
     answer = validation_answer(summaries)
@@ -307,7 +311,7 @@ def _downloads(
 ) -> None:
     left, right = st.columns(2)
     pooled, by_dataset = summaries
-    about = ([each.full_dataset for each in screenings], evaluation.settings, screenings)
+    about = ([screening.full_dataset for screening in screenings], evaluation.settings, screenings)
     # With the answer of Calibrate, if that is of the same data and final.
     answer = final_answer(project)
 

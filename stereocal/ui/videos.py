@@ -43,18 +43,18 @@ MISSING = (
 def show_frames_taken(project: Project) -> None:
     """The progress of the job that takes frames, and what it found."""
     jobs.show_job(project, "video", "Cancelled. No frame was taken.")
-    said = project.settings.get(REPORT)
-    if isinstance(said, list) and not jobs.is_running(project, "video"):
+    sentences = project.settings.get(REPORT)
+    if isinstance(sentences, list) and not jobs.is_running(project, "video"):
         show = st.warning if project.settings.get(FRAMES_MISSING) else st.success
-        show(" ".join(escape_markdown(str(sentence)) for sentence in said))
+        show(" ".join(escape_markdown(str(sentence)) for sentence in sentences))
 
 
 def video_settings(project: Project | None) -> VideoSettings:
     """Which frames to take; the defaults serve most videos."""
 
     def toggle(place: DeltaGenerator, name: str, title: str, text: str, on: bool = True) -> bool:
-        own = setting(project, f"video_{name}", on, yes_or_no)
-        return place.toggle(title, help=text, **own.widget())
+        field = setting(project, f"video_{name}", on, yes_or_no)
+        return place.toggle(title, help=text, **field.widget())
 
     left, right = st.columns(2, vertical_alignment="bottom")
     named, title = CHOICES.__getitem__, "Which frames of the videos"
@@ -66,8 +66,10 @@ def video_settings(project: Project | None) -> VideoSettings:
         n = setting(project, "video_n", 30, Number(1)).number_input("n", right)
     left, right = st.columns(2, vertical_alignment="bottom")
     clocks = "Otherwise their time stamps are compared as the cameras' clocks wrote them."
-    later, found = None, "Then the motion of what you hold tells by how much, to a frame."
-    by_hand = toggle(st.container(), "by_hand", "The cameras were started by hand", found, on=False)
+    later, help_text = None, "Then the motion of what you hold tells by how much, to a frame."
+    by_hand = toggle(
+        st.container(), "by_hand", "The cameras were started by hand", help_text, on=False
+    )
     together = "Both videos start at the same moment"
     if not by_hand and not toggle(left, "together", together, clocks):
         ahead = setting(project, "video_later_s", 0.0, Number(-1e12))
@@ -136,17 +138,17 @@ def _take(
     project: Project, settings: VideoSettings, videos: Mapping[str, Path], job: jobs.Job
 ) -> None:
     store = ProjectPhotographs(project)
-    found: dict[str, StoredFile] = {}
+    taken: dict[str, StoredFile] = {}
 
     def keep(name: str, content: bytes) -> None:
-        found[name] = store.keep(name, content)
+        taken[name] = store.keep(name, content)
 
     report = extract(videos, settings, keep, job.begin, job.progress)
     if settings.by_hand != (store.choice.way == "motion"):
         # The numbers of frames that were taken before are of other moments.
         others = {n: f for n, f in store.photographs.items() if not FRAME.fullmatch(n)}
         store.clear(others)
-    store.add(found)
+    store.add(taken)
     if settings.by_hand:
         store.choose(Choice("motion", heard=report.heard))
     project.keep_settings({REPORT: list(report.sentences), FRAMES_MISSING: report.frames_missing})

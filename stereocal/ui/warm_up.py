@@ -43,8 +43,8 @@ class WarmUp:
     def show(self, bar: DeltaGenerator) -> None:
         """The progress, if something is being compiled."""
         if self.total and not self.over.is_set():
-            said = f"Compiling once: {self.done} of {self.total} functions"
-            bar.progress(self.done / self.total, said)
+            words = f"Compiling once: {self.done} of {self.total} functions"
+            bar.progress(self.done / self.total, words)
 
     def _run(self) -> None:
         """Compile; delete old projects, now and every hour."""

@@ -72,42 +72,42 @@ class Questions:
         Args:
             usual: the first answer; None: that the file says it is an answer too.
         """
-        asked = QUESTIONS[name]
-        if not asked.choices:
-            told = f"{asked.help[0].upper()}{asked.help[1:]}."
-            number = self.field(name, usual, Number(*asked.between))
-            return number.number_input(asked.title, place, step=0.5, help=told)
+        question = QUESTIONS[name]
+        if not question.choices:
+            help_text = f"{question.help[0].upper()}{question.help[1:]}."
+            number = self.field(name, usual, Number(*question.between))
+            return number.number_input(question.title, place, step=0.5, help=help_text)
         stated = {None: STATED} if usual is None else {}
-        words: dict[Any, str] = {**stated, **asked.choices}
+        words: dict[Any, str] = {**stated, **question.choices}
         return self.field(name, usual, one_of(words)).menu(
-            asked.title, place, format_func=words.__getitem__, placeholder=STATED
+            question.title, place, format_func=words.__getitem__, placeholder=STATED
         )
 
     def origin(self, usual: PixelOrigin) -> PixelOrigin:
         """The pixel origin; how the height counts is asked only from the lower left."""
         corner, first_pixel, flip = st.columns(len(ORIGIN))
         chosen = self.ask(corner, "corner", usual.corner)
-        first = self.ask(first_pixel, "first_pixel", float(usual.first_pixel))
+        number = self.ask(first_pixel, "first_pixel", float(usual.first_pixel))
         lower = chosen == "lower-left"
         return PixelOrigin(
-            chosen, first, self.ask(flip, "flip", usual.flip) if lower else PixelOrigin().flip
+            chosen, number, self.ask(flip, "flip", usual.flip) if lower else PixelOrigin().flip
         )
 
 
 def ask_size(
-    project: Project, key: str, of: str, known: ImageSize | None = None, tabs_own: bool = False
+    project: Project, key: str, whose: str, stated: ImageSize | None = None, tabs_own: bool = False
 ) -> ImageSize | None:
     """The size of an image, for files that do not state it; None if a side is empty.
 
     Args:
-        of: whose image, for the title.
+        whose: image it is, for the title.
     """
     width, height = (
         setting(
             project, f"{key}_{side}", start, Number(1, or_none=True), tabs_own=tabs_own
-        ).number_input(f"Image {side}{of} (px)", place, placeholder=STATED)
+        ).number_input(f"Image {side}{whose} (px)", place, placeholder=STATED)
         for place, side, start in zip(
-            st.columns(2), ("width", "height"), known or (None, None), strict=True
+            st.columns(2), ("width", "height"), stated or (None, None), strict=True
         )
     )
     return None if width is None or height is None else (width, height)
@@ -115,7 +115,7 @@ def ask_size(
 
 def ask_about(
     store: ProjectApplication,
-    asked: Asked,
+    slot: Asked,
     form: Callable[[str, bytes], Use | None],
     title: str = "Use these points",
 ) -> None:
@@ -124,17 +124,17 @@ def ask_about(
     Args:
         form: of its name and content; returns what uses it, None if it cannot be used yet.
     """
-    found = store.asking(asked)
-    if found is None:
+    file = store.asking(slot)
+    if file is None:
         return
     use: Use | None = None
     with st.container(border=True):
         with ErrorsShown():
-            use = form(*found)
+            use = form(*file)
         with st.container(horizontal=True):
             if use is not None:
-                button(title, f"use_{asked}", refusing()(use), first=True)
-            button("Put the file aside", f"aside_{asked}", store.forget_question, asked)
+                button(title, f"use_{slot}", refusing()(use), first=True)
+            button("Put the file aside", f"aside_{slot}", store.forget_question, slot)
 
 
 def ask_about_points(
@@ -148,11 +148,11 @@ def ask_about_points(
     """
 
     def form(label: str, content: bytes) -> Use | None:
-        layout, asked = _laid_out(store.project, f"wizard_{side}", label, content, camera)
+        layout, questions = _laid_out(store.project, f"wizard_{side}", label, content, camera)
         if layout is None:
             return None
-        first = point_answers.first_answers(layout, number, image_height)
-        answers = _point_form(asked, layout, camera, first)
+        proposed = point_answers.first_answers(layout, number, image_height)
+        answers = _point_form(questions, layout, camera, proposed)
         if answers.corner == "lower-left" and answers.image_height is None:
             st.info("Give the image height: the points are counted from the lower left.")
         else:
@@ -167,12 +167,12 @@ def ask_about_bars(store: ProjectApplication) -> None:
     """The questions about a file with both ends of the bar, if there is one."""
 
     def form(label: str, content: bytes) -> Use | None:
-        layout, asked = _laid_out(
+        layout, questions = _laid_out(
             store.project, "wizard_bars", label, content, "points of the bar", True
         )
         if layout is None:
             return None
-        options, heights = _bar_form(asked, layout)
+        options, heights = _bar_form(questions, layout)
         if len(layout.cameras) > 2:
             _offer_all(store, label, content, layout, options, heights)
         if options.corner == "lower-left" and None in heights:
@@ -205,8 +205,8 @@ def _offer_all(
     """A button to take the points of all cameras, for a rig."""
 
     def take() -> None:
-        own = replace(layout, origin=options.origin(layout.origin))
-        points = points_of_all(content, own, heights[0], label)
+        as_stated = replace(layout, origin=options.origin(layout.origin))
+        points = points_of_all(content, as_stated, heights[0], label)
         packed = csv_text(points).encode()
         ProjectGiven(store.project).more_cameras({f"{PurePath(label).stem}.csv": packed})
         store.forget_question("bars")
@@ -216,49 +216,51 @@ def _offer_all(
 
 
 def _laid_out(
-    project: Project, key: str, label: str, content: bytes, of: str, for_bars: bool = False
+    project: Project, key: str, label: str, content: bytes, whose: str, for_bars: bool = False
 ) -> tuple[PointLayout | None, Questions]:
     """The layout of a file as it is recognised, or with columns that are chosen, and its questions.
 
     Args:
-        of: what the points are of, for the title.
+        whose: points these are, for the title.
     """
     layout = layout_of(content, label)
     if for_bars and layout.program == OURS:  # of one camera, by its header
         layout = layout_by_hand(content, label)
     program = header_key(content, label) if layout.roles is not None else layout.program
-    asked = Questions(project, f"{key}_{{}}", program)
-    name = f"**{escape_markdown(label)}** ({escape_markdown(of)})"
+    questions = Questions(project, f"{key}_{{}}", program)
+    name = f"**{escape_markdown(label)}** ({escape_markdown(whose)})"
     if layout.roles is None:
         st.markdown(f"{name} looks like {layout.program}.")
         for question in layout.questions:
             st.markdown(f"- {escape_markdown(question)}")
         title = "It is another table: I choose its columns"
-        if not st.toggle(title, **asked.field("by_hand", False, yes_or_no).widget()):
-            return layout, asked
+        if not st.toggle(title, **questions.field("by_hand", False, yes_or_no).widget()):
+            return layout, questions
         layout = layout_by_hand(content, label)
-        asked = Questions(project, f"{key}_hand_{{}}", header_key(content, label))
+        questions = Questions(project, f"{key}_hand_{{}}", header_key(content, label))
     else:
         st.markdown(f"{name}: what do its columns hold?")
-    roles = choose_columns(asked.field, content, label, layout.roles or "", for_bars)
+    roles = choose_columns(questions.field, content, label, layout.roles or "", for_bars)
     chosen = None if roles is None else layout_as_stated(content, label, roles, for_bars)
-    return chosen, asked
+    return chosen, questions
 
 
-def _point_form(asked: Questions, layout: PointLayout, whose: str, first: Answers) -> Answers:
+def _point_form(
+    questions: Questions, layout: PointLayout, whose: str, proposed: Answers
+) -> Answers:
     """The answers about one camera's points."""
-    camera, per_unit, likelihood = first.camera, 1.0, 0.0
+    camera, per_unit, likelihood = proposed.camera, 1.0, 0.0
     if len(layout.cameras) > 1:
-        one = asked.field("camera", camera, one_of(layout.cameras))
-        camera = one.menu(f"{whose[0].upper()}{whose[1:]} is")
-    origin = asked.origin(PixelOrigin(first.corner, first.first_pixel, first.flip))
-    height = _height(asked, "image_height", "", first.image_height, origin.corner)
+        camera_field = questions.field("camera", camera, one_of(layout.cameras))
+        camera = camera_field.menu(f"{whose[0].upper()}{whose[1:]} is")
+    origin = questions.origin(PixelOrigin(proposed.corner, proposed.first_pixel, proposed.flip))
+    height = _height(questions, "image_height", "", proposed.image_height, origin.corner)
     if layout.program == "TrackMate" or layout.roles is not None:
-        own = asked.field("px_per_unit", first.px_per_unit, Number(1e-9))
-        per_unit = own.number_input("Pixels per unit of the file", format="%.6g")
-    if any(each.likelihood is not None for each in layout.columns):
-        own = asked.field("least_likelihood", first.least_likelihood, Number(0.0, 1.0))
-        likelihood = own.number_input("Least likelihood", step=0.05)
+        field = questions.field("px_per_unit", proposed.px_per_unit, Number(1e-9))
+        per_unit = field.number_input("Pixels per unit of the file", format="%.6g")
+    if any(column.likelihood is not None for column in layout.columns):
+        field = questions.field("least_likelihood", proposed.least_likelihood, Number(0.0, 1.0))
+        likelihood = field.number_input("Least likelihood", step=0.05)
     return Answers(
         camera,
         **vars(origin),
@@ -269,9 +271,9 @@ def _point_form(asked: Questions, layout: PointLayout, whose: str, first: Answer
     )
 
 
-def _bar_form(asked: Questions, layout: PointLayout) -> tuple[ExchangeOptions, Heights]:
+def _bar_form(questions: Questions, layout: PointLayout) -> tuple[ExchangeOptions, Heights]:
     primary, secondary, a, b = (
-        asked.field(f"{what}_{k}", options[k], one_of(options)).menu(title, place)
+        questions.field(f"{what}_{k}", options[k], one_of(options)).menu(title, place)
         for (what, options, titles), places in zip(
             (
                 ("camera", layout.cameras, ("Primary camera", "Secondary camera")),
@@ -282,10 +284,10 @@ def _bar_form(asked: Questions, layout: PointLayout) -> tuple[ExchangeOptions, H
         )
         for k, (title, place) in enumerate(zip(titles, places, strict=True))
     )
-    origin = asked.origin(layout.origin)
-    heights = [camera.image_size[1] if camera else None for camera in asked.project.cameras]
+    origin = questions.origin(layout.origin)
+    heights = [camera.image_size[1] if camera else None for camera in questions.project.cameras]
     first, second = (
-        _height(asked, f"height_{k}", f", {which}", height, origin.corner)
+        _height(questions, f"height_{k}", f", {which}", height, origin.corner)
         for k, (which, height) in enumerate(zip(CAMERAS, heights, strict=True))
     )
     stated = ExchangeOptions(
@@ -298,12 +300,14 @@ def _bar_form(asked: Questions, layout: PointLayout) -> tuple[ExchangeOptions, H
     return stated, (first, second)
 
 
-def _height(asked: Questions, name: str, of: str, known: int | None, corner: Corner) -> int | None:
+def _height(
+    questions: Questions, name: str, whose: str, stated: int | None, corner: Corner
+) -> int | None:
     """The image height, asked only if the file counts from the lower left."""
     if corner == "upper-left":
-        return known
-    own = asked.field(name, known, Number(1, or_none=True))
-    height: int | None = own.number_input(f"Image height{of} (px)")
+        return stated
+    field = questions.field(name, stated, Number(1, or_none=True))
+    height: int | None = field.number_input(f"Image height{whose} (px)")
     return height
 
 

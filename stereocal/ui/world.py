@@ -48,9 +48,9 @@ OF_RIG = "The pixels are those of two cameras of the rig, as the columns u_{0},v
 def choose_world(project: Project, store: ProjectApplication, rig: Parameters) -> Pose | None:
     """The fold; returns `world_from_primary`, of a rig `world_from_reference`; None for points in
     the camera's frame."""
-    camera, told = camera_in_words(next(iter(rig.placed))), HELP
+    camera, help_text = camera_in_words(next(iter(rig.placed))), HELP
     if (names := [*rig.placed]) != [*CAMERAS]:
-        told = f"{HELP} {OF_RIG.format(*names)}"
+        help_text = f"{HELP} {OF_RIG.format(*names)}"
     file, world, refused = store.world_file, None, list[str]()
     rate = setting(project, "world_frame_rate", None, Number(0.1, 1e6, or_none=True))
     kind = None  # None also for a file that states the frame itself: JSON, or a 4x4 matrix
@@ -66,7 +66,7 @@ def choose_world(project: Project, store: ProjectApplication, rig: Parameters) -
             if kind == FRAME:
                 rate.number_input("Frame rate (frames per second)", format="%.6g")
         title = "Surveyed points, plumb lines or a throw; or world.json"
-        upload = st.file_uploader(title, type=KINDS, key="upload_world", help=told)
+        upload = st.file_uploader(title, type=KINDS, key="upload_world", help=help_text)
         take_one(upload, partial(store.keep_world, rig=rig))
         if file is None:
             st.caption(
@@ -93,23 +93,23 @@ def _found(project: Project, file: StoredFile, rate: float | None, rig: Paramete
     observed = read_observed(content, file.label, rate, cameras)
     settings = _settings(project, observed, cameras)
     with st.spinner("Finding the world frame."):
-        found = once_or_refused(
+        world = once_or_refused(
             "world frame",
             f"{file.sha256} {rate} {rig.digest} {cameras} {settings}",
             lambda: jobs.compute(find_world, rig, observed, settings, cameras),
         )
-    st.success(escape_markdown(found.sentence))
-    for note in found.notes:
+    st.success(escape_markdown(world.sentence))
+    for note in world.notes:
         st.caption(escape_markdown(note))
-    if residuals := found.about.get("residuals_m"):
+    if residuals := world.about.get("residuals_m"):
         axes = [f"{axis} (mm)" for axis in "xyz"]
         table = 1000 * pd.DataFrame.from_dict(residuals, orient="index", columns=axes)
         st.caption("Residuals, measured minus surveyed")
         table, height = table.rename_axis("Point").reset_index(), min(35 * len(table) + 38, 283)
-        shown = dict.fromkeys(axes, st.column_config.NumberColumn(format="%.1f"))
-        st.dataframe(table, hide_index=True, height=height, column_config=shown)
-    offer(f"Download {WORLD_FILE}", lambda: write_world(found, rig), WORLD_FILE, "download_world")
-    return found.pose
+        columns = dict.fromkeys(axes, st.column_config.NumberColumn(format="%.1f"))
+        st.dataframe(table, hide_index=True, height=height, column_config=columns)
+    offer(f"Download {WORLD_FILE}", lambda: write_world(world, rig), WORLD_FILE, "download_world")
+    return world.pose
 
 
 def _settings(project: Project, observed: Observed, cameras: CameraPair) -> WorldSettings:
@@ -130,16 +130,16 @@ def _settings(project: Project, observed: Observed, cameras: CameraPair) -> Worl
     else:
         directions |= {line.name: line.name for line in observed if line.kind == "level"}
     left, middle, right, last = st.columns(4)
-    asked = (("origin", "Origin", origins, left), ("x_axis", "x axis, level", directions, middle))
+    menus = (("origin", "Origin", origins, left), ("x_axis", "x axis, level", directions, middle))
     origin, x_axis = (
         choose_from_menu(
-            project, f"world_{key}", title, options, place=at, format_func=options.__getitem__
+            project, f"world_{key}", title, options, place=place, format_func=options.__getitem__
         )
-        for key, title, options, at in asked
+        for key, title, options, place in menus
     )
     turned = setting(project, "world_heading", 0.0, Number(-360.0, 360.0))
-    told = "Counter-clockwise, as seen from above."
-    heading = turned.number_input("Turned by (°)", right, step=1.0, help=told)
+    help_text = "Counter-clockwise, as seen from above."
+    heading = turned.number_input("Turned by (°)", right, step=1.0, help=help_text)
     with last:
         usual = "as the targets" if survey else "by their scatter"
         sigma_px = ask_noise(noise_field(project, "world_sigma_px"), usual, usual)
