@@ -46,7 +46,7 @@ PARAMETERS, IMAGES = "parameters", "images"
 CLICKED_IN = "points clicked in the"
 """How the labels of points begin that were clicked on the page."""
 EARLIER = "image_sizes"
-"""Of the results of earlier versions, which had no cameras."""
+"""Key that only results of earlier versions have, which had no cameras."""
 
 
 def slot_of(camera: str) -> Asked:

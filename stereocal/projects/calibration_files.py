@@ -27,7 +27,7 @@ STORED = ("frames", "warnings", "methods", "out_of_step")
 LONGEST_TRACE = 50_000
 """Longer traces of a search are not stored: 2 million moves made a file of 183 MB."""
 _NO_SCREENING = {"left_out": (), "exchanged": (), "together": ""}
-"""Of a result from before there was one."""
+"""The screening of results from before there was one."""
 
 
 def _without(kind: type, names: Collection[str]) -> Any:

@@ -30,7 +30,7 @@ class Act:
 
     @property
     def cameras(self) -> set[str]:
-        """In whose pictures it was done."""
+        """The cameras in whose pictures it was done."""
         return {camera for _, camera, _ in [*self.removed, *(click.key for click in self.placed)]}
 
 

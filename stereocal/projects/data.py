@@ -266,7 +266,7 @@ class ProjectData:
         return " ".join(file.sha256 for file in self.database.files(RECORDING).values())
 
     def _key_of(self, inputs: Inputs) -> str:
-        """Of the data of three cameras and more."""
+        """Identifies the data of three cameras and more."""
         return f"{self._given_digest} {json.dumps(dataclasses.asdict(inputs), sort_keys=True)}"
 
     @property

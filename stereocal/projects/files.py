@@ -169,11 +169,11 @@ class Store(Database):
                     db.execute(FREE, [file.sha256])
 
     def of_pair(self, name: str) -> "Store":
-        """Of the results of a pair of a rig."""
+        """The store of the results of a pair of a rig."""
         return replace(self, scope=f"{SCOPE}{name}/")
 
     def of_page(self, page: str) -> "Store":
-        """Of the photographs that are given on another page, of a project or a pair."""
+        """The store of the photographs that are given on another page, of a project or a pair."""
         assert page in PAGES, page
         return replace(self, scope=f"{self.scope or SCOPE}{page}/")
 

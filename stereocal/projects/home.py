@@ -52,7 +52,7 @@ class Listed:
 
     id: str
     title: str
-    """As `title_of`; empty if it cannot be read."""
+    """What `title_of` returns; empty if the project cannot be read."""
     changed: float
     """Seconds since 1970; of a removed project, when it was removed."""
     interrupted: bool = False

@@ -53,18 +53,18 @@ class Inputs:
     labels: Mapping[Slot, str] = field(default_factory=dict)
     """Slot to the name of the uploaded file."""
     baselines_m: Mapping[str, float] = field(default_factory=dict)
-    """Of three cameras and more: the measured baselines by the name of their pair, in the place of
+    """The measured baselines of three cameras and more by the name of their pair, in the place of
     those of the files."""
     exchanged: Mapping[str, list[int]] = field(default_factory=dict)
-    """By camera, the frames in whose image the user has exchanged the targets."""
+    """The frames in whose image the user has exchanged the targets, by camera."""
     put_back: list[int] = field(default_factory=list)
     """Frames of the table that contradict the others, but that the user keeps."""
     left_out: list[int] = field(default_factory=list)
     """Frames of the table that the user leaves out."""
     start_frame: int = 0
-    """Of the table, as of `Pair`."""
+    """The start frame of the table, as of `Pair`."""
     step_notes: list[str] = field(default_factory=list)
-    """Of the table, as of `Pair`."""
+    """How the table was brought into step, as of `Pair`."""
 
     def __post_init__(self) -> None:
         sigmas = [sigma for stated in self.lens_known.values() if stated for sigma in stated]

@@ -14,7 +14,7 @@ from stereocal.projects.files import private_folder
 LOCK, LOCK_BEFORE = "server.lock", "server.sqlite"
 """The lock, which the operating system releases even after a kill; that of earlier versions."""
 _HELD: dict[Path, FileLock] = {}
-"""By its folder, the lock of this process; it is not locked where the folder can have no lock."""
+"""The lock of this process by its folder; it is not locked where the folder can have no lock."""
 _TAKING = threading.Lock()
 
 

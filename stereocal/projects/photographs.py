@@ -49,7 +49,7 @@ class ProjectPhotographs(ProjectPart):
 
     @property
     def photographs(self) -> dict[str, StoredFile]:
-        """By their uploaded names."""
+        """The photographs by their uploaded names."""
         return self.database.files(BAR)
 
     @property
@@ -125,7 +125,11 @@ class ProjectPhotographs(ProjectPart):
         return Pairing(used, sentence=pairing.sentence)
 
     def paired(self, cameras: Sequence[str]) -> Pairing:
-        """As `pairing`; an error if no photographs belong together."""
+        """How the photographs belong together, as `pairing`.
+
+        Raises:
+            StereocalError: none do.
+        """
         pairing = self.pairing(cameras)
         if not pairing.moments:
             raise StereocalError(pairing.sentence)

@@ -56,15 +56,15 @@ class PointsForm:
 
     store: ProjectApplication
     heights: Mapping[str, int | None]
-    """By camera, rows of its images, if known."""
+    """The number of rows of each camera's images, if it is known."""
     data: Recording | None
     """Its own points can be chosen."""
     is_rig: bool
-    """Of three cameras or more."""
+    """Whether there are three cameras or more."""
 
     @property
     def slots(self) -> dict[str, Asked]:
-        """By camera, what its file is for."""
+        """The slot of each camera's file."""
         return {name: slot_of(name) for name in self.heights}
 
     @property
@@ -211,7 +211,7 @@ class ThresholdForm:
 
     @property
     def key(self) -> str:
-        """Of the points."""
+        """Identifies the points."""
         return " ".join(points.name for points in self.points.values())
 
     def choose(

@@ -317,7 +317,7 @@ def ask_whose_video(use: UseVideos, cameras: tuple[str, ...] = CAMERAS, fewest: 
     elif waiting:
 
         def act(name: str, camera: str) -> None:
-            """Of two, the other one is the other camera's."""
+            """Use a video of a camera; the second of two videos is the other camera's."""
             order = [name, *(video for video in waiting if video != name)]
             both = len(waiting) == 2 and cameras == CAMERAS
             _use_videos(dict(zip(CAMERAS, order, strict=True)) if both else {camera: name}, use)

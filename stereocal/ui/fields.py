@@ -38,7 +38,7 @@ reached the browser."""
 RESTS_S, AGAIN_S = 1.0, 10.0
 """A user who has removed a number again does so in a page that rests, and not much later."""
 _GIVEN = "fields_given"
-"""By key, the value that each widget was given, or has told since."""
+"""The value that each widget was given or has told since, by the widget's key."""
 
 
 class Values(Protocol):
@@ -75,7 +75,7 @@ class Field:
     tabs_own: bool = False
     """Whether each tab has its own value, for choices that change no result."""
     fit: Fit = lambda value: value
-    """As for `setting`: other data may have come since this tab showed the value."""
+    """Checks a value: other data may have come since this tab showed it."""
 
     def value(self) -> Any:
         """The current value."""
@@ -134,7 +134,7 @@ class Field:
         return draw.number_input(title, low, high, **options)
 
     def slider(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
-        """As `number_input`, a slider between ends that depend on the data.
+        """Draw a slider between ends that depend on the data; its value.
 
         To Streamlit, a slider with other ends is another widget, which would begin at its lowest,
         and store that: so it has another key.
@@ -145,7 +145,7 @@ class Field:
         return (place or st).slider(title, low, high, **widget, **field.widget())
 
     def menu(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
-        """As `number_input`, a menu of the options of `fit`."""
+        """Draw a menu of the options of `fit`; its value."""
         assert isinstance(self.fit, Options)
         options = self.fit.options
         widget |= self.widget("index")
@@ -153,7 +153,7 @@ class Field:
         return (place or st).selectbox(title, options, **widget)
 
     def buttons(self, title: str, place: DeltaGenerator | None = None, **widget: Any) -> Any:
-        """As `menu`, by buttons, of which one is always pressed."""
+        """Draw the options of `fit` as buttons, of which one is always pressed; its value."""
         assert isinstance(self.fit, Options)
         widget |= {"required": True, **self.widget("default")}
         return (place or st).segmented_control(title, self.fit.options, **widget)

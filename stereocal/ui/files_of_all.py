@@ -34,7 +34,7 @@ class FilesOfAll:
 
     project: Project
     contents: Mapping[str, bytes]
-    """By name; empty where only the recording that they made is there."""
+    """The files by name; empty where only the recording that they made is there."""
     options: ExchangeOptions
 
     @cached_property
@@ -52,7 +52,7 @@ class FilesOfAll:
 
     @property
     def targets(self) -> list[str]:
-        """Of the table, whose places along the bar are to be stated from the first.
+        """The targets of the table, whose places along the bar are to be stated from the first.
 
         Raises:
             StereocalError: it has too many.

@@ -82,7 +82,7 @@ class _Videos:
 
 
 _VIDEOS: Latest[_Videos] = Latest(8)
-"""By project: what was given, and so no result that is made again."""
+"""What was given to each project, and so no result that is made again."""
 
 
 class Pictures:

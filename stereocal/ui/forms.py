@@ -27,7 +27,7 @@ ABOUT = descriptions(EvaluationSettings)
 DELTAS = (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1)
 """Positions of the slider of the first step, rad."""
 OF_PAIR = {"all_frames": True, "frames_put_back": [], "time_offset": False, "time_drift": False}
-"""Of a pair of a rig: the rig has left out what contradicts it, and brought its cameras into
+"""Settings of a pair of a rig, which has left out what contradicts it, and brought its cameras into
 step."""
 _FRAMES = ("all_frames", "frames_put_back", "frames_left_out", "time_offset", "time_drift")
 """Shown with the frames left out and the time offset, not in the line of settings."""

@@ -30,7 +30,7 @@ from stereocal.ui.review import look_closely
 
 T = TypeVar("T")
 NAME = "frame"
-"""Of the setting of the chosen frame; the review of photographs has the same."""
+"""The setting of the chosen frame, which the review of photographs shares."""
 MOST_BUTTONS = 6
 """Maximum number of frames with an Exchange button."""
 

@@ -302,7 +302,7 @@ def _show_last(key: str, in_use: bool) -> None:
 def take_new(
     uploads: Upload | Sequence[Upload] | None, take: Callable[[dict[str, bytes]], object]
 ) -> None:
-    """As `take_uploads`, of small files: their contents by name."""
+    """Have a page take the contents of small new uploads, by name; as `take_uploads`."""
 
     def read(fresh: Sequence[Upload]) -> None:
         with st.spinner("Reading."):
@@ -312,7 +312,7 @@ def take_new(
 
 
 def take_one(upload: Upload | None, take: Callable[[str, bytes], object]) -> None:
-    """As `take_new`, of one file: its name and content."""
+    """Have a page take the name and the content of one new upload."""
     take_new(upload, lambda files: [take(*file) for file in files.items()])
 
 

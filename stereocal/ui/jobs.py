@@ -77,7 +77,7 @@ class PageWork:
 
     @property
     def digest(self) -> str:
-        """Of what it is made from."""
+        """Identifies what it is made from."""
         return digest_of({**self.made_from})
 
 

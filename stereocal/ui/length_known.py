@@ -119,7 +119,7 @@ def ask_number(
 
 
 def scaled(value: float | None, scale: float) -> float | None:
-    """As shown, to six digits."""
+    """A value in the unit of its field, to the six digits that are shown."""
     return None if value is None else float(f"{scale * value:.6g}")
 
 

@@ -149,7 +149,7 @@ def fragment(function: Callable[P, object], run_every: float | None = None) -> C
 
 
 def show_stale(changed: str) -> None:
-    """That a result is out of date, the same on every page, beside the button that renews it.
+    """Say that a result is out of date, beside the button that renews it.
 
     Args:
         changed: what has changed since, as a list in words; if empty, nothing is shown.

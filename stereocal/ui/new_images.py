@@ -104,7 +104,7 @@ class NewImagesForm:
         return images
 
     def tell_missing(self) -> None:
-        """That there are none yet."""
+        """Say that there are none yet."""
         st.info(MISSING_OF_RIG if self._is_rig else MISSING_OF_PAIR)
 
     def _take(self, use_videos: Callable[..., None], dropped: Dropped[StoredFile]) -> None:

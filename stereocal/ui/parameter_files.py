@@ -66,7 +66,7 @@ class Source:
 
     project: Project
     key: str
-    """Of the setting."""
+    """The key of the setting."""
 
     @cached_property
     def _has_results(self) -> bool:

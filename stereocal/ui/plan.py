@@ -44,7 +44,7 @@ PLAN, FORECAST = "plan", "plan_forecast"
 
 
 def _forecast_of(plan: Plan) -> PlanForecast:
-    """With progress where it takes long."""
+    """The forecast of a plan, with progress where it takes long."""
     place = st.empty()
 
     def show(done: int, total: int) -> None:

@@ -51,14 +51,14 @@ class _Control:
     """The field of one number of the plan."""
 
     attribute: str
-    """Of the plan."""
+    """The attribute of the plan."""
     title: str
     usual: float
     bounds: Number = POSITIVE
     options: Sequence[float] = ()
     """Positions of a slider."""
     scale: float = 1
-    """From the plan's unit to the field's."""
+    """Converts the plan's unit to the field's."""
     step: float = 0.1
     help: str | None = None
 

@@ -48,11 +48,11 @@ class Press:
     dataset: Pair
     settings: CalibrationSettings
     protocol: EvaluationSettings
-    """Of the validation."""
+    """The settings of the validation."""
 
     @classmethod
     def of(cls, project: Project) -> "Press":
-        """As the project says now.
+        """The press of a project with its present data and settings.
 
         Raises:
             StereocalError: an input is missing.
@@ -65,7 +65,7 @@ class Press:
 
     @property
     def work(self) -> jobs.PageWork:
-        """As a job."""
+        """The job of this press."""
         return jobs.PageWork(self.project, KIND, STAGES, self._run)
 
     def _run(self, job: jobs.Job) -> None:

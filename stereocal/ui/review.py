@@ -33,7 +33,7 @@ NEAREST = "Nearest"
 WANTED = (NEAREST, *TARGETS)
 _OUTCOME = "review_said"
 SHEET = -1
-"""In place of a frame's number: what was done to several."""
+"""Stands for a frame's number where several were changed at once."""
 Item = TypeVar("Item")
 ON_A_SHEET = 12
 COLUMNS = 3

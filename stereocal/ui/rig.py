@@ -78,7 +78,7 @@ def rig_work(project: Project) -> jobs.PageWork:
 
 
 def tell_not_calibrated() -> None:
-    """That there is no rig yet, and where it is made."""
+    """Say that there is no rig yet, and link to where it is made."""
     st.info("The cameras are not calibrated yet.")
     st.page_link("pages/calibrate.py", label="Calibrate them on the page Calibrate")
 

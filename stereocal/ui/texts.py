@@ -57,8 +57,8 @@ PAIR = (
 
 _WORD = re.compile(r"\S+")
 _LINK = re.compile(r"://|www\.|@", re.IGNORECASE)
-"""In a word that Streamlit's Markdown makes a link or a mail address even if escaped, unless it is
-code. Searched for in each word: one pattern for both takes quadratic time in a word without it."""
+"""What Streamlit's Markdown makes a link or a mail address of, even if escaped, unless it is code.
+Searched for in each word: one pattern for both takes quadratic time in a word without it."""
 
 
 def escape_markdown(text: str) -> str:

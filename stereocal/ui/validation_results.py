@@ -129,7 +129,7 @@ class Shown:
 
     evaluation: Evaluation
     key: str
-    """Of what is made of it, in memory."""
+    """Identifies what is made of it, in memory."""
     so_far: str
     """How many of its runs there are, while they come; empty if all."""
 

@@ -30,7 +30,7 @@ CHOICES: dict[FrameChoice, str] = {
 TakeFrames = Callable[[Mapping[str, Path], jobs.Job], None]
 """Takes frames of the videos of each camera, as a job."""
 UNSAFE = re.compile(r"[^\w .-]")
-"""In the name of a file."""
+"""Signs that a file's name may not have."""
 FRAME = re.compile(r"[^/]+/\d{6}\.(?:png|jpg)")
 REPORT = "video_report"
 FRAMES_MISSING = "video_frames_missing"
