@@ -108,8 +108,8 @@ class Store(Database):
             sha256 = hashlib.file_digest(source, "sha256").hexdigest()
             stored = StoredFile(sha256, self, label_of(label))
             with self.transaction() as db:
-                dated = "UPDATE file SET stored = ? WHERE sha256 = ?", [time.time(), sha256]
-                if db.execute(*dated).rowcount:
+                again = "UPDATE file SET stored = ? WHERE sha256 = ?"
+                if db.execute(again, [time.time(), sha256]).rowcount:
                     return stored
                 check_quota(self.size, size)
                 db.execute("INSERT INTO file VALUES (?, ?)", [sha256, time.time()])

@@ -113,8 +113,8 @@ class PointsForm:
             with place:
                 self._upload(slot, camera_in_words(camera), in_use)
         for number, (camera, slot) in enumerate(self.slots.items()):
-            about = self.heights[camera], camera_in_words(camera), number
-            ask_about_points(self.store, slot, *about)
+            height, words = self.heights[camera], camera_in_words(camera)
+            ask_about_points(self.store, slot, height, words, number)
 
     def _upload(self, slot: Asked, camera: str, in_use: str) -> None:
         if (file := self.store.point_file(slot)) is not None:
@@ -271,13 +271,11 @@ def _chosen(form: ThresholdForm, stated: Stated) -> tuple[ThresholdChoice | None
         tables = [*_tables(form).values()]
         columns = list(stated_columns(stated.names, *map(further_of, tables)))
         distinct = [table[columns] for table in tables]
-        given = form.rig, _sampled(form), distinct, stated
-        return jobs.compute(names_and_threshold, *given)[-1]
+        return jobs.compute(names_and_threshold, form.rig, _sampled(form), distinct, stated)[-1]
 
+    key = f"{form.key} threshold {form.rig.digest} {stated}"
     try:
-        return once_or_refused(
-            "points", f"{form.key} threshold {form.rig.digest} {stated}", choice
-        ), ""
+        return once_or_refused("points", key, choice), ""
     except StereocalError as error:
         return None, str(error)
 

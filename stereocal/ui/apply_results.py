@@ -259,8 +259,14 @@ def _read(*files: StoredFile) -> Tables:
             raise StereocalError(f"{file.label} of the last result is damaged.")
         tables.append(table)
     pairs, points = tables
-    tracks = trajectories.track_columns(points), trajectories.usual_tracks(points)
-    return Tables(pairs, points, result_in_words(pairs, points), agreement(pairs), *tracks)
+    return Tables(
+        pairs,
+        points,
+        result_in_words(pairs, points),
+        agreement(pairs),
+        trajectories.track_columns(points),
+        trajectories.usual_tracks(points),
+    )
 
 
 def _draw(store: ProjectApplication, outcome: Outcome, result: Tables, playing: bool) -> None:
@@ -342,8 +348,8 @@ def _choose_frame(
     with buttons, st.container(horizontal=True):
         for label, to in (("Previous", before), ("Next", after)):
             exists, key = 0 <= to < len(frames), label.lower()
-            step = field.set, frames[to] if exists else None
-            button(label, f"apply_{key}", *step, shortcut=key[0], disabled=not exists)
+            number = frames[to] if exists else None
+            button(label, f"apply_{key}", field.set, number, shortcut=key[0], disabled=not exists)
         label, icon, act = ("Pause", "pause", _pause) if playing else ("Play", "play_arrow", play)
         button(label, "apply_play", act, icon=icon, shortcut="k", width=110)
     return frame

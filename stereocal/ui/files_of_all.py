@@ -95,18 +95,19 @@ def ask_about_files(project: Project | None) -> FilesOfAll | None:
         return FilesOfAll(project, contents, ExchangeOptions())
     with st.container(horizontal=True):
         for name in contents:
-            act = f"drop_{name}", store.drop_part, name
-            button(escape_markdown(name), *act, icon="close", help="Remove this file.")
+            label, key, drop = escape_markdown(name), f"drop_{name}", store.drop_part
+            button(label, key, drop, name, icon="close", help="Remove this file.")
     for name in store.replaced:
-        undo = "Undo", f"undo_{name}", store.undo_part, name
-        show_with_button("info", f"{name} was replaced.", *undo, icon="undo")
+        words, key, undo = f"{name} was replaced.", f"undo_{name}", store.undo_part
+        show_with_button("info", words, "Undo", key, undo, name, icon="undo")
     questions = Questions(project, "several_{}")
     with st.expander("Correct or complete what the files say"):
         left, right = st.columns(2)
         lens_model, corner = questions.ask(left, "lens_model"), questions.ask(right, "corner")
     files = FilesOfAll(project, contents, ExchangeOptions(lens_model=lens_model, corner=corner))
     if len(files.of_cameras) == 1:
-        button("Use only two of these cameras", "several_two", _use_two, store, *files.of_cameras)
+        (name,) = files.of_cameras
+        button("Use only two of these cameras", "several_two", _use_two, store, name)
     return files
 
 

@@ -31,6 +31,8 @@ from stereocal.ui.review import look_closely
 T = TypeVar("T")
 NAME = "frame"
 """The setting of the chosen frame, which the review of photographs shares."""
+AGAIN, CORRECT = "The result is made again at once.", "Its photographs on the Data page."
+AGAIN, CORRECT = "The result is made again at once.", "Its photographs on the Data page."
 MOST_BUTTONS = 6
 """Maximum number of frames with an Exchange button."""
 
@@ -45,15 +47,21 @@ def show_left_out(project: Project, calibration: Calibration, look: Callable[[in
     if not screening.left_out:
         return
     with st.container(horizontal=True):
-        camera = screening.full_dataset.names[1]
-        help_text = f"In the image of {camera_in_words(camera)}. The result is made again at once."
         for frame in screening.exchanged[:MOST_BUTTONS]:
-            label, act = f"Exchange A and B in frame {frame}", (_exchange, project, frame, camera)
-            button(label, f"exchange_{frame}", *act, icon="swap_horiz", help=help_text)
+            label = f"Exchange A and B in frame {frame}"
+            _exchange_button(project, screening, frame, label, f"exchange_{frame}")
         first, help_text = screening.left_out[0], "There it can be put back."
-        button(
-            f"Look at frame {first}", "look_left_out", look, first, icon="search", help=help_text
-        )
+        label = f"Look at frame {first}"
+        button(label, "look_left_out", look, first, icon="search", help=help_text)
+
+
+def _exchange_button(
+    project: Project, screening: Screening, frame: int, label: str, key: str
+) -> None:
+    """A button to exchange A and B in the image of the second camera."""
+    camera = screening.full_dataset.names[1]
+    help_text = f"In the image of {camera_in_words(camera)}. {AGAIN}"
+    button(label, key, _exchange, project, frame, camera, icon="swap_horiz", help=help_text)
 
 
 def show_exchanged(project: Project) -> None:
@@ -64,17 +72,20 @@ def show_exchanged(project: Project) -> None:
                 f"A and B of this frame were exchanged in the image of {camera_in_words(camera)}."
             )
             for frame in frames[:MOST_BUTTONS]:
-                label = f"Frame {frame}: take the exchange back"
-                act = _exchange, project, frame, camera
-                button(label, f"unexchange_{camera}_{frame}", *act, icon="undo", help=help_text)
+                label, key = (
+                    f"Frame {frame}: take the exchange back",
+                    f"unexchange_{camera}_{frame}",
+                )
+                button(label, key, _exchange, project, frame, camera, icon="undo", help=help_text)
 
 
 def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None:
     """A button to calibrate with the time offset, if the cameras seem to be out of step."""
     if calibration.out_of_step:
         help_text = "It becomes an unknown, and the secondary points are shifted by it."
-        act = "bring_into_step", _change, project, project.keep_settings, {"time_offset": True}
-        button("Calibrate with the time offset", *act, icon="schedule", help=help_text)
+        act = partial(_change, project, project.keep_settings, {"time_offset": True})
+        label, key = "Calibrate with the time offset", "bring_into_step"
+        button(label, key, act, icon="schedule", help=help_text)
 
 
 def _change(project: Project, act: Callable[[T], object], value: T) -> None:
@@ -114,35 +125,31 @@ def choose_frame(project: Project, calibration: Calibration) -> int:
     with st.container(horizontal=True, vertical_alignment="bottom"):
         field.menu("Frame", width=140)
         for way, side, to in (("previous", "left", index - 1), ("next", "right", index + 1)):
-            exists = 0 <= to < len(numbers)
-            act = f"{way}_frame", field.set, numbers[to] if exists else None
-            button(f"{way.capitalize()} frame", *act, icon=f"chevron_{side}", disabled=not exists)
+            label, icon, exists = (
+                f"{way} frame".capitalize(),
+                f"chevron_{side}",
+                0 <= to < len(numbers),
+            )
+            number = numbers[to] if exists else None
+            button(label, f"{way}_frame", field.set, number, icon=icon, disabled=not exists)
         _actions(project, calibration.screening, frame)
     return frame
 
 
 def _actions(project: Project, screening: Screening, frame: int) -> None:
     """Buttons to leave the frame out, put it back, exchange its targets, or correct it."""
-    inputs, again = project.inputs, "The result is made again at once."
+    inputs = project.inputs
     # As asked for last: without the frame there may have been no result.
     back = frame in screening.left_out and frame not in inputs.put_back
+    label, key, act, icon = "Leave it out", "frame_leave_out", project.leave_out, "close"
     if back or frame in inputs.left_out:
-        change = _change, project, project.take_in, frame
-        button("Put it back", "frame_put_back", *change, icon="undo", help=again)
-    else:
-        change = _change, project, project.leave_out, frame
-        button("Leave it out", "frame_leave_out", *change, icon="close", help=again)
+        label, key, act, icon = "Put it back", "frame_put_back", project.take_in, "undo"
+    button(label, key, _change, project, act, frame, icon=icon, help=AGAIN)
     if frame in screening.exchanged:
-        camera = screening.full_dataset.names[1]
-        act, help_text = (
-            (_exchange, project, frame, camera),
-            f"In the image of {camera_in_words(camera)}. {again}",
-        )
-        button("Exchange A and B", "frame_exchange", *act, icon="swap_horiz", help=help_text)
+        _exchange_button(project, screening, frame, "Exchange A and B", "frame_exchange")
     if photographed(project):
-        help_text, store = "Its photographs on the Data page.", ProjectPhotographs(project)
-        look = look_closely, store, frame
-        if button("Correct it", "frame_correct", *look, icon="edit", help=help_text):
+        look, help_text = partial(look_closely, ProjectPhotographs(project)), CORRECT
+        if button("Correct it", "frame_correct", look, frame, icon="edit", help=help_text):
             st.switch_page("pages/data.py")
 
 

@@ -99,11 +99,11 @@ def store_dataset(dropped: Dropped[StoredFile]) -> None:
     refused, it is offered to leave them out."""
 
     def take(files: Mapping[str, bytes], videos: bool, lens_model: LensModel | None) -> None:
-        about = files, dropped.source, dropped.photographs, lens_model
+        project, source = project_to_write(), dropped.source
         try:
-            give_dataset(project_to_write(), *about, has_videos=videos)
+            give_dataset(project, files, source, dropped.photographs, lens_model, videos)
         except RefusedRowsError as error:
-            name = find_description(files, dropped.source).folder + TABLE
+            name = find_description(files, source).folder + TABLE
             if name not in files:  # a recording has another table
                 raise
             _offer_rest(

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import pandas as pd
 import streamlit as st
@@ -337,14 +336,14 @@ def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
     used = store.is_used
     st.session_state[PRESS_FIRST] = not used
     label, icon = ("In use", "check") if used else ("Use", None)
-    act = f"use_lens_{store.which}", refusing()(store.use)
-    button(f"{label} for this project", *act, place=use, first=True, disabled=used, icon=icon)
+    label, key, act = f"{label} for this project", f"use_lens_{store.which}", refusing()(store.use)
+    button(label, key, act, place=use, first=True, disabled=used, icon=icon)
     name, content = f"{store.which}.json", write_camera(lens.camera, files.about(lens))
-    shown: dict[str, Any] = {"place": ours, "help": "With the standard errors."}
-    offer("Download camera.json", content, name, f"lens_json_{store.which}", **shown)
+    key, help_text = f"lens_json_{store.which}", "With the standard errors."
+    offer("Download camera.json", content, name, key, place=ours, help=help_text)
     name, content = f"{store.which}.yml", write_opencv_camera(lens.camera)
-    shown = {"place": opencv, "help": "Without the standard errors."}
-    offer("Download OpenCV YAML", content, name, f"lens_yaml_{store.which}", **shown)
+    key, help_text = f"lens_yaml_{store.which}", "Without the standard errors."
+    offer("Download OpenCV YAML", content, name, key, place=opencv, help=help_text)
 
 
 def _show_preview(store: ProjectLens, lens: LensCalibration) -> None:

@@ -95,8 +95,8 @@ def _show_ways(store: ProjectPhotographs, proposal: Proposal) -> None:
             _way(store, proposal).buttons("Pair the photographs", format_func=titled)
         if proposal.ways:
             turned = replace(choice, exchanged=not choice.exchanged, heard={}, later=None)
-            act = "pair_exchange", _change, store.choose, turned
-            button("Exchange the cameras", *act, icon="swap_horiz", type="tertiary")
+            label, act = "Exchange the cameras", partial(_change, store.choose, turned)
+            button(label, "pair_exchange", act, icon="swap_horiz", type="tertiary")
         if store.can_undo_choice:
             button("Undo", "pair_undo", _change, store.undo_choice, icon="undo", type="tertiary")
 
@@ -112,8 +112,8 @@ def _show_slips(store: ProjectPhotographs, proposal: Proposal) -> None:
         words = f"The times say otherwise: {what}.{more}"
         without = replace(choice, without=(*choice.without, *(slip.name for slip in slips)))
         label = f"Leave {'it' if len(slips) == 1 else 'them'} out"
-        act = "pair_mend", _change, store.choose, without
-        show_with_button("warning", words, label, *act, first=True)
+        act = partial(_change, store.choose, without)
+        show_with_button("warning", words, label, "pair_mend", act, first=True)
     if choice.without:
         with st.container(horizontal=True, vertical_alignment="center"):
             for name in choice.without:
@@ -138,8 +138,8 @@ def _show_found_slip(store: ProjectPhotographs) -> None:
     choice = store.choice
     without = replace(choice, way="order", without=(*choice.without, slip.name))
     label = f"Leave {escape_markdown(short_names([slip.name])[0])} out"
-    act = "pair_mend_found", _change, store.choose, without
-    show_with_button("warning", str(slip), label, *act, first=True)
+    act = partial(_change, store.choose, without)
+    show_with_button("warning", str(slip), label, "pair_mend_found", act, first=True)
 
 
 def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:
@@ -193,13 +193,12 @@ def _show_item(store: ProjectPhotographs, ask: bool, item: PhotographPair | Alon
     st.markdown(f"**Frame {item.frame}** · {short[0]} · {short[1]}")
     if ask:
         choice = store.choice
-        both = (item.primary, item.secondary)
         with st.container(horizontal=True):
-            for name, title in zip(both, short, strict=True):
+            for name, title in zip((item.primary, item.secondary), short, strict=True):
                 without = replace(choice, without=(*choice.without, name))
+                label, act = f"Leave {title} out", partial(_change, store.choose, without)
                 help_text = f"{title} has no partner: those after it move up by one."
-                act = f"pair_without_{name}", _change, store.choose, without
-                button(f"Leave {title} out", *act, type="tertiary", help=help_text)
+                button(label, f"pair_without_{name}", act, type="tertiary", help=help_text)
 
 
 COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")

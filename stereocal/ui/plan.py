@@ -41,6 +41,14 @@ INSTANT_FRAMES = 60
 """Up to this number, the forecast takes about a second and shows no progress."""
 QUANTITIES = {"Length error": "distance", "Position error": "point"}
 PLAN, FORECAST = "plan", "plan_forecast"
+START = (
+    "A new project with these cameras and uncertainties, and with these lengths until they are "
+    "measured. The forecast is then shown beside the result."
+)
+START = (
+    "A new project with these cameras and uncertainties, and with these lengths until they are "
+    "measured. The forecast is then shown beside the result."
+)
 
 
 def _forecast_of(plan: Plan) -> PlanForecast:
@@ -118,23 +126,25 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
         words = figures.describe_plan_baselines(result)
         show_figure(figures.plot_plan_baselines(result), words, "plan_baselines")
     _compare(project, result, others)
+    _offer_files(project, result)
+    planned_targets_to_print(project, plan)
+    with st.expander("What each file will do, and how this was computed"):
+        st.table(plan_table(result))
+        st.caption(escape_markdown(figures.how_computed(result)))
+
+
+def _offer_files(project: Project | None, result: PlanForecast) -> None:
+    """The button for a project from the plan, and the downloads."""
+    plan, is_lost = result.plan, project is None  # with the tab
     with st.container(horizontal=True):
-        help_text = (
-            "A new project with these cameras and uncertainties, and with these lengths until they "
-            "are measured. The forecast is then shown beside the result."
-        )
-        st.session_state[PRESS_FIRST] = project is None  # the plan is lost with the tab
-        begin, first = ("plan_start", _start_project, result), project is None
-        button("Start a project from it", *begin, first=first, help=help_text)
+        label, help_text = "Start a project from it", START
+        st.session_state[PRESS_FIRST] = is_lost
+        button(label, "plan_start", _start_project, result, first=is_lost, help=help_text)
         offer("Save plan", partial(write_plan, plan), "plan.json", "download_plan.json")
         offer("Forecast", result.dumps, "forecast.json", "download_forecast.json")
         report = partial(figures.plan_report, result)
         offer("Report", report, "report.html", "download_report.html")
         field_sheet_to_print(plan)
-    planned_targets_to_print(project, plan)
-    with st.expander("What each file will do, and how this was computed"):
-        st.table(plan_table(result))
-        st.caption(escape_markdown(figures.how_computed(result)))
 
 
 def _compare(project: Project | None, result: PlanForecast, others: Sequence[PlanForecast]) -> None:
@@ -159,8 +169,8 @@ def _compare(project: Project | None, result: PlanForecast, others: Sequence[Pla
             with column, st.container(border=True):
                 _summary(other, other.plan.name)
                 with st.container(horizontal=True):
-                    show = f"plan_show_{index}", change, other.plan, [*rest, text]
-                    button("Change this one", *show)
+                    kept = [*rest, text]
+                    button("Change this one", f"plan_show_{index}", change, other.plan, kept)
                     button("Remove", f"plan_drop_{index}", compared.set, rest)
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.text_input("Name of this plan", max_chars=LONGEST, **named.widget())

@@ -138,14 +138,25 @@ def plan_controls(project: Project | None) -> Plan:
         secondary = _camera(project, "secondary", "Secondary camera, on the right")
     pose = _pose(project)
     near_m, far_m = _ask(project, st.columns(2), "near_m", "far_m")
-    numbers = ("bar_m", "frames", "noise_px", "needed_percent")
-    bar_m, frames, noise_px, needed = _ask(project, st.columns(4), *numbers)
+    bar_m, frames, noise_px, needed = _ask(
+        project, st.columns(4), "bar_m", "frames", "noise_px", "needed_percent"
+    )
     with st.expander("How well known, and heights"):
         names = ("focal_percent", "centre_px", "baseline_mm", "bar_mm", "height_m")
         *known, _ = _ask(project, st.columns(5), *names)
-    name = str(plan_field(project, "name").value()) or "Plan"
-    sizes = (near_m, far_m, bar_m, int(frames), noise_px)
-    return Plan(name, primary, secondary, pose, *sizes, Uncertainty(*known), needed)
+    return Plan(
+        str(plan_field(project, "name").value()) or "Plan",
+        primary,
+        secondary,
+        pose,
+        near_m,
+        far_m,
+        bar_m,
+        int(frames),
+        noise_px,
+        Uncertainty(*known),
+        needed,
+    )
 
 
 def _ask(project: Project | None, places: Sequence[DeltaGenerator], *names: str) -> list[Any]:

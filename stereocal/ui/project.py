@@ -3,6 +3,7 @@
 from concurrent.futures import Future
 from contextlib import suppress
 from datetime import datetime
+from functools import partial
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -91,8 +92,8 @@ def offer_removed() -> bool:
         return False
     st.warning(f"This project was removed on {date_of(when)[:10]}.")
     with st.container(horizontal=True):
-        back = bring_back, default_home(), project_id
-        button("Bring it back", "bring_it_back", *back, first=True)
+        back = partial(bring_back, default_home(), project_id)
+        button("Bring it back", "bring_it_back", back, first=True)
         st.button("Start a new project", on_click=forget_project)
     return True
 

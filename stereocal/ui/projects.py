@@ -178,10 +178,11 @@ def _show_removed(removed: Sequence[home.Listed]) -> None:
             text, place = st.columns([6, 2], vertical_alignment="center")
             title = escape_markdown(entry.title or "A damaged project")
             text.markdown(f"{title}, removed {date_of(entry.changed)}")
-            this, help_text = (default_home(), entry.id), "Frees its space on the disk at once."
+            back, delete = (partial(act, default_home()) for act in (home.bring_back, home.delete))
+            help_text = "Frees its space on the disk at once."
             with place, st.container(horizontal=True):
-                button("Bring back", f"bring_back_{entry.id}", home.bring_back, *this)
-                button("Delete for good", f"delete_{entry.id}", home.delete, *this, help=help_text)
+                button("Bring back", f"bring_back_{entry.id}", back, entry.id)
+                button("Delete for good", f"delete_{entry.id}", delete, entry.id, help=help_text)
 
 
 def show_storage(project: Project | None) -> None:

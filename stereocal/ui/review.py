@@ -202,8 +202,8 @@ def _show_photograph(store: ProjectPhotographs, frame: Frame, camera: int, runni
         swapped = reviewing.swap(now, frame.frame, camera)
         return swapped, f"A and B are exchanged in the {name} photograph."
 
-    off, act = running or not any(frame.centres[camera]), (edit, store, frame.frame, swap)
-    button("Swap A and B", f"swap_{name}", *act, icon="swap_horiz", disabled=off)
+    off, act = running or not any(frame.centres[camera]), partial(edit, store, frame.frame, swap)
+    button("Swap A and B", f"swap_{name}", act, icon="swap_horiz", disabled=off)
 
 
 def _file_of(store: ProjectPhotographs, frame: Frame, camera: int) -> StoredFile:
@@ -308,8 +308,8 @@ def show_contact_sheet(store: ProjectPhotographs, frames: Sequence[Frame], runni
     groups = {name: group for name, group in groups.items() if group or name == "All"}
     counted = {name: f"{name} ({len(group)})" for name, group in groups.items()}
     usual = "To decide" if "To decide" in groups else "All"
-    own = "sheet_kind", "Show", groups, usual
-    chosen = choose(store.project, *own, format_func=counted.__getitem__)
+    named = counted.__getitem__
+    chosen = choose(store.project, "sheet_kind", "Show", groups, usual, format_func=named)
     reasons = say_what_is_shared({frame.frame: frame.reason for frame in groups[chosen]})
     on_a_sheet(store.project, groups[chosen], partial(_show_frame, store, running, reasons))
     st.caption(
@@ -379,5 +379,5 @@ def _show_frame(
     with st.container(horizontal=True, vertical_alignment="center"):
         may = not running and bool(frame.targets_in_both)
         st.checkbox("Use this frame", key=key, disabled=not may, on_change=choose_use)
-        act = f"look_{frame.frame}", look_closely, store, frame.frame
-        button("Look closely", *act, icon="zoom_in", type="tertiary")
+        key, look = f"look_{frame.frame}", partial(look_closely, store)
+        button("Look closely", key, look, frame.frame, icon="zoom_in", type="tertiary")

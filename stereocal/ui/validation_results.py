@@ -187,9 +187,9 @@ def _note(evaluation: Evaluation, screening: Screening) -> str:
     """Whether single frames and whole runs left out give different figures."""
     key = f"{evaluation.digest} note"
     if (note := latest.get("validation shown", key)) is None:
-        about = screening.dataset, evaluation.settings, evaluation.summaries
+        settings, summaries = evaluation.settings, evaluation.summaries
         with st.spinner("Leaving out the other way."):
-            note = jobs.compute(note_on_splits, *about)
+            note = jobs.compute(note_on_splits, screening.dataset, settings, summaries)
         latest.keep("validation shown", key, note)
     return str(note)
 
@@ -307,11 +307,15 @@ def _describe_protocol(evaluation: Evaluation) -> str:
 
 
 def _downloads(
-    project: Project, screenings: Sequence[Screening], evaluation: Evaluation, *summaries: Any
+    project: Project,
+    screenings: Sequence[Screening],
+    evaluation: Evaluation,
+    pooled: Summaries,
+    by_dataset: dict[str, Summaries],
 ) -> None:
     left, right = st.columns(2)
-    pooled, by_dataset = summaries
-    about = ([screening.full_dataset for screening in screenings], evaluation.settings, screenings)
+    datasets = [screening.full_dataset for screening in screenings]
+    settings = evaluation.settings
     # With the answer of Calibrate, if that is of the same data and final.
     answer = final_answer(project)
 
@@ -319,8 +323,8 @@ def _downloads(
         recommended = None
         if answer is not None and evaluation.is_of([answer.run.dataset]):
             recommended = answer.run.calibration, answer.recommendation
-        return report_html(pooled, by_dataset, *about, recommended)
+        return report_html(pooled, by_dataset, datasets, settings, screenings, recommended)
 
     offer("Download report.html", report, "report.html", "download_report", place=left)
-    label, summary = "Download summary.json", summary_json(pooled, by_dataset, *about)
-    offer(label, summary, "summary.json", "download_summary", place=right)
+    summary = summary_json(pooled, by_dataset, datasets, settings, screenings)
+    offer("Download summary.json", summary, "summary.json", "download_summary", place=right)
