@@ -192,12 +192,8 @@ def _fill(project: Project, opened: OpenZip, source: str, tell: Callable[[str], 
             scopes.add(store.scope)
             unknown += _restore(section, store, members)
         pairs_of_before(db)
-        packed_edition = int(manifest.get("edition", 1))
-    newer = [
-        entry.words
-        for entry in CONTENTS.values()
-        if entry.since > packed_edition and not entry.stays
-    ]
+        packed = int(manifest.get("edition", 1))
+    newer = [entry.words for entry in CONTENTS.values() if entry.since > packed and not entry.stays]
     if newer:
         lacking = ", ".join(dict.fromkeys(newer))
         tell(f"{source} was packed by an earlier version of stereocal, and lacks: {lacking}.")

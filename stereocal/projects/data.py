@@ -186,9 +186,7 @@ class ProjectData:
             self._keep_frames(put_back=back | ({frame} - out), left_out=out - {frame})
 
     def _keep_frames(self, **frames: Iterable[int]) -> None:
-        self.database.keep_values(
-            INPUT, {name: sorted(numbers) for name, numbers in frames.items()}
-        )
+        self.database.keep_values(INPUT, {name: sorted(group) for name, group in frames.items()})
 
     def take_planned(self) -> None:
         self.database.keep_values(INPUT, {"planned": []})
@@ -219,10 +217,10 @@ class ProjectData:
     @property
     def given_digest(self) -> str:
         """Identifies what was given, stated and corrected, settings apart."""
-        files = {part: self.database.files(part) for part in (RECORDING, BAR)}
-        named = {
-            part: {n: file.sha256 for n, file in by_name.items()} for part, by_name in files.items()
-        }
+        named: dict[str, dict[str, str]] = {}
+        for part in (RECORDING, BAR):
+            files = self.database.files(part)
+            named[part] = {name: file.sha256 for name, file in files.items()}
         return digest_of([dataclasses.asdict(self.inputs), named])
 
     # Three cameras and more
@@ -325,11 +323,7 @@ class ProjectData:
         if (rig := self.rig) is None:
             return []
         named = {pair_name(pair): pair for pair in combinations(rig.names, 2)}
-        return [
-            name
-            for name in named
-            if (pair_quality := rig.about.pairs.get(name)) and pair_quality.bars
-        ]
+        return [name for name in named if (quality := rig.about.pairs.get(name)) and quality.bars]
 
     def _of_pair(self, inputs: Inputs) -> Pair | None:
         """The points of two cameras that the rig was fitted to, with its lenses and baseline."""

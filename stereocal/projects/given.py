@@ -152,9 +152,15 @@ class ProjectGiven(ProjectPart):
         """Photographs of which it is to be asked which camera took them."""
         if not self.is_of_rig:
             return self.sides.open
-        folders = by_folder(names := self.photographs.photographs, self.rig_cameras)
+        return series_of(self._unplaced)
+
+    @property
+    def _unplaced(self) -> list[str]:
+        """Photographs that are in no folder of a camera of three and more."""
+        names = self.photographs.photographs
+        folders = by_folder(names, self.rig_cameras)
         placed = {name for of_camera in folders.values() for name in of_camera}
-        return series_of([name for name in names if name not in placed])
+        return [name for name in names if name not in placed]
 
     @property
     def nominal_baseline(self) -> tuple[float, float] | None:
@@ -186,16 +192,11 @@ class ProjectGiven(ProjectPart):
 
     def settle(self) -> None:
         """Put photographs into the folders of their cameras, where the names do not say so."""
-        names = self.photographs.photographs
-        if not self.is_of_rig:
+        if self.is_of_rig:
+            cameras = which_of(self._unplaced, self.rig_cameras)
+            self.photographs.rename({n: f"{camera}/{n}" for n, camera in cameras.items()})
+        else:
             self.photographs.rename(self.sides.folders)
-            return
-        folders = by_folder(names, cameras := self.rig_cameras)
-        placed = {name for of_camera in folders.values() for name in of_camera}
-        cameras_found = which_of((name for name in names if name not in placed), cameras)
-        self.photographs.rename(
-            {name: f"{camera}/{name}" for name, camera in cameras_found.items()}
-        )
 
     def name_cameras(self, cameras: Mapping[str, Camera]) -> None:
         """Name the cameras of a rig, to tell whose photographs are given; of two, forget them."""

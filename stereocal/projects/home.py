@@ -233,9 +233,8 @@ def card_of(project: Project) -> Card:
         data = count(len(dataset.correspondences.frames), "frame")
     else:
         has_points = "correspondences" in project.inputs.files
-        data = _photographs_of(project) or (
-            "points, data incomplete" if has_points else "no points yet"
-        )
+        usual = "points, data incomplete" if has_points else "no points yet"
+        data = _photographs_of(project) or usual
     return Card(data, _result_of(project))
 
 
@@ -290,9 +289,7 @@ def _result_of(project: Project) -> str:
         "unknown" if value is None else f"{percent(value)} %"
         for value in (measure.metric_p95.held_out, match.wrong_let_in.held_out)
     )
-    names = " and ".join(
-        dict.fromkeys(METHOD_NAMES[figures.method] for figures in (match, measure))
-    )
+    names = " and ".join(dict.fromkeys(METHOD_NAMES[file.method] for file in (match, measure)))
     bar, metric = bar_known(answer.run.calibration, None), measure.metric_p95.held_out
     mostly = f", mostly by the {bar.word}" if metric and 2 * bar.p95**2 > metric**2 else ""
     within = f"95 % of lengths in metres within {lengths}{mostly}"

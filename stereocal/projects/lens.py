@@ -32,14 +32,12 @@ class ProjectLens(ProjectPart):
                 # New names need no reset: `search` compares the names.
                 self.database.keep_result(self._boards, None)
 
-    def replace(self, folder: str, photographs: Mapping[str, StoredFile]) -> None:
+    def replace(self, folder: str, new: Mapping[str, StoredFile]) -> None:
         """Add stored photographs of a folder, in the place of those that it had."""
         with self.database.transaction():
             gone = [name for name in self.photographs if name.startswith(f"{folder}/")]
-            self.database.forget_files(
-                self._boards, [name for name in gone if name not in photographs]
-            )
-            self.add(photographs)
+            self.database.forget_files(self._boards, [name for name in gone if name not in new])
+            self.add(new)
 
     def clear(self) -> None:
         """Delete the photographs, the boards found and the lens."""

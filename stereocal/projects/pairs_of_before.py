@@ -85,9 +85,8 @@ def _move_corrections(db: sqlite3.Connection, scope: str, pair: tuple[str, str])
         exchanged[pair[1]] = sorted({*exchanged.get(pair[1], []), *of_second})
     left_out = sorted({*(whole.get("left_out") or []), *(of_pair.get("left_out") or [])})
     for name, value in (("exchanged", exchanged), ("left_out", left_out)):
-        db.execute(
-            "INSERT OR REPLACE INTO value VALUES (?, ?, ?)", [INPUT, name, json.dumps(value)]
-        )
+        row = [INPUT, name, json.dumps(value)]
+        db.execute("INSERT OR REPLACE INTO value VALUES (?, ?, ?)", row)
 
 
 def _move(db: sqlite3.Connection, scope: str, names: dict[str, str], is_first: bool) -> None:

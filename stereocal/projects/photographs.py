@@ -61,10 +61,8 @@ class ProjectPhotographs(ProjectPart):
     def proposal(self) -> Proposal:
         """The ways to pair the photographs, and the one taken."""
         choice = self.choice
-        described = [(name, file.about) for name, file in self.photographs.items()]
-        return once(
-            "pairs proposed", repr((described, choice)), lambda: propose(self.taken, choice)
-        )
+        stated = [(name, file.about) for name, file in self.photographs.items()]
+        return once("pairs proposed", repr((stated, choice)), lambda: propose(self.taken, choice))
 
     @property
     def choice(self) -> Choice:
@@ -255,10 +253,8 @@ class ProjectPhotographs(ProjectPart):
                 the frames are stored, without a table.
         """
         with self.database.transaction():
-            photographs, names = (
-                self.photographs,
-                {name for frame in frames for name in frame.files},
-            )
+            photographs = self.photographs
+            names = {name for frame in frames for name in frame.files}
             if any(photographs.get(name) != searched.get(name) for name in names):
                 raise StereocalError(
                     "The photographs were changed while the targets were looked for: find them "

@@ -33,7 +33,7 @@ from stereocal.ui.apply_points import (
     threshold_field,
 )
 from stereocal.ui.clicks import show_clicks
-from stereocal.ui.messages import ErrorsShown, button, readable, show_refusal, show_stale
+from stereocal.ui.messages import ErrorsShown, button, readable, show_each, show_refusal, show_stale
 from stereocal.ui.parameter_files import APPLY_SETS, FILES, PURPOSES, Source, upload_set
 from stereocal.ui.press import set_in_use
 from stereocal.ui.rig import tell_not_calibrated
@@ -69,16 +69,11 @@ def choose_apply_inputs(project: Project, store: ProjectApplication) -> ApplyInp
 def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs:
     """Points of two cameras; a set to match with, one to measure with, and a threshold."""
     source, matching_file = Source(project, APPLY_SETS), store.set_of("matching")
-    cameras = {
-        which: camera or (getattr(matching_file[1], which) if matching_file else None)
-        for which, camera in zip(CAMERAS, project.cameras, strict=True)
-    }
-    form = PointsForm(
-        store,
-        {which: camera and camera.image_size[1] for which, camera in cameras.items()},
-        None if (data := project.dataset) is None else data.recording,
-        is_rig=False,
-    )
+    heights: dict[str, int | None] = {}
+    for which, camera in zip(CAMERAS, project.cameras, strict=True):
+        known = camera or (getattr(matching_file[1], which) if matching_file else None)
+        heights[which] = known and known.image_size[1]
+    form = PointsForm(store, heights, project.recording, is_rig=False)
     form.take()
     points_at, noise_at = st.columns([2, 1])
     matching_at, threshold_at, measuring_at = st.columns(3)
@@ -98,14 +93,9 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
         stated = replace(stated, depths_m=depths or ANY_DEPTH)
         thresholds = ThresholdForm(store, points, sets[0], stated)
         threshold, sigma_px = thresholds.choose(noise_at, threshold_at)
-        for warning in filter(None, map(purpose_warning, sets, ("matching", "reconstruction"))):
-            st.warning(escape_markdown(warning))
-    open_question = any(store.asking(use) for use in USES)
-    with st.expander("Parameters from files", expanded=sets is None or open_question):
-        if source.asks_for_files():
-            for use, column in zip(USES, st.columns(2), strict=True):
-                with column:
-                    upload_set(project, store, use)
+        purposes = map(purpose_warning, sets, ("matching", "reconstruction"))
+        show_each(st.warning, filter(None, purposes))
+    _upload_sets(source, store, expanded=sets is None)
     world = _click(form, sets, stated)
     form.tell_missing(points)
     if sets is None:
@@ -115,6 +105,16 @@ def _choose_for_pair(project: Project, store: ProjectApplication) -> ApplyInputs
         work = Application(points, *sets, files, replace(stated, sigma_px=sigma_px), world)
     show = None if thresholds is None else partial(thresholds.show, threshold)
     return ApplyInputs(work, show, form.is_clicked)
+
+
+def _upload_sets(source: Source, store: ProjectApplication, expanded: bool) -> None:
+    """The fold of files to match and to measure with; open where one asks a question."""
+    open_question = any(store.asking(use) for use in USES)
+    with st.expander("Parameters from files", expanded=expanded or open_question):
+        if source.asks_for_files():
+            for use, column in zip(USES, st.columns(2), strict=True):
+                with column:
+                    upload_set(source.project, store, use)
 
 
 def _click(

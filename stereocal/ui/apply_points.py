@@ -193,9 +193,9 @@ def ask_noise(field: Field, usual: PointNoise | str, otherwise: str) -> float | 
     """
     if not isinstance(usual, str):
         usual = f"{rounded(usual.sigma_px)}, {SOURCES.get(usual.source, usual.source)}"
-    help_text = f"One standard deviation of an image coordinate of your points. Empty: {otherwise}."
+    hint = f"One standard deviation of an image coordinate of your points. Empty: {otherwise}."
     title = "My points are known to (px)"
-    noise: float | None = field.number_input(title, step=0.1, placeholder=usual, help=help_text)
+    noise: float | None = field.number_input(title, step=0.1, placeholder=usual, help=hint)
     return noise
 
 
@@ -250,8 +250,8 @@ class ThresholdForm:
         form, figure = st.columns([2, 3], gap="large")
         with form:
             only, *ends = _depth_fields(self.store.project)
-            help_text = "Where it is known how far away the points are, fewer wrong pairs fit."
-            st.toggle("Only points at some depths", **only.widget(), help=help_text)
+            hint = "Where it is known how far away the points are, fewer wrong pairs fit."
+            st.toggle("Only points at some depths", **only.widget(), help=hint)
             if only.value():
                 titles = ("Nearest (m)", "Farthest (m)")
                 for title, field, column in zip(titles, ends, st.columns(2), strict=True):
@@ -304,8 +304,8 @@ def _ask_names(store: ProjectApplication, points: Sequence[Points]) -> str:
     title = (
         f"Only points of one name belong together (column {escape_markdown(', '.join(columns))})"
     )
-    help_text = "The images check the names; what does not fit is reported below."
-    st.toggle(title, **field.widget(), help=help_text)
+    hint = "The images check the names; what does not fit is reported below."
+    st.toggle(title, **field.widget(), help=hint)
     return AUTO if field.value() else OFF
 
 

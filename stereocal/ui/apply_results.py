@@ -44,7 +44,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, choose_from_menu, one_of, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.frames import NAME, frames_photographed, photographs_of
-from stereocal.ui.messages import ErrorsShown, button, fragment, readable, show_stale
+from stereocal.ui.messages import ErrorsShown, button, fragment, readable, show_each, show_stale
 from stereocal.ui.press import PAPER_SET_FOR
 from stereocal.ui.texts import escape_markdown
 from stereocal.ui.world import WORLD_FILE
@@ -128,8 +128,7 @@ def _show_result(
     dataset = readable(lambda: project.dataset)
     answer = tables.answer if dataset is None else as_held(tables.answer, dataset)
     st.success(escape_markdown(answer + where))
-    for note in outcome.notes:
-        st.warning(escape_markdown(note))
+    show_each(st.warning, outcome.notes)
     if is_clicked:
         fragment(_show_space)(project, outcome, tables, None)
     else:

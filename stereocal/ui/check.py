@@ -24,7 +24,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose, setting
 from stereocal.ui.figure import show_figure
 from stereocal.ui.intake import take_one
-from stereocal.ui.messages import button, end_here, show_refusal
+from stereocal.ui.messages import button, end_here, show_each, show_refusal
 from stereocal.ui.new_images import NewImagesForm
 from stereocal.ui.parameter_files import APPLY_SETS, Source
 from stereocal.ui.rig import tell_not_calibrated
@@ -38,10 +38,10 @@ def show_page(project: Project) -> None:
     store, source = ProjectCheck(project), Source(project, "check_parameters")
     whole = project.is_rig
     file = None if whole or source.is_project else store.file(PARAMETERS)
-    left, *sizes = st.columns([3, 2, 2])
-    rig, name = _of_all(project) if whole else _own_set(source) if source.is_project else _in(file)
+    left, middle, right = st.columns([3, 2, 2])
+    rig, name = _in_use(project, source, file)
     left.caption(f"Parameters  \nIn use: {escape_markdown(name)}")
-    smallest = ask_smallest(project, *sizes)
+    smallest = ask_smallest(project, middle, right)
     if not whole:
         with st.expander("Parameters from a file", expanded=rig is None):
             if source.asks_for_files():
@@ -75,30 +75,23 @@ def show_page(project: Project) -> None:
     _show_answer(project, answer)
 
 
-def _of_all(project: Project) -> tuple[Parameters, str]:
-    """The rig of a recording, and what it is called."""
-    rig = project.rig
-    if rig is None:
-        tell_not_calibrated()
-        end_here()
-    return rig, "this project's rig"
-
-
-def _own_set(source: Source) -> tuple[Parameters | None, str]:
-    """The same of the project's results."""
-    answer = source.answer()
-    if answer is None:
-        return None, "none yet"
-    # Of one calibration, the refined set knows the rig best; if it moved, none holds.
-    method: Method = "refined" if "refined" in answer.sets else "2d"
-    return answer.sets[method], f"this project's {METHOD_NAMES[method].lower()}"
-
-
-def _in(file: StoredFile | None) -> tuple[Parameters | None, str]:
-    """The same of a file."""
-    if file is None:
-        return None, "none yet"
-    return read_parameters(file.read_bytes(), file.label), file.label
+def _in_use(
+    project: Project, source: Source, file: StoredFile | None
+) -> tuple[Parameters | None, str]:
+    """The parameters to check, of a rig, of the results or of a file, and what they are called."""
+    if project.is_rig:
+        if (rig := project.rig) is None:
+            tell_not_calibrated()
+            end_here()
+        return rig, "this project's rig"
+    if source.is_project:
+        if (answer := source.answer()) is not None:
+            # Of one calibration, the refined set knows the rig best; if it moved, none holds.
+            method: Method = "refined" if "refined" in answer.sets else "2d"
+            return answer.sets[method], f"this project's {METHOD_NAMES[method].lower()}"
+    elif file is not None:
+        return read_parameters(file.read_bytes(), file.label), file.label
+    return None, "none yet"
 
 
 def _matched(project: Project) -> StoredFile | None:
@@ -110,26 +103,21 @@ def _matched(project: Project) -> StoredFile | None:
 
 def ask_smallest(project: Project, left: DeltaGenerator, right: DeltaGenerator) -> Smallest:
     """The fields of the smallest movement that matters."""
-    usual, help_text = Smallest(), "“Same” is reported only if such a {} would have been found."
+    usual, hint = Smallest(), "“Same” is reported only if such a {} would have been found."
     degrees = setting(project, "check_turn_deg", round(usual.turn_deg, 6), Number(0.001, 90.0))
-    turn = degrees.number_input(
-        "Turn that matters (°)", left, step=0.05, help=help_text.format("turn")
-    )
-    help_text = f"{help_text.format('change of the baseline')} Matched points alone do not show it."
+    turn = degrees.number_input("Turn that matters (°)", left, step=0.05, help=hint.format("turn"))
+    hint = f"{hint.format('change of the baseline')} Matched points alone do not show it."
     percent = setting(project, "check_baseline_percent", 100 * usual.baseline, Number(0.001, 50.0))
-    change = percent.number_input("Baseline change (%)", right, step=0.1, help=help_text)
+    change = percent.number_input("Baseline change (%)", right, step=0.1, help=hint)
     return Smallest.of(turn, change / 100)
 
 
 def _show_answer(project: Project, answer: CheckAnswer) -> None:
     """The answer as a sentence, the errors frame by frame, the repaired parameters."""
     VERDICTS[answer.verdict](escape_markdown(answer.sentence))
-    for note in answer.notes:
-        st.caption(escape_markdown(note))
-    pairs = {pair_name(pair): residuals for pair, residuals in answer.residuals.items()}
-    shown = next(
-        (name for name, residuals in pairs.items() if residuals.changed), next(iter(pairs))
-    )
+    show_each(st.caption, answer.notes)
+    pairs = {pair_name(pair): errors for pair, errors in answer.residuals.items()}
+    shown = next((name for name, errors in pairs.items() if errors.changed), next(iter(pairs)))
     if len(pairs) > 1:
         shown = choose(None, "check_pair", "Errors of the pair", pairs, shown)
     show_figure(plot_check(pairs[shown]), describe_check(pairs[shown]), "check_residuals")

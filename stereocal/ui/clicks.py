@@ -73,12 +73,10 @@ class _Panel:
         self.store, numbers = ProjectClicks(project), footage.numbers
         self.drawn = self.store.clicks.of_cameras(measure.matching.placed)
         self.cameras = [*footage.labels]
-        tab_setting = partial(setting, project, tabs_own=True)
-        self.frame_field: Field = tab_setting(
-            "clicks_frame", numbers[0], Number(numbers[0], numbers[-1])
-        )
-        self.track_field: Field = tab_setting("clicks_track", "point 1", _track_name)
-        self.way_field: Field = tab_setting("clicks_to", WAYS[0], one_of(WAYS))
+        field = partial(setting, project, tabs_own=True)
+        self.frame_field: Field = field("clicks_frame", numbers[0], Number(numbers[0], numbers[-1]))
+        self.track_field: Field = field("clicks_track", "point 1", _track_name)
+        self.way_field: Field = field("clicks_to", WAYS[0], one_of(WAYS))
 
     def show(self) -> None:
         """The frame; a click draws this again, and nothing else of the page."""
@@ -140,10 +138,8 @@ class _Panel:
             if (frame, camera, track) in clicks.every or not near:
                 continue
             if near[0].frame in self.footage.numbers:
-                image_before, image_now = (
-                    self.footage.grey(camera, k) for k in (near[0].frame, frame)
-                )
-                if (position := follow(image_before, image_now, near, frame)) is not None:
+                earlier, later = (self.footage.grey(camera, k) for k in (near[0].frame, frame))
+                if (position := follow(earlier, later, near, frame)) is not None:
                     proposed.append(Click(frame, camera, track, *position, "followed"))
         trial = self._measured(clicks.placed(proposed))
         if trial and (beyond := trial.beyond(frame) & {click.track for click in proposed}):
@@ -156,10 +152,8 @@ class _Panel:
         left, middle, right = st.columns([2, 1, 1])
         if len(self.footage.numbers) > 1:
             self.frame_field.slider("Frame", left)
-        tracks, widget = (
-            [*self.colours],
-            {"accept_new_options": True, **self.track_field.widget("index")},
-        )
+        tracks = [*self.colours]
+        widget = {"accept_new_options": True, **self.track_field.widget("index")}
         widget["index"] = tracks.index(self.track)
         middle.selectbox("Track (type a new name)", tracks, **widget)
         self.way_field.menu("A click goes to", right)
@@ -201,9 +195,8 @@ class _Panel:
             placed = {key[1:] for key in clicks.placed(chosen).every if key[0] == frame}
             doubtful = {track for _, track in wanted - placed} | _in_doubt(chosen, trial)
             if doubtful:
-                note = (
-                    f"Frame {frame} was not accepted. In doubt there: {listed(sorted(doubtful))}."
-                )
+                names = listed(sorted(doubtful))
+                note = f"Frame {frame} was not accepted. In doubt there: {names}."
             elif len(accepted) >= MOST_ACCEPTED * len(wanted):
                 note = f"Accepted in {MOST_ACCEPTED} frames: look at them before you go on."
             if note or not chosen:

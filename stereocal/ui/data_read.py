@@ -21,11 +21,11 @@ from stereocal.ui import jobs
 from stereocal.ui.figure import is_narrow, show_figure
 from stereocal.ui.files_of_all import FilesOfAll, offer_to_use
 from stereocal.ui.lengths import show_rig
-from stereocal.ui.messages import ErrorsShown, end_here, readable
+from stereocal.ui.messages import ErrorsShown, end_here, readable, show_each
 from stereocal.ui.photographs import has_photographs
 from stereocal.ui.prerequisites import is_asked
 from stereocal.ui.results import COVERAGE, dataset_download, open_clicked_frame
-from stereocal.ui.texts import escape_markdown, escaped_table
+from stereocal.ui.texts import escape_markdown, escaped_table, markdown_list
 
 FEW_FRAMES = 20
 RECOMMENDED = f"{FEW_FRAMES} frames of the bar or more are recommended"
@@ -60,8 +60,7 @@ def _show_all_cameras(files: FilesOfAll) -> None:
     table = pd.DataFrame(rows, columns=["Camera", "Image, px", "Points", "Frames"])
     st.table(escaped_table(table).set_index("Camera"))
     st.caption(escape_markdown(recording.describe_pairs()))
-    for remark in gathered.remarks:
-        st.warning(escape_markdown(remark))
+    show_each(st.warning, gathered.remarks)
     offer_to_use(files)
     stated = project.recording
     if stated is not None and (not files.contents or project.is_given(gathered.files)):
@@ -121,10 +120,8 @@ def show_in_step(project: Project | None) -> None:
     counted = recording.counted_from({name: -start for name, start in starts.items()})
     with st.container(key="started_by_hand"):
         st.subheader("The cameras were started by hand")
-        listed = notes or [
-            f"{name} was started at frame {frame}." for name, frame in starts.items()
-        ]
-        st.markdown("\n".join(f"- {escape_markdown(note)}" for note in listed))
+        listed = notes or [f"{name} was started at frame {k}." for name, k in starts.items()]
+        st.markdown(markdown_list(listed))
         if not st.toggle("Show the error at each offset", key="show_offsets"):
             return
         with st.spinner("Trying all offsets ..."):

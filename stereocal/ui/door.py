@@ -276,10 +276,8 @@ def ask_whose(project_files: ProjectGiven) -> None:
     series = project_files.open_series
     cameras = project_files.rig_cameras if project_files.is_of_rig else CAMERAS
     if series and cameras:
-        act, more_answers = (
-            partial(_answer, project_files),
-            {REMOVE: project_files.photographs.clear},
-        )
+        act = partial(_answer, project_files)
+        more_answers = {REMOVE: project_files.photographs.clear}
         _ask_whose("whose", "photographs are", series, TOOK, act, cameras, more_answers)
     elif files := project_files.open_files:
         more_answers = {"A third camera": partial(project_files.more_cameras, {})}

@@ -50,10 +50,8 @@ def offer(
         _hold(packed, name, mime)
         return packed
 
-    payload = data if callable(content) else content
-    draw.download_button(
-        label, payload, name, mime, key=key, on_click="ignore", type=kind, **options
-    )
+    sent = data if callable(content) else content
+    draw.download_button(label, sent, name, mime, key=key, on_click="ignore", type=kind, **options)
 
 
 def _hold(content: bytes, name: str, mime: str) -> None:

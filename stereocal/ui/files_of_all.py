@@ -57,9 +57,7 @@ class FilesOfAll:
         Raises:
             StereocalError: it has too many.
         """
-        return sorted(
-            {t for name, content in self.tables.items() for t in targets_in(content, name)}
-        )
+        return sorted({t for name, table in self.tables.items() for t in targets_in(table, name)})
 
     def place(self, target: str) -> Field:
         """The place of a target along the bar, in metres."""

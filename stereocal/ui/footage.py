@@ -73,10 +73,7 @@ class _Videos:
     def footage(self, later: Mapping[str, int]) -> Footage:
         """The frames of all videos."""
         labels, first_camera = _names(self.paths), next(iter(self.paths))
-        later = {
-            camera: frames_later - later.get(first_camera, 0)
-            for camera, frames_later in later.items()
-        }
+        later = {camera: frames - later.get(first_camera, 0) for camera, frames in later.items()}
         make = partial(of_videos, self.paths, labels, later)
         return self.opened.once(repr((labels, later)), make)
 
@@ -141,21 +138,10 @@ class Pictures:
                     frame: {camera: files[name] for camera, name in names.items() if name in files}
                     for frame, names in moments.items()
                 }
-                seen = [
-                    c for c in self.cameras if any(c in pictures for pictures in frames.values())
-                ]
-                labels = {camera: f"{camera} photographs{whose}" for camera in seen}
-                key = repr(
-                    [
-                        (k, [(c, f.name) for c, f in pictures.items()])
-                        for k, pictures in frames.items()
-                    ]
-                )
-                return once(
-                    "footage of photographs",
-                    self._key + key,
-                    partial(of_photographs, frames, labels),
-                )
+                seen = {camera for pictures in frames.values() for camera in pictures}
+                labels = {c: f"{c} photographs{whose}" for c in self.cameras if c in seen}
+                make = partial(of_photographs, frames, labels)
+                return once("footage of photographs", f"{self._key} {frames}", make)
         return None
 
     def _take(self, dropped: Dropped[StoredFile]) -> None:

@@ -38,8 +38,8 @@ def settings_form(project: Project, dataset: Pair) -> dict[str, Any]:
     frames = len(dataset.correspondences.frames)
     if frames > 1:
         title = "Frames to calibrate with (the others test the result)"
-        help_text = f"All {frames}, or fewer, drawn at random. Paper: 20 of 25."
-        _frames_field(project, frames).slider(title, help=help_text)
+        hint = f"All {frames}, or fewer, drawn at random. Paper: 20 of 25."
+        _frames_field(project, frames).slider(title, help=hint)
     fields, columns = _search_fields(project, bool(project.pair)), cycle(st.columns(3))
     for name, field in fields.items():
         if name != "time_drift" or fields["time_offset"].value():
@@ -59,22 +59,22 @@ def _frames_field(project: Project, frames: int) -> Field:
     return setting(project, "calibration_frames", frames, Number(1, frames))
 
 
-def field_of(project: Values, key: str, described: About) -> Field:
+def field_of(project: Values, key: str, spec: About) -> Field:
     """The field of a described setting: a choice, a switch, or a number within its bounds."""
-    kind = type(described.default)
-    if described.choices:
-        return setting(project, key, described.default, one_of(described.choices))
+    kind = type(spec.default)
+    if spec.choices:
+        return setting(project, key, spec.default, one_of(spec.choices))
     if kind is bool:
-        return setting(project, key, described.default, yes_or_no)
-    fit = Number(kind(described.low), kind(min(described.high, LARGEST_WHOLE)))
-    return setting(project, key, described.default, fit)
+        return setting(project, key, spec.default, yes_or_no)
+    fit = Number(kind(spec.low), kind(min(spec.high, LARGEST_WHOLE)))
+    return setting(project, key, spec.default, fit)
 
 
 def _search_fields(project: Values, of_pair: bool = False) -> dict[str, Field]:
     return {
-        name: field_of(project, name, described)
-        for name, described in ASKED.items()
-        if not isinstance(described.default, tuple) and not (of_pair and name in OF_PAIR)
+        name: field_of(project, name, spec)
+        for name, spec in ASKED.items()
+        if not isinstance(spec.default, tuple) and not (of_pair and name in OF_PAIR)
     }
 
 
@@ -91,26 +91,22 @@ def search_form(project: Project) -> None:
     """The two settings of the search that the paper varies, as sliders."""
     fields, (left, right) = _search_fields(project), st.columns(2)
     delta, acceptance = ASKED["delta"], ASKED["acceptance"]
-    delta_widget, ratio_widget = fields["delta"].widget(), fields["acceptance"].widget()
+    widget, acceptance_widget = fields["delta"].widget(), fields["acceptance"].widget()
     steps = sorted({*DELTAS, fields["delta"].value()})
-    left.select_slider(
-        delta.title, steps, format_func="{:g}".format, help=delta.help, **delta_widget
-    )
-    right.slider(acceptance.title, *RATIOS, step=0.01, help=acceptance.help, **ratio_widget)
+    left.select_slider(delta.title, steps, format_func="{:g}".format, help=delta.help, **widget)
+    right.slider(acceptance.title, *RATIOS, step=0.01, help=acceptance.help, **acceptance_widget)
 
 
-def ask(place: DeltaGenerator, described: About, field: Field, disabled: bool = False) -> Any:
+def ask(place: DeltaGenerator, spec: About, field: Field, disabled: bool = False) -> Any:
     """The widget of a described setting; its value."""
-    if described.choices:
-        words = described.choices.__getitem__
-        return field.buttons(described.title, place, format_func=words, help=described.help)
-    if isinstance(described.default, bool):
-        return place.toggle(
-            described.title, help=described.help, disabled=disabled, **field.widget()
-        )
-    options = {} if isinstance(described.default, int) else {"format": "%.10g"}
-    step = 1 if isinstance(described.default, int) else described.default / 10
-    return field.number_input(described.title, place, help=described.help, step=step, **options)
+    if spec.choices:
+        words = spec.choices.__getitem__
+        return field.buttons(spec.title, place, format_func=words, help=spec.help)
+    if isinstance(spec.default, bool):
+        return place.toggle(spec.title, help=spec.help, disabled=disabled, **field.widget())
+    options = {} if isinstance(spec.default, int) else {"format": "%.10g"}
+    step = 1 if isinstance(spec.default, int) else spec.default / 10
+    return field.number_input(spec.title, place, help=spec.help, step=step, **options)
 
 
 def refine_form(project: Project, dataset: Pair) -> None:
@@ -126,10 +122,8 @@ def refine_form(project: Project, dataset: Pair) -> None:
     st.page_link("pages/data.py", label="State it on the Data page")
     noise, free = _refined_fields(project)
     title, none = "Estimate the distortion of", "no camera: as its file says"
-    help_text = (
-        "k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders."
-    )
-    st.multiselect(title, CAMERAS, placeholder=none, help=help_text, **free.widget("default"))
+    hint = "k1, k2, p1 and p2, from the images of the bar. Needs bars out to the image borders."
+    st.multiselect(title, CAMERAS, placeholder=none, help=hint, **free.widget("default"))
     noise.number_input("Noise of an image point, px", help="0: found from the images.")
 
 
@@ -166,7 +160,7 @@ def describe_settings(settings: CalibrationSettings) -> str:
     """The settings of a search, in one line."""
     values = settings.to_json()
     return ", ".join(
-        f"{described.name} {f'{value:g}' if isinstance(value := values[name], float) else value}"
-        for name, described in ASKED.items()
+        f"{spec.name} {f'{value:g}' if isinstance(value := values[name], float) else value}"
+        for name, spec in ASKED.items()
         if name not in _FRAMES
     )

@@ -50,9 +50,9 @@ def show_left_out(project: Project, calibration: Calibration, look: Callable[[in
         for frame in screening.exchanged[:MOST_BUTTONS]:
             label = f"Exchange A and B in frame {frame}"
             _exchange_button(project, screening, frame, label, f"exchange_{frame}")
-        first, help_text = screening.left_out[0], "There it can be put back."
+        first, hint = screening.left_out[0], "There it can be put back."
         label = f"Look at frame {first}"
-        button(label, "look_left_out", look, first, icon="search", help=help_text)
+        button(label, "look_left_out", look, first, icon="search", help=hint)
 
 
 def _exchange_button(
@@ -60,32 +60,30 @@ def _exchange_button(
 ) -> None:
     """A button to exchange A and B in the image of the second camera."""
     camera = screening.full_dataset.names[1]
-    help_text = f"In the image of {camera_in_words(camera)}. {AGAIN}"
-    button(label, key, _exchange, project, frame, camera, icon="swap_horiz", help=help_text)
+    hint = f"In the image of {camera_in_words(camera)}. {AGAIN}"
+    button(label, key, _exchange, project, frame, camera, icon="swap_horiz", help=hint)
 
 
 def show_exchanged(project: Project) -> None:
     """The frames whose targets the user has exchanged, with buttons to undo that."""
     with st.container(horizontal=True):
         for camera, frames in project.inputs.exchanged.items():
-            help_text = (
+            hint = (
                 f"A and B of this frame were exchanged in the image of {camera_in_words(camera)}."
             )
             for frame in frames[:MOST_BUTTONS]:
-                label, key = (
-                    f"Frame {frame}: take the exchange back",
-                    f"unexchange_{camera}_{frame}",
-                )
-                button(label, key, _exchange, project, frame, camera, icon="undo", help=help_text)
+                label = f"Frame {frame}: take the exchange back"
+                key = f"unexchange_{camera}_{frame}"
+                button(label, key, _exchange, project, frame, camera, icon="undo", help=hint)
 
 
 def offer_to_bring_into_step(project: Project, calibration: Calibration) -> None:
     """A button to calibrate with the time offset, if the cameras seem to be out of step."""
     if calibration.out_of_step:
-        help_text = "It becomes an unknown, and the secondary points are shifted by it."
+        hint = "It becomes an unknown, and the secondary points are shifted by it."
         act = partial(_change, project, project.keep_settings, {"time_offset": True})
         label, key = "Calibrate with the time offset", "bring_into_step"
-        button(label, key, act, icon="schedule", help=help_text)
+        button(label, key, act, icon="schedule", help=hint)
 
 
 def _change(project: Project, act: Callable[[T], object], value: T) -> None:
@@ -125,11 +123,8 @@ def choose_frame(project: Project, calibration: Calibration) -> int:
     with st.container(horizontal=True, vertical_alignment="bottom"):
         field.menu("Frame", width=140)
         for way, side, to in (("previous", "left", index - 1), ("next", "right", index + 1)):
-            label, icon, exists = (
-                f"{way} frame".capitalize(),
-                f"chevron_{side}",
-                0 <= to < len(numbers),
-            )
+            label, icon = f"{way.capitalize()} frame", f"chevron_{side}"
+            exists = 0 <= to < len(numbers)
             number = numbers[to] if exists else None
             button(label, f"{way}_frame", field.set, number, icon=icon, disabled=not exists)
         _actions(project, calibration.screening, frame)
@@ -148,8 +143,8 @@ def _actions(project: Project, screening: Screening, frame: int) -> None:
     if frame in screening.exchanged:
         _exchange_button(project, screening, frame, "Exchange A and B", "frame_exchange")
     if photographed(project):
-        look, help_text = partial(look_closely, ProjectPhotographs(project)), CORRECT
-        if button("Correct it", "frame_correct", look, frame, icon="edit", help=help_text):
+        look, hint = partial(look_closely, ProjectPhotographs(project)), CORRECT
+        if button("Correct it", "frame_correct", look, frame, icon="edit", help=hint):
             st.switch_page("pages/data.py")
 
 

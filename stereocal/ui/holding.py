@@ -76,15 +76,13 @@ def ask_if_bar(project: Project) -> None:
 def _look(store: ProjectPhotographs, pairs: Sequence[PhotographPair]) -> None:
     """Make the proposal, unless it was made from these photographs."""
     project, files, some_pairs = store.project, store.photographs, spread(pairs)
-    names = [[getattr(pair, which) for pair in some_pairs] for which in ("primary", "secondary")]
-    present = [[files[name] for name in side_names if name in files] for side_names in names]
-    digest = hashlib.sha256(
-        repr([[file.name for file in side_files] for side_files in present]).encode()
-    ).hexdigest()
+    names = [pair.primary for pair in some_pairs], [pair.secondary for pair in some_pairs]
+    cameras = [{name: files[name] for name in side if name in files} for side in names]
+    contents = [[file.name for file in camera.values()] for camera in cameras]
+    digest = hashlib.sha256(repr(contents).encode()).hexdigest()
     proposal = project.settings.get(PROPOSAL)
     if isinstance(proposal, dict) and proposal.get("of") == digest:
         return
-    cameras = [{name: files[name] for name in side_names if name in files} for side_names in names]
 
     def looked(name: str, make: Callable[[], Patterns]) -> Patterns:
         return once("patterns", files[name].name, make)
@@ -104,10 +102,7 @@ def _as_stored(held: HeldObject, pairs: Sequence[PhotographPair]) -> dict[str, A
     seen = [(p.primary in first) + (p.secondary in second) for p in pairs]
     best = pairs[int(np.argmax(seen))]
     names = best.primary, best.secondary
-    marks = [
-        points[n].tolist() if n in points else []
-        for points, n in zip(held.seen, names, strict=True)
-    ]
+    marks = [p[n].tolist() if n in p else [] for p, n in zip(held.seen, names, strict=True)]
     stored = {"kind": held.kind, "sentence": held.sentence}
     return {**stored, "frame": best.frame, "names": names, "marks": marks}
 
@@ -136,13 +131,11 @@ def fields_of_board(board: ProposedBoard) -> dict[str, Any]:
 def _picture(store: ProjectPhotographs, proposal: dict[str, Any]) -> bytes:
     try:
         first, second = map(str, proposal["names"])
-        points = [np.reshape(marks, (-1, 2)).astype(np.float64) for marks in proposal["marks"]]
+        points = [np.reshape(p, (-1, 2)).astype(np.float64) for p in proposal["marks"]]
     except (KeyError, TypeError, ValueError) as error:
         raise StereocalError("The proposal is damaged: give the photographs again.") from error
-    of_bar = all(len(marks) in (0, 2) for marks in points)
-    return thumbnail(
-        store, (first, second), [_targets(marks) if of_bar else marks for marks in points]
-    )
+    of_bar = all(len(p) in (0, 2) for p in points)
+    return thumbnail(store, (first, second), [_targets(p) if of_bar else p for p in points])
 
 
 def _targets(points: FloatArray) -> CentrePair:
@@ -362,20 +355,17 @@ def board_form(
     corners = "Where four squares meet: one less than squares. Paper: 18 and 12."
     columns, rows = corner_fields(project, places, "board", size, corners)
     side_field = setting(project, "board_square_mm", square_mm, Number(*side, or_none=True))
-    help_text = "The lens does not depend on it; lengths do, where the board gives them."
+    hint = "The lens does not depend on it; lengths do, where the board gives them."
     options = {"placeholder": "measured", "step": 1.0, "format": "%.10g"}
     side_mm = (
-        side_field.number_input("Side of a square (mm)", square, help=help_text, **options)
-        or SQUARE_MM
+        side_field.number_input("Side of a square (mm)", square, help=hint, **options) or SQUARE_MM
     )
     if board == CHESSBOARD:
         return BoardPattern(columns, rows, 1e-3 * side_mm)
     left, right = st.columns(2)
     part = setting(project, MARKER_PART, 0.75, Number(0.01, 1.0)).value()
-    title, default = "Dictionary of the markers", "DICT_4X4_250"
-    dictionary = choose_from_menu(
-        project, "board_dictionary", title, DICTIONARIES, default, place=left
-    )
+    key, title, usual = "board_dictionary", "Dictionary of the markers", "DICT_4X4_250"
+    dictionary = choose_from_menu(project, key, title, DICTIONARIES, usual, place=left)
     side_field = setting(project, "board_marker_mm", float(f"{part * side_mm:.3g}"), Number(*side))
     marker_mm = side_field.number_input("Side of a marker (mm)", right, step=1.0, format="%.10g")
     return BoardPattern(columns, rows, 1e-3 * side_mm, dictionary, 1e-3 * marker_mm)

@@ -36,7 +36,7 @@ from stereocal.system.photograph_files import of_the_bar
 from stereocal.ui import jobs
 from stereocal.ui.messages import ask_about_lens, ask_if_fisheye, refusing, set_refusal
 from stereocal.ui.project import project_to_write
-from stereocal.ui.texts import escape_markdown
+from stereocal.ui.texts import markdown_list
 
 PHOTOGRAPH_KINDS = [*sorted(suffix.removeprefix(".") for suffix in SUFFIXES), "zip"]
 VIDEO_KINDS = [suffix.removeprefix(".") for suffix in VIDEO_SUFFIXES]
@@ -154,10 +154,8 @@ def give_dataset(
     if len(recording.cameras) > 2:
         with naming(source):
             recording = in_step(recording)
-        described_files = {
-            name: content for name, content in stated.items() if name.startswith(folder)
-        }
-        project.give_recording(recording, described_files)
+        inside = {name: content for name, content in stated.items() if name.startswith(folder)}
+        project.give_recording(recording, inside)
         jobs.abandon(project, "rig")
         jobs.drop_pairs(project)
         return
@@ -269,9 +267,7 @@ def drop_zone(
     def used(uploads: Sequence[Upload]) -> None:
         st.session_state.pop(_SAID, None)
         with st.spinner("Reading the files."):
-            dropped = sort_files(
-                ((upload.name, upload.getvalue()) for upload in uploads), keep, tables
-            )
+            dropped = sort_files(((file.name, file.getvalue()) for file in uploads), keep, tables)
         take(dropped)
         st.session_state[_SAID] = key, dropped.in_words, dropped.problems
 
@@ -291,12 +287,10 @@ def _show_last(key: str, in_use: bool) -> None:
     if taken and not in_use:
         (st.info if problems else st.success)(f"Recognised: {taken}.")
     if problems:
-        head = "\n".join(f"- {escape_markdown(problem)}" for problem in problems[:SHOWN])
-        st.warning(head)
+        st.warning(markdown_list(problems[:SHOWN]))
         if len(problems) > SHOWN:
             with st.expander(f"And {len(problems) - SHOWN} more"):
-                rest = problems[SHOWN:]
-                st.markdown("\n".join(f"- {escape_markdown(problem)}" for problem in rest))
+                st.markdown(markdown_list(problems[SHOWN:]))
 
 
 def take_new(

@@ -176,9 +176,8 @@ def start(work: PageWork, anew: bool = False) -> Job:
             last.cancelled = True
         job = JOBS[key] = Job(work, pool())
         try:
-            if (
-                work.follows
-            ):  # an earlier one that a press began, and a stop ended, is of no use now
+            if work.follows:
+                # An earlier one that a press began, and a stop ended, is of no use now.
                 stored_jobs.end(work.project.results, work.kind, failed=True)
             else:
                 stored_jobs.begin(work.project.results, work.kind)

@@ -86,10 +86,10 @@ def ask_known(
     left, right = st.columns([3, 2], vertical_alignment="bottom")
     titles = {NOT_STATED: f"Not known: {assumed} assumed"} | TITLES
     del titles[PRINTED if baseline else FREE]
-    help_text = HELP.format(assumed=assumed) + HELP_ON_FREE * baseline
+    hint = HELP.format(assumed=assumed) + HELP_ON_FREE * baseline
     known = Field(key, key, read, choose, fit=one_of(titles))
     named = titles.__getitem__
-    if known.menu("How well is it known?", left, format_func=named, help=help_text) == TYPED:
+    if known.menu("How well is it known?", left, format_func=named, help=hint) == TYPED:
         ask_number("± mm", f"{name}_sigma_mm", mm, take, right, least=LEAST_MM)
 
 
@@ -112,10 +112,10 @@ def ask_number(
     take: Callable[[float | None], None],
     place: DeltaGenerator,
     least: float = 0.0,
-    help_text: str | None = None,
+    hint: str | None = None,
 ) -> None:
     field = Field(key, key, read, take, fit=Number(least, or_none=True))
-    field.number_input(title, place, format="%.6g", placeholder="not stated", help=help_text)
+    field.number_input(title, place, format="%.6g", placeholder="not stated", help=hint)
 
 
 def scaled(value: float | None, scale: float) -> float | None:
@@ -154,9 +154,9 @@ def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
     titles = {OWN: f"Its own calibration: {lens_sigmas(camera)}"} if camera.uncertainty else {}
     titles |= {NOT_STATED: NOT_STATED, TYPED: "Typed"}
     assumed = f"± {100 * unknowns.DEFAULT_FOCAL:g} % and ± {unknowns.DEFAULT_CENTRE_PX:g} px"
-    title, help_text = f"How well is the {which} lens known?", HELP.format(assumed=assumed)
+    title, hint = f"How well is the {which} lens known?", HELP.format(assumed=assumed)
     known = Field(key, key, read, choose, fit=one_of(titles))
-    if known.menu(title, format_func=titles.__getitem__, help=help_text) != TYPED:
+    if known.menu(title, format_func=titles.__getitem__, help=hint) != TYPED:
         return
 
     def number(index: int, scale: float) -> float | None:
@@ -171,4 +171,4 @@ def _lens_known(project: Project, which: CameraName, camera: Camera) -> None:
     numbers = (("Focal length, ± %", "focal_percent", 100), ("Image centre, ± px", "centre_px", 1))
     for index, (place, (title, name, scale)) in enumerate(zip(st.columns(2), numbers, strict=True)):
         shown, store = partial(number, index, scale), partial(take, index, scale)
-        ask_number(title, f"lens_{which}_{name}", shown, store, place, help_text=counts)
+        ask_number(title, f"lens_{which}_{name}", shown, store, place, hint=counts)

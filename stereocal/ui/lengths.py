@@ -120,8 +120,8 @@ def _ask_baselines(project: Project, recording: Recording) -> None:
     baselines, names = measured(), [*map(pair_name, recording.pairs)]
     default = next(iter(baselines), None)
     title = "Measured distance of two cameras"
-    help_text = "Any of them, or none: the bars give the scale."
-    pair = choose_from_menu(project, "baseline_of", title, names, default, help=help_text)
+    hint = "Any of them, or none: the bars give the scale."
+    pair = choose_from_menu(project, "baseline_of", title, names, default, help=hint)
 
     def read() -> float | None:
         return measured().get(pair)
@@ -276,9 +276,7 @@ def show_rig(project: Project, dataset: Pair) -> None:
         if typed:
             button("They are right", "lengths_right", project.keep_settings, answer)
             metres = {name: _number(project, name) for name in typed}
-            shown = " and ".join(
-                f"{LENGTHS[name]} {number:.10g} m" for name, number in metres.items()
-            )
+            shown = " and ".join(f"{LENGTHS[name]} {m:.10g} m" for name, m in metres.items())
             button(f"In metres: {shown}", "in_metres", _take_in_metres, project, metres)
             return
         button("They are in metres", "in_metres", project.keep_settings, answer)

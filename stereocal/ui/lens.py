@@ -43,6 +43,7 @@ from stereocal.ui.messages import (
     button,
     readable,
     refusing,
+    show_each,
     show_refusal,
     show_stale,
     show_with_button,
@@ -57,6 +58,20 @@ BOARD, FILE = "Photographs of a board", "A camera file"
 STAGES = ("photographs searched", "draws calibrated")
 JOB_KINDS: dict[CameraName, jobs.Kind] = {"primary": "lens_primary", "secondary": "lens_secondary"}
 _ROUND = "boards_round"
+VIEWS = {
+    "Photograph by photograph": (
+        figures.plot_view_errors,
+        figures.describe_view_errors,
+        "view_errors",
+    ),
+    "What the lens leaves": (
+        figures.plot_residual_field,
+        figures.describe_residual_field,
+        "residual_field",
+    ),
+}
+"""Figures of a lens: how they are drawn and described, and their keys."""
+WITHOUT = "Without distortion"
 
 
 def show_lenses(project: Project | None) -> None:
@@ -108,14 +123,12 @@ def _tell_what_is_loaded(project: Project | None, which: CameraName) -> None:
         return
     cameras = project.cameras if project else (None, None)
     if all(cameras):
-        sentence = (
-            "Both lenses are loaded. To calibrate one again, upload photographs of the board."
-        )
+        words = "Both lenses are loaded. To calibrate one again, upload photographs of the board."
     elif cameras[CAMERAS.index(which)]:
-        sentence = f"The {which} camera's lens is loaded; the other camera's is still missing."
+        words = f"The {which} camera's lens is loaded; the other camera's is still missing."
     else:
-        sentence = "Nothing to calibrate yet: upload photographs of the board."
-    st.info(sentence)
+        words = "Nothing to calibrate yet: upload photographs of the board."
+    st.info(words)
 
 
 def _choose_camera(project: Project | None) -> tuple[CameraName, str]:
@@ -151,9 +164,8 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
     def take(uploads: Sequence[UploadedFile]) -> None:
         camera_store = ProjectLens(project_to_write(), which)
         with st.spinner("Storing the photographs."):
-            dropped = sort_files(
-                ((upload.name, upload.getvalue()) for upload in uploads), camera_store.keep
-            )
+            contents = ((upload.name, upload.getvalue()) for upload in uploads)
+            dropped = sort_files(contents, camera_store.keep)
         camera_store.add(dropped.photographs)
         if dropped.photographs:
             with st.spinner("Looking at the first photographs ..."):
@@ -222,15 +234,13 @@ def _propose_board(store: ProjectLens) -> None:
 
 def _lens_form(project: Project) -> LensSettings:
     settings = asked(LensSettings)
-    fields = {
-        name: field_of(project, f"lens_{name}", described) for name, described in settings.items()
-    }
+    fields = {name: field_of(project, f"lens_{name}", spec) for name, spec in settings.items()}
     held = ("fix_k3", "zero_tangential") if fields["model"].value() == "fisheye" else ()
     with st.expander("Settings of the calibration"):
         places = (*st.columns(3), *st.columns(2), st.container())
         values = {
-            name: ask(place, described, fields[name], disabled=name in held)
-            for place, (name, described) in zip(places, settings.items(), strict=True)
+            name: ask(place, spec, fields[name], disabled=name in held)
+            for place, (name, spec) in zip(places, settings.items(), strict=True)
         }
     return LensSettings(**values)
 
@@ -297,8 +307,7 @@ def _show_lens(store: ProjectLens) -> None:
     if lens is None:
         return
     st.header(f"The {store.which} camera's lens", divider="gray")
-    for sentence in quality.advice(lens):
-        st.warning(escape_markdown(sentence))
+    show_each(st.warning, quality.advice(lens))
     st.success(escape_markdown(quality.lens_answer(lens)))
     note = partial(quality.note_on_model, lens.search, lens.settings)
     digest = digest_of_draws(lens.search, lens.settings)
@@ -306,29 +315,25 @@ def _show_lens(store: ProjectLens) -> None:
     if text := quality.hint(lens):
         st.caption(text)
     _use_and_downloads(store, lens)
-    results, by_photograph, leaves, without = (
-        f"The {lens.settings.repeats} results",
-        "Photograph by photograph",
-        "What the lens leaves",
-        "Without distortion",
-    )
-    views = {
-        results: (figures.plot_draws, figures.describe_draws, "draws"),
-        by_photograph: (figures.plot_view_errors, figures.describe_view_errors, "view_errors"),
-        leaves: (figures.plot_residual_field, figures.describe_residual_field, "residual_field"),
-    }
-    view = choose(store.project, "lens_view", "Look at", [*views, without])
-    if view == without:
-        _show_preview(store, lens)
-    else:
-        plot, describe, key = views[view]
-        show_figure(plot(lens), describe(lens), key)
+    _look_closer(store, lens)
     st.table(quality.lens_fit_table(lens))
     st.caption(
         "The median of the draws is the result. Its standard error comes from how much the results "
         "differ (delete-d jackknife); errors that all photographs share, such as a bent board, are "
         "not in it. The last column is one calibration with all photographs."
     )
+
+
+def _look_closer(store: ProjectLens, lens: LensCalibration) -> None:
+    """A choice of figures; only the chosen one is drawn."""
+    draws = (figures.plot_draws, figures.describe_draws, "draws")
+    views = {f"The {lens.settings.repeats} results": draws, **VIEWS}
+    view = choose(store.project, "lens_view", "Look at", [*views, WITHOUT])
+    if view == WITHOUT:
+        _show_preview(store, lens)
+    else:
+        plot, describe, key = views[view]
+        show_figure(plot(lens), describe(lens), key)
 
 
 def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
@@ -339,11 +344,11 @@ def _use_and_downloads(store: ProjectLens, lens: LensCalibration) -> None:
     label, key, act = f"{label} for this project", f"use_lens_{store.which}", refusing()(store.use)
     button(label, key, act, place=use, first=True, disabled=used, icon=icon)
     name, content = f"{store.which}.json", write_camera(lens.camera, files.about(lens))
-    key, help_text = f"lens_json_{store.which}", "With the standard errors."
-    offer("Download camera.json", content, name, key, place=ours, help=help_text)
+    key, hint = f"lens_json_{store.which}", "With the standard errors."
+    offer("Download camera.json", content, name, key, place=ours, help=hint)
     name, content = f"{store.which}.yml", write_opencv_camera(lens.camera)
-    key, help_text = f"lens_yaml_{store.which}", "Without the standard errors."
-    offer("Download OpenCV YAML", content, name, key, place=opencv, help=help_text)
+    key, hint = f"lens_yaml_{store.which}", "Without the standard errors."
+    offer("Download OpenCV YAML", content, name, key, place=opencv, help=hint)
 
 
 def _show_preview(store: ProjectLens, lens: LensCalibration) -> None:

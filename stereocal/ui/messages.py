@@ -3,7 +3,7 @@
 Streamlit runs callbacks before the page: an error in one would replace the page by a traceback.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial, wraps
@@ -167,6 +167,12 @@ def readable(read: Callable[[], T], warn: bool = True) -> T | None:
         if warn:
             st.warning(escape_markdown(str(error)))
         return None
+
+
+def show_each(show: Callable[[str], object], sentences: Iterable[str]) -> None:
+    """Show each sentence by itself, such as by `st.warning`."""
+    for sentence in sentences:
+        show(escape_markdown(sentence))
 
 
 def show_refusal() -> None:

@@ -115,9 +115,8 @@ class NewImagesForm:
         if data_set and (has_points or not dropped.photographs):
             self._use(dropped.source, pack_zip(dropped.files))
         elif dropped.photographs:
-            project_files.name_cameras(
-                {n: c.camera for n, c in self.rig.placed.items()} if self.rig else {}
-            )
+            placed = self.rig.placed if self.rig else {}
+            project_files.name_cameras({name: camera.camera for name, camera in placed.items()})
             project_files.add_photographs(dropped.photographs)
             self._hold_as_in_the_data()
         elif videos := dropped.of("video"):

@@ -35,6 +35,9 @@ class PageState(NamedTuple):
         return ICONS[self.mark]
 
 
+NOT_VALIDATED = PageState("missing", "Not validated yet")
+
+
 def page_states(project: Project | None) -> dict[str, PageState]:
     """The state of each page by the name of its file; empty without a project that can be read.
 
@@ -55,28 +58,23 @@ def _done_if(done: object, yes: str, no: str) -> PageState:
 
 
 def _of_several(project: Project) -> dict[str, PageState]:
-    count_of, rig = f"{project.camera_count} cameras", project.rig
-    calibrate = PageState("missing", "Not calibrated yet")
-    validate = PageState("missing", "Not validated yet")
-    if rig is not None:
-        calibrate = PageState("done", "Calibrated together")
-        if changed := changed_since(project):
-            calibrate = PageState("stale", f"Changed since: {changed}")
+    cameras, validate = f"{project.camera_count} cameras", NOT_VALIDATED
+    if (rig := project.rig) is not None:
         pair = project.of_pair(pair_field(project, rig).value())
         if (dataset := pair.dataset) is not None:
             validate = _validate(pair, dataset)
     return {
-        "cameras": PageState("done", f"The lenses of {count_of} are known"),
-        "data": PageState("done", f"A recording of {count_of}"),
-        "calibrate": calibrate,
+        "cameras": PageState("done", f"The lenses of {cameras} are known"),
+        "data": PageState("done", f"A recording of {cameras}"),
+        "calibrate": _calibrate(project),
         "validate": validate,
-        **_of_use(project, of_rig=True),
+        **_of_use(project),
     }
 
 
-def _of_use(project: Project, of_rig: bool = False) -> dict[str, PageState]:
+def _of_use(project: Project) -> dict[str, PageState]:
     applied = ProjectApplication(project).result
-    has_images = ProjectCheck(project).file(IMAGES) or (applied and not of_rig)
+    has_images = ProjectCheck(project).file(IMAGES) or (applied and not project.is_rig)
     return {
         "apply": _done_if(applied, "Points matched and measured", "No points matched yet"),
         "check": _done_if(has_images, "New images are given", "No new bars or points yet"),
@@ -105,19 +103,21 @@ def _of_two(project: Project) -> dict[str, PageState]:
 
 
 def _calibrate(project: Project) -> PageState:
-    result = project.calibration
-    if result is None:
+    calibration = None if project.is_rig else project.calibration
+    if calibration is None and project.rig is None:
         return PageState("missing", "Not calibrated yet")
     if changed := changed_since(project):
         return PageState("stale", f"Changed since: {changed}")
-    left_out = result.screening.left_out
+    if calibration is None:
+        return PageState("done", "Calibrated together")
+    left_out = calibration.screening.left_out
     named = f", {count(len(left_out), 'frame')} left out" if left_out else ""
     return PageState("done", f"Calibrated{named}")
 
 
 def _validate(project: Project, dataset: Pair) -> PageState:
     if not (project.evaluation or project.calibration_evaluation):
-        return PageState("missing", "Not validated yet")
+        return NOT_VALIDATED
     validation = current_validation(project, chosen_data(project, dataset))
     if validation is None:
         return PageState("stale", "The data or the settings have changed since")

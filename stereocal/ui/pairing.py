@@ -197,8 +197,8 @@ def _show_item(store: ProjectPhotographs, ask: bool, item: PhotographPair | Alon
             for name, title in zip((item.primary, item.secondary), short, strict=True):
                 without = replace(choice, without=(*choice.without, name))
                 label, act = f"Leave {title} out", partial(_change, store.choose, without)
-                help_text = f"{title} has no partner: those after it move up by one."
-                button(label, f"pair_without_{name}", act, type="tertiary", help=help_text)
+                hint = f"{title} has no partner: those after it move up by one."
+                button(label, f"pair_without_{name}", act, type="tertiary", help=hint)
 
 
 COLUMNS = ("Use", "Frame", "Primary photograph", "Secondary photograph")

@@ -40,7 +40,7 @@ from stereocal.system.zip_files import pack_zip, unzip
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, choose_from_menu, one_of, setting
 from stereocal.ui.intake import take_new
-from stereocal.ui.messages import ErrorsShown, readable
+from stereocal.ui.messages import ErrorsShown, readable, show_each
 from stereocal.ui.press import PAPER_SET_FOR, answer_when_ready, offer_again, wait_for_answer
 from stereocal.ui.texts import escape_markdown, escaped_table
 from stereocal.ui.wizard import STATED, Questions, ask_about, ask_size
@@ -139,8 +139,7 @@ def other_formats(project: Project, answer: PairAnswer) -> None:
             options = replace(options, **vars(questions.origin(PixelOrigin())))
         files = export_files(sets[method], chosen, options)
         name, content = packed(files, FILES[method][0], chosen)
-        for note in export_notes(sets[method], chosen):
-            st.caption(escape_markdown(note))
+        show_each(st.caption, export_notes(sets[method], chosen))
         offer(f"Download {name}", content, name, "download_format")
 
 
@@ -182,8 +181,7 @@ def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
             st.info(escape_markdown(error.question))
             return None
         st.caption(f"The cameras are {rounded(rig.pose.baseline, 4)} m apart.")
-        for note in rig.inputs.get("notes", ()):
-            st.caption(escape_markdown(note))
+        show_each(st.caption, rig.inputs.get("notes", ()))
         return lambda: store.keep_set(use, label, rig.dumps().encode())
 
     ask_about(store, use, form, "Use these parameters")
@@ -262,10 +260,8 @@ def ask_about_archive(project: Project) -> None:
     ask_about(store, "archive", form, "Use what was found")
 
 
-def _gathered(
-    content: bytes, label: str, options: ExchangeOptions, baseline_known: bool
-) -> Archive:
-    return gather({label: content}, options, baseline_known=baseline_known)
+def _gathered(content: bytes, label: str, options: ExchangeOptions, has_baseline: bool) -> Archive:
+    return gather({label: content}, options, baseline_known=has_baseline)
 
 
 def _cameras(project: Project, names: tuple[str, ...]) -> tuple[int, int]:
@@ -283,8 +279,7 @@ def _show(archive: Archive, baseline_known: bool) -> None:
     rows = [(item.what, item.taken, item.origin) for item in archive.taken]
     table = pd.DataFrame(rows, columns=["What", "Found", "From"])
     st.table(escaped_table(table).set_index("What"))
-    for remark in archive.remarks:
-        st.caption(escape_markdown(remark))
+    show_each(st.caption, archive.remarks)
     if archive.baseline_m is not None:
         st.caption(
             "The baseline is the other program's result, not a measurement: replace it and its "

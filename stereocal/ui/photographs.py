@@ -32,7 +32,7 @@ from stereocal.ui.pairing import ROUND, clear, show_pairing
 from stereocal.ui.print_downloads import print_what_is_held
 from stereocal.ui.review import badge, on_a_sheet, say_what_is_shared, show_frames
 from stereocal.ui.search import HeldTarget, ask_held, press_search, search_work, tell_changed
-from stereocal.ui.texts import escape_markdown
+from stereocal.ui.texts import escape_markdown, markdown_list
 from stereocal.ui.videos import show_frames_taken
 
 
@@ -197,11 +197,9 @@ def _show_found(store: ProjectPhotographs, pairs: Sequence[PhotographPair]) -> N
     )
 
     def show(pair: PhotographPair) -> None:
-        in_frame = rows.frame == pair.frame
-        _show_pair(store, pair, rows.primary[in_frame], rows.secondary[in_frame])
-        state = (
-            "found" if pair.frame not in doubtful else "doubtful" if in_frame.any() else "refused"
-        )
+        here = rows.frame == pair.frame
+        _show_pair(store, pair, rows.primary[here], rows.secondary[here])
+        state = "found" if pair.frame not in doubtful else "doubtful" if here.any() else "refused"
         st.markdown(f"{badge(state)} **Frame {pair.frame}**")
         why = doubtful.get(pair.frame, "")
         named = [name for name in (pair.primary, pair.secondary) if f"{name}: " in why]
@@ -253,7 +251,7 @@ def _search_all(store: ProjectPhotographs, cameras: Mapping[str, Camera], pairin
     st.caption(f"{escape_markdown(str(sentence))} Photographs not used: {len(unused):,}.")
     if unused:
         with st.expander("Photographs that are not used"):
-            st.markdown("\n".join(f"- {escape_markdown(line)}" for line in unused))
+            st.markdown(markdown_list(unused))
 
 
 def _keep_all(store: ProjectPhotographs, result: Found, made_from: Parts) -> None:

@@ -33,7 +33,7 @@ from stereocal.ui.navigation import go_to
 from stereocal.ui.plan_fields import plan_field, show_plan
 from stereocal.ui.print_downloads import field_sheet_to_print, planned_targets_to_print
 from stereocal.ui.project import open_project
-from stereocal.ui.texts import escape_markdown
+from stereocal.ui.texts import escape_markdown, markdown_list
 from stereocal.verdict.in_words import percent
 
 MOST_PLANS = 3
@@ -107,7 +107,7 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
             "calibrated: plan more frames, or a larger common view."
         )
     st.markdown("**What would help most**")
-    st.markdown("\n".join(f"- {escape_markdown(text)}" for text in result.advice.sentences[:4]))
+    st.markdown(markdown_list(result.advice.sentences[:4]))
     quantity: Any = QUANTITIES[choose(project, "plan_quantity", "Show", QUANTITIES)]
     words = figures.describe_plan_map(result, quantity)
     show_figure(figures.plot_plan_map(result, quantity), words, "plan_map")
@@ -137,9 +137,9 @@ def _offer_files(project: Project | None, result: PlanForecast) -> None:
     """The button for a project from the plan, and the downloads."""
     plan, is_lost = result.plan, project is None  # with the tab
     with st.container(horizontal=True):
-        label, help_text = "Start a project from it", START
+        label, hint = "Start a project from it", START
         st.session_state[PRESS_FIRST] = is_lost
-        button(label, "plan_start", _start_project, result, first=is_lost, help=help_text)
+        button(label, "plan_start", _start_project, result, first=is_lost, help=hint)
         offer("Save plan", partial(write_plan, plan), "plan.json", "download_plan.json")
         offer("Forecast", result.dumps, "forecast.json", "download_forecast.json")
         report = partial(figures.plan_report, result)
@@ -175,8 +175,8 @@ def _compare(project: Project | None, result: PlanForecast, others: Sequence[Pla
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.text_input("Name of this plan", max_chars=LONGEST, **named.widget())
         full = len(texts) >= MOST_PLANS - 1 or text in texts
-        help_text = "Then change the plan: up to three are shown side by side."
-        button("Keep it to compare", "plan_keep", keep, disabled=full, help=help_text)
+        hint = "Then change the plan: up to three are shown side by side."
+        button("Keep it to compare", "plan_keep", keep, disabled=full, help=hint)
 
 
 def _summary(result: PlanForecast, title: str) -> None:

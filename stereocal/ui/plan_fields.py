@@ -213,11 +213,8 @@ def _camera(project: Project | None, which: CameraName, title: str) -> Stated:
     if chosen == FILE:
         with right:
             return _from_file(project, which)
-    focal_field, help_text = (
-        _focal(project, which, chosen),
-        "The lens's own, not the 35 mm equivalent.",
-    )
-    focal = focal_field.number_input("Focal length (mm)", right, step=1.0, help=help_text)
+    field, hint = (_focal(project, which, chosen), "The lens's own, not the 35 mm equivalent.")
+    focal = field.number_input("Focal length (mm)", right, step=1.0, help=hint)
     if chosen != OTHER:
         return replace(COMMON[chosen], focal_mm=focal)
     width, height, across, down = (
@@ -257,6 +254,6 @@ def _pose(project: Project | None) -> Pose | AimedPose:
     (baseline_m,) = _ask(project, [left], "baseline_m")
     toe_field = plan_field(project, "toe_in_deg")
     low, high = min(TOE_IN_DEG[0], toe_field.value()), max(TOE_IN_DEG[1], toe_field.value())
-    help_text = "From parallel. Both optical axes then meet in front of the middle of the baseline."
-    toe = right.slider(TOE_IN, low, high, step=0.5, help=help_text, **toe_field.widget())
+    hint = "From parallel. Both optical axes then meet in front of the middle of the baseline."
+    toe = right.slider(TOE_IN, low, high, step=0.5, help=hint, **toe_field.widget())
     return AimedPose(baseline_m, toe, plan_field(project, "height_m").value())

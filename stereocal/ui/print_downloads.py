@@ -102,9 +102,9 @@ def planned_targets_to_print(project: Project | None, plan: Plan) -> None:
         left, right = st.columns(2)
         named = _paper(project, left, "targets")
         title = "Width in the image at the far end (px)"
-        help_text = "50 px are located well, also tilted; 20 px are the least."
+        hint = "50 px are located well, also tilted; 20 px are the least."
         field = setting(project, "print_px", GOOD_PX, Number(*DETECTED_PX))
-        least_px = field.number_input(title, right, **LENGTH, help=help_text)
+        least_px = field.number_input(title, right, **LENGTH, help=hint)
         size = planned_target(plan, least_px)
         _sheet(lambda: print_targets(size.side_m, paper_named(named)), "target", size.sentence)
 

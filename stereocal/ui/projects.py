@@ -179,10 +179,10 @@ def _show_removed(removed: Sequence[home.Listed]) -> None:
             title = escape_markdown(entry.title or "A damaged project")
             text.markdown(f"{title}, removed {date_of(entry.changed)}")
             back, delete = (partial(act, default_home()) for act in (home.bring_back, home.delete))
-            help_text = "Frees its space on the disk at once."
+            hint = "Frees its space on the disk at once."
             with place, st.container(horizontal=True):
                 button("Bring back", f"bring_back_{entry.id}", back, entry.id)
-                button("Delete for good", f"delete_{entry.id}", delete, entry.id, help=help_text)
+                button("Delete for good", f"delete_{entry.id}", delete, entry.id, help=hint)
 
 
 def show_storage(project: Project | None) -> None:

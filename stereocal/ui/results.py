@@ -29,12 +29,12 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting
 from stereocal.ui.figure import clicked_in, is_narrow, scroll_to, scrolled_part, show_figure
 from stereocal.ui.forms import describe_settings
-from stereocal.ui.messages import button, callback, fragment, readable
+from stereocal.ui.messages import button, callback, fragment, readable, show_each
 from stereocal.ui.navigation import go_to
 from stereocal.ui.parameter_files import FILES, other_formats, parameter_downloads
 from stereocal.ui.press import ResultState, result_state
 from stereocal.ui.review import look_closely
-from stereocal.ui.rig import show_graph
+from stereocal.ui.rig import show_graph, show_tiles
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.file_figures import Figure
 from stereocal.verdict.in_words import digits, in_percent, interval, percent
@@ -65,8 +65,7 @@ def show_result(project: Project, run: PairRun, answer: PairAnswer | None) -> No
     calibration = run.calibration
     if timing := calibration.screening.time_note:
         st.info(escape_markdown(timing))
-    for warning in calibration.warnings[:1]:
-        st.warning(escape_markdown(warning))
+    show_each(st.warning, calibration.warnings[:1])
     frames.offer_to_bring_into_step(project, calibration)
     if answer:
         show_recommendation(answer)
@@ -75,11 +74,8 @@ def show_result(project: Project, run: PairRun, answer: PairAnswer | None) -> No
     frames.show_left_out(project, calibration, partial(_look_at_frame, project, calibration))
     if answer:
         refined_looks.show_disagreement(answer.run.inputs)
-    for title, column in zip(TILES, st.columns(4), strict=True):
-        with column, st.container(border=True):
-            value, words = _tile(title, answer) if answer else ("…", "being computed  \n…")
-            st.metric(title, value)
-            st.caption(words)
+    waiting = ("…", "being computed  \n…")
+    show_tiles({title: _tile(title, answer) if answer else waiting for title in TILES})
     _show_rest(calibration, answer)
     with st.container(horizontal=True):
         parameter_downloads(answer)
@@ -117,11 +113,11 @@ def _show_rest(calibration: Calibration, answer: PairAnswer | None) -> None:
             for s in recommendation.sentences
             if s not in recommendation.brief
         ]
-    more = count(len(calibration.warnings[1:]), "more note") if calibration.warnings[1:] else ""
+    further = calibration.warnings[1:]
+    more = count(len(further), "more note") if further else ""
     if sentences or more:
         with st.expander(f"In words{more and ', and '}{more}"):
-            for warning in calibration.warnings[1:]:
-                st.warning(escape_markdown(warning))
+            show_each(st.warning, further)
             st.markdown("\n\n".join(map(escape_markdown, sentences)))
 
 
@@ -154,10 +150,9 @@ def _expected(figure: Figure, answer: PairAnswer, counted: str = "") -> tuple[st
     if held_out == 0.0 and counted:
         tested = f"none{counted}"
     if ahead is not None and (answer.recommendation.forecast_holds or held_out is None):
-        future = (
-            f"{frames_to_come(answer.run.calibration, answer.run.forecast)} ({interval(ahead)} %)"
-        )
-        return f"{percent(ahead.value)} %", f"forecast for {future}  \nheld out here: {tested}"
+        future = frames_to_come(answer.run.calibration, answer.run.forecast)
+        words = f"forecast for {future} ({interval(ahead)} %)  \nheld out here: {tested}"
+        return f"{percent(ahead.value)} %", words
     if held_out is None:
         return "unknown", "no forecast, no held-out frames"
     if ahead is None:
@@ -195,9 +190,8 @@ def _show_rig(project: Project, calibration: Calibration, answer: PairAnswer | N
     named = METHOD_NAMES.__getitem__
     method = choose(project, name, "Set", methods, usual, place=left, format_func=named)
     view = choose(project, "rig_view", "Seen from", VIEWS, place=right)
-    show_figure(
-        plot_rig(calibration, method, view, is_narrow()), describe_rig(calibration, method), "rig"
-    )
+    figure = plot_rig(calibration, method, view, is_narrow())
+    show_figure(figure, describe_rig(calibration, method), "rig")
 
 
 def looks_of(project: Project) -> dict[str, Look]:
@@ -265,10 +259,8 @@ def _show_frames(project: Project, run: PairRun, answer: PairAnswer | None) -> N
             field.set(frame)
 
     st.caption("Click on a point to open its frame below.")
-    figure, words = (
-        plot_frame_errors(calibration, field.value()),
-        describe_frame_errors(calibration),
-    )
+    figure = plot_frame_errors(calibration, field.value())
+    words = describe_frame_errors(calibration)
     show_figure(figure, words, CHART, on_select=clicked, selection_mode="points")
     with scrolled_part(OPENED):
         frame = frames.choose_frame(project, calibration)

@@ -25,7 +25,7 @@ from stereocal.ui.figure import scroll_to, scrolled_part
 from stereocal.ui.holding import CALLED, held_target, is_coloured
 from stereocal.ui.messages import button, callback, readable, refusing
 from stereocal.ui.picker import KEYS, Mark, Pick, pick, read_image, shown_image
-from stereocal.ui.texts import escape_markdown
+from stereocal.ui.texts import escape_markdown, markdown_list
 
 ALL, ONE = "All frames", "One frame"
 ONE_FRAME = "one_frame"
@@ -58,10 +58,8 @@ def _frame(store: ProjectPhotographs, numbers: Sequence[int] = ()) -> Field:
 
 def _of_clicks(store: ProjectPhotographs) -> tuple[Field, Field]:
     """The target that a click moves, and whether the click itself is kept."""
-    tab_setting = partial(setting, store.project, tabs_own=True)
-    return tab_setting("review_target", NEAREST, one_of(WANTED)), tab_setting(
-        "review_raw", False, yes_or_no
-    )
+    field = partial(setting, store.project, tabs_own=True)
+    return field("review_target", NEAREST, one_of(WANTED)), field("review_raw", False, yes_or_no)
 
 
 def _called(store: ProjectPhotographs) -> str:
@@ -330,7 +328,7 @@ def say_what_is_shared(reasons: Mapping[int, str]) -> dict[int, str]:
     """Say once why several frames are doubtful or refused; what is left to say of each."""
     shared, rest = shared_reasons(reasons)
     if shared:
-        st.markdown("\n".join(f"- {escape_markdown(sentence)}" for sentence in shared))
+        st.markdown(markdown_list(shared))
     return rest
 
 

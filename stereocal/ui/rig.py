@@ -1,6 +1,6 @@
 """Three cameras and more on the page Calibrate: their work, and the answer for all of them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import streamlit as st
 
@@ -20,7 +20,7 @@ from stereocal.ui import jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Field, choose, one_of, setting, yes_or_no
 from stereocal.ui.figure import clicked_in, is_narrow, show_figure
-from stereocal.ui.messages import callback
+from stereocal.ui.messages import callback, show_each
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, in_percent
 from stereocal.workflow.made_from import DATA
@@ -85,8 +85,8 @@ def tell_not_calibrated() -> None:
 
 def ask_time_offsets(project: Project) -> None:
     """Whether every time offset is applied."""
-    title, help_text = "Apply every time offset", "Else those that are significant are applied."
-    st.toggle(title, help=help_text, **setting(project, LATE, False, yes_or_no).widget())
+    title, hint = "Apply every time offset", "Else those that are significant are applied."
+    st.toggle(title, help=hint, **setting(project, LATE, False, yes_or_no).widget())
 
 
 def show_rig(project: Project, rig: RigFile) -> None:
@@ -94,17 +94,11 @@ def show_rig(project: Project, rig: RigFile) -> None:
     headline, _, rest = escape_markdown(rig_sentence(rig)).partition(ONE_RIG)
     st.success(f"**{headline.strip() or ONE_RIG + rest}**\n\n{(ONE_RIG + rest) * bool(headline)}")
     notes = [*rig_notes(rig), *project.settings.get(NOTES, [])]
-    for note in notes[:1]:
-        st.warning(escape_markdown(note))
+    show_each(st.warning, notes[:1])
     if notes[1:]:
         with st.expander(count(len(notes[1:]), "more note")):
-            for note in notes[1:]:
-                st.warning(escape_markdown(note))
-    for title, words, column in zip(TILES, _tiles(rig), st.columns(3), strict=True):
-        with column, st.container(border=True):
-            value, caption = words
-            st.metric(title, value)
-            st.caption(caption)
+            show_each(st.warning, notes[1:])
+    show_tiles(dict(zip(TILES, _tiles(rig), strict=True)))
     with st.container(horizontal=True):
         offer("rig.json", rig.dumps(), RIG, "download_rig_json", primary=True)
         if project.pair_files is not None:
@@ -114,6 +108,14 @@ def show_rig(project: Project, rig: RigFile) -> None:
     view = choose(project, "view_of_all", "Seen from", view_names(rig), as_menu=True)
     figure = rig_report.plot_cameras(rig, recording, view, is_narrow())
     show_figure(figure, rig_report.describe_rig_graph(rig), "rig_cameras")
+
+
+def show_tiles(tiles: Mapping[str, tuple[str, str]]) -> None:
+    """A tile of each title, beside each other: its value, and words about it."""
+    for (title, (value, words)), column in zip(tiles.items(), st.columns(len(tiles)), strict=True):
+        with column, st.container(border=True):
+            st.metric(title, value)
+            st.caption(words)
 
 
 def _tiles(rig: RigFile) -> list[tuple[str, str]]:

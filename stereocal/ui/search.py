@@ -86,11 +86,9 @@ def tell_changed(store: ProjectPhotographs, work: jobs.PageWork) -> None:
         show_stale(changed(store.found_in, work.made_from))
 
 
-def press_search(work: jobs.PageWork, what: str, key: str, is_found: bool, ready: bool) -> None:
+def press_search(work: jobs.PageWork, what: str, key: str, again: bool, ready: bool) -> None:
     """The button that begins a search in the photographs, and its progress."""
-    again = " again" * is_found
-    jobs.start_button(
-        work, f"Find the {what}{again}", key, primary=not is_found, disabled=not ready
-    )
+    label = f"Find the {what}{' again' * again}"
+    jobs.start_button(work, label, key, primary=not again, disabled=not ready)
     cancelled = "Cancelled. What was found before is unchanged."
     jobs.show_job(work.project, work.kind, cancelled)

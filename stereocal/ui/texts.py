@@ -1,6 +1,7 @@
 """Longer texts of the pages."""
 
 import re
+from collections.abc import Iterable
 
 import pandas as pd
 
@@ -69,6 +70,11 @@ def escape_markdown(text: str) -> str:
             parts += [_escaped(text[end : word.start()]), _code(word[0])]
             end = word.end()
     return "".join([*parts, _escaped(text[end:])])
+
+
+def markdown_list(lines: Iterable[str]) -> str:
+    """A list of untrusted lines."""
+    return "\n".join(f"- {escape_markdown(line)}" for line in lines)
 
 
 def escaped_table(table: pd.DataFrame) -> pd.DataFrame:

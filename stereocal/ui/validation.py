@@ -88,10 +88,10 @@ def choose_protocol(project: Project, datasets: Sequence[Pair]) -> EvaluationSet
         runs, frames, splits = _protocol_fields(project, datasets)
         search_form(project)
         left, right = st.columns(2)
-        described = ABOUT["runs"]
-        left.slider(described.title, *RUNS, step=10, help=described.help, **runs.widget())
-        described = ABOUT["calibration_frames"]
-        frames.slider(described.title, right, help=described.help)
+        spec = ABOUT["runs"]
+        left.slider(spec.title, *RUNS, step=10, help=spec.help, **runs.widget())
+        spec = ABOUT["calibration_frames"]
+        frames.slider(spec.title, right, help=spec.help)
         return _protocol(project, datasets, runs, frames, splits)
 
 
@@ -99,10 +99,8 @@ def other_settings(project: Project) -> None:
     """The other settings of a validation, folded."""
     with st.expander("Other settings"):
         ask(st.container(), ABOUT["splits"], _splits(project))
-        help_text = "Of the curves, in decades. The overlap depends on it a little."
-        st.select_slider(
-            "Width of the bins", BIN_WIDTHS, help=help_text, **bin_width(project).widget()
-        )
+        hint = "Of the curves, in decades. The overlap depends on it a little."
+        st.select_slider("Width of the bins", BIN_WIDTHS, help=hint, **bin_width(project).widget())
         st.page_link("pages/calibrate.py", label="Other settings of the search")
 
 
@@ -222,10 +220,8 @@ def _validate(
 ) -> None:
     """Evaluate, and store the result when it is whole."""
     calibration = readable(lambda: project.calibration, warn=False)
-    screened = [
-        screening.dataset
-        for screening in screenings_of(datasets, settings.calibration, calibration)
-    ]
+    screenings = screenings_of(datasets, settings.calibration, calibration)
+    screened = [screening.dataset for screening in screenings]
     runs = growing.compute(screened, job.executor, _FITS, job.progress)
     job.progress(job.total, job.total)  # ends here if the settings have changed meanwhile
     digests = [dataset.sha256 for dataset in datasets]

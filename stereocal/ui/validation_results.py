@@ -173,11 +173,7 @@ def _summaries(
         return summarise_all(evaluation.names, evaluation.runs, bin_width)
 
     def chosen(summaries: Summaries) -> Summaries:
-        return {
-            method: summary
-            for method, summary in summaries.items()
-            if refined or method != "refined"
-        }
+        return {m: s for m, s in summaries.items() if refined or m != "refined"}
 
     pooled, by_dataset = once("validation shown", f"{shown.key} {bin_width}", make)
     return chosen(pooled), {name: chosen(summaries) for name, summaries in by_dataset.items()}
@@ -250,10 +246,10 @@ def _choose_view(project: Project, refined: Field) -> tuple[list[str], str]:
         horizontal=True, vertical_alignment="bottom", horizontal_alignment="distribute"
     ):
         wide = choose(project, "columns", "Show", panels)
-        help_text = "One set, fitted to images and lengths at once. The paper has the other three."
-        st.toggle("With the refined method", help=help_text, **refined.widget())
-        title, help_text = "Save pictures as", "The camera at the top right of a figure saves it."
-        picture = choose(project, "picture_format", title, FORMATS, help=help_text)
+        hint = "One set, fitted to images and lengths at once. The paper has the other three."
+        st.toggle("With the refined method", help=hint, **refined.widget())
+        title, hint = "Save pictures as", "The camera at the top right of a figure saves it."
+        picture = choose(project, "picture_format", title, FORMATS, help=hint)
     return [key for key, title in COLUMNS.items() if wide in ("All three", title)], picture
 
 

@@ -66,10 +66,8 @@ def video_settings(project: Project | None) -> VideoSettings:
         n = setting(project, "video_n", 30, Number(1)).number_input("n", right)
     left, right = st.columns(2, vertical_alignment="bottom")
     clocks = "Otherwise their time stamps are compared as the cameras' clocks wrote them."
-    later, help_text = None, "Then the motion of what you hold tells by how much, to a frame."
-    by_hand = toggle(
-        st.container(), "by_hand", "The cameras were started by hand", help_text, on=False
-    )
+    later, hint = None, "Then the motion of what you hold tells by how much, to a frame."
+    by_hand = toggle(st.container(), "by_hand", "The cameras were started by hand", hint, on=False)
     together = "Both videos start at the same moment"
     if not by_hand and not toggle(left, "together", together, clocks):
         ahead = setting(project, "video_later_s", 0.0, Number(-1e12))

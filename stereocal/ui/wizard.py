@@ -74,9 +74,9 @@ class Questions:
         """
         question = QUESTIONS[name]
         if not question.choices:
-            help_text = f"{question.help[0].upper()}{question.help[1:]}."
+            hint = f"{question.help[0].upper()}{question.help[1:]}."
             number = self.field(name, usual, Number(*question.between))
-            return number.number_input(question.title, place, step=0.5, help=help_text)
+            return number.number_input(question.title, place, step=0.5, help=hint)
         stated = {None: STATED} if usual is None else {}
         words: dict[Any, str] = {**stated, **question.choices}
         return self.field(name, usual, one_of(words)).menu(
@@ -245,21 +245,19 @@ def _laid_out(
     return chosen, questions
 
 
-def _point_form(
-    questions: Questions, layout: PointLayout, whose: str, proposed: Answers
-) -> Answers:
+def _point_form(questions: Questions, layout: PointLayout, whose: str, usual: Answers) -> Answers:
     """The answers about one camera's points."""
-    camera, per_unit, likelihood = proposed.camera, 1.0, 0.0
+    camera, per_unit, likelihood = usual.camera, 1.0, 0.0
     if len(layout.cameras) > 1:
         camera_field = questions.field("camera", camera, one_of(layout.cameras))
         camera = camera_field.menu(f"{whose[0].upper()}{whose[1:]} is")
-    origin = questions.origin(PixelOrigin(proposed.corner, proposed.first_pixel, proposed.flip))
-    height = _height(questions, "image_height", "", proposed.image_height, origin.corner)
+    origin = questions.origin(PixelOrigin(usual.corner, usual.first_pixel, usual.flip))
+    height = _height(questions, "image_height", "", usual.image_height, origin.corner)
     if layout.program == "TrackMate" or layout.roles is not None:
-        field = questions.field("px_per_unit", proposed.px_per_unit, Number(1e-9))
+        field = questions.field("px_per_unit", usual.px_per_unit, Number(1e-9))
         per_unit = field.number_input("Pixels per unit of the file", format="%.6g")
     if any(column.likelihood is not None for column in layout.columns):
-        field = questions.field("least_likelihood", proposed.least_likelihood, Number(0.0, 1.0))
+        field = questions.field("least_likelihood", usual.least_likelihood, Number(0.0, 1.0))
         likelihood = field.number_input("Least likelihood", step=0.05)
     return Answers(
         camera,

@@ -32,7 +32,7 @@ from stereocal.ui.apply_points import ask_noise, noise_field
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import Number, choose_from_menu, setting, yes_or_no
 from stereocal.ui.intake import take_one
-from stereocal.ui.messages import ErrorsShown, button
+from stereocal.ui.messages import ErrorsShown, button, show_each
 from stereocal.ui.texts import escape_markdown
 
 WORLD_FILE = "world.json"
@@ -48,9 +48,9 @@ OF_RIG = "The pixels are those of two cameras of the rig, as the columns u_{0},v
 def choose_world(project: Project, store: ProjectApplication, rig: Parameters) -> Pose | None:
     """The fold; returns `world_from_primary`, of a rig `world_from_reference`; None for points in
     the camera's frame."""
-    camera, help_text = camera_in_words(next(iter(rig.placed))), HELP
+    camera, hint = camera_in_words(next(iter(rig.placed))), HELP
     if (names := [*rig.placed]) != [*CAMERAS]:
-        help_text = f"{HELP} {OF_RIG.format(*names)}"
+        hint = f"{HELP} {OF_RIG.format(*names)}"
     file, world, refused = store.world_file, None, list[str]()
     rate = setting(project, "world_frame_rate", None, Number(0.1, 1e6, or_none=True))
     kind = None  # None also for a file that states the frame itself: JSON, or a 4x4 matrix
@@ -66,7 +66,7 @@ def choose_world(project: Project, store: ProjectApplication, rig: Parameters) -
             if kind == FRAME:
                 rate.number_input("Frame rate (frames per second)", format="%.6g")
         title = "Surveyed points, plumb lines or a throw; or world.json"
-        upload = st.file_uploader(title, type=KINDS, key="upload_world", help=help_text)
+        upload = st.file_uploader(title, type=KINDS, key="upload_world", help=hint)
         take_one(upload, partial(store.keep_world, rig=rig))
         if file is None:
             st.caption(
@@ -99,8 +99,7 @@ def _found(project: Project, file: StoredFile, rate: float | None, rig: Paramete
             lambda: jobs.compute(find_world, rig, observed, settings, cameras),
         )
     st.success(escape_markdown(world.sentence))
-    for note in world.notes:
-        st.caption(escape_markdown(note))
+    show_each(st.caption, world.notes)
     if residuals := world.about.get("residuals_m"):
         axes = [f"{axis} (mm)" for axis in "xyz"]
         table = 1000 * pd.DataFrame.from_dict(residuals, orient="index", columns=axes)
@@ -138,8 +137,8 @@ def _settings(project: Project, observed: Observed, cameras: CameraPair) -> Worl
         for key, title, options, place in menus
     )
     turned = setting(project, "world_heading", 0.0, Number(-360.0, 360.0))
-    help_text = "Counter-clockwise, as seen from above."
-    heading = turned.number_input("Turned by (°)", right, step=1.0, help=help_text)
+    hint = "Counter-clockwise, as seen from above."
+    heading = turned.number_input("Turned by (°)", right, step=1.0, help=hint)
     with last:
         usual = "as the targets" if survey else "by their scatter"
         sigma_px = ask_noise(noise_field(project, "world_sigma_px"), usual, usual)
