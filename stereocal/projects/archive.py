@@ -92,7 +92,10 @@ def pack_project(project: Project, target: Path, result: Mapping[str, bytes] | N
         read_json(text, "The project could not be opened from its zip again")
         archive.writestr(MANIFEST, text)
         with suppress(StereocalError):  # damaged data are left out
-            for name, content in _readable_files(project, result or {}).items():
+            # The data set and the last result, in the formats of the command line.
+            dataset = project.dataset
+            readable = {} if dataset is None else pack_dataset(dataset)
+            for name, content in ({**(result or {}), **readable}).items():
                 archive.writestr(name, content)
 
 
@@ -130,12 +133,6 @@ def _packed(table: Table, part: str = "", name: str = ANY) -> Held | None:
             f"{name[:40]}), and it would be lost: pack the project with that version."
         )
     return None if entry.stays else entry
-
-
-def _readable_files(project: Project, result: Mapping[str, bytes]) -> dict[str, bytes]:
-    """The data set and the last result, in the formats of the command line."""
-    dataset = project.dataset
-    return {**result, **({} if dataset is None else pack_dataset(dataset))}
 
 
 def _unused(folder: str, name: str, label: str, used: set[str]) -> str:

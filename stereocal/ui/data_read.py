@@ -52,7 +52,7 @@ def _show_all_cameras(files: FilesOfAll) -> None:
         return  # the table is still to be made from them
     if (gathered := readable(lambda: files.gathered)) is None:
         return
-    _begin()
+    st.header("What was read", divider="gray")
     rows, recording = [], gathered.recording
     for k, (name, camera) in enumerate(recording.cameras.items()):
         frames, (width, height) = recording.frame[recording.camera == k], camera.image_size
@@ -81,7 +81,7 @@ def _show_two_cameras(project: Project | None) -> None:
         dataset = project.dataset
     if dataset is None:
         end_here()
-    _begin()
+    st.header("What was read", divider="gray")
     _say_how_many(len(dataset.correspondences), len(dataset.correspondences.frames))
     show_rig(project, dataset)
     narrow, clicked = is_narrow(), partial(open_clicked_frame, project)
@@ -93,10 +93,6 @@ def _show_two_cameras(project: Project | None) -> None:
     st.caption("A click on a point opens its frame.")
     st.table(contents_table(dataset))
     dataset_download(partial(pack_dataset, dataset))
-
-
-def _begin() -> None:
-    st.header("What was read", divider="gray")
 
 
 def _say_how_many(pairs: int, frames: int) -> None:

@@ -94,7 +94,10 @@ class Field:
         value = self.value()
         shown: dict[str, Any] = st.session_state[_SHOWN]
         removable = isinstance(self.fit, Number) and self.fit.or_none
-        new = not _is_drawn(self.key) or (removable and not st.session_state.get(_RESTED))
+        # Whether the browser still has the widget from the last run of the page.
+        _, before = st.session_state.get(_BEFORE, ("", set()))
+        is_drawn = self.key in before or self.key in st.session_state.get(_DRAWN, set())
+        new = not is_drawn or (removable and not st.session_state.get(_RESTED))
         # Only then: writing would discard what the user is typing.
         if new or st.session_state.get(self.key) != value:
             st.session_state[self.key] = value
@@ -324,9 +327,3 @@ def end_page() -> None:
 def page_shown() -> str:
     """The page that is drawn, or was when something on it was pressed."""
     return str(st.session_state.get(_BEFORE, ("", set()))[0])
-
-
-def _is_drawn(key: str) -> bool:
-    """Whether the browser still has the widget from the last run of the page."""
-    _, before = st.session_state.get(_BEFORE, ("", set()))
-    return key in before or key in st.session_state.get(_DRAWN, set())

@@ -101,13 +101,9 @@ def _exchange(project: Project, frame: int, camera: str) -> None:
         _change(project, partial(project.exchange_targets, frame), camera)
 
 
-def _numbers(calibration: Calibration) -> list[int]:
-    return list(calibration.dataset.correspondences.frames.tolist())
-
-
 def frame_field(project: Project, calibration: Calibration) -> Field:
     """The chosen frame; at first the one that shows best why there are two sets."""
-    numbers = _numbers(calibration)
+    numbers = calibration.dataset.correspondences.frames.tolist()
     fields = partial(setting, project, "chosen_frame", name=NAME, tabs_own=True)
     field = fields(None, one_of(numbers))
     if field.value() in numbers:
@@ -117,7 +113,8 @@ def frame_field(project: Project, calibration: Calibration) -> Field:
 
 def choose_frame(project: Project, calibration: Calibration) -> int:
     """A menu of the frames, with buttons for the next and the previous one, and for corrections."""
-    numbers, field = _numbers(calibration), frame_field(project, calibration)
+    numbers = calibration.dataset.correspondences.frames.tolist()
+    field = frame_field(project, calibration)
     frame: int = field.value()
     index = numbers.index(frame)
     with st.container(horizontal=True, vertical_alignment="bottom"):

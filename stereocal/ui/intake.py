@@ -16,7 +16,7 @@ from stereocal.errors import RefusedRowsError, naming
 from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.camera_file import ImageSizeError, read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
-from stereocal.formats.dataset_description import TABLE, Description, find_description
+from stereocal.formats.dataset_description import TABLE, find_description
 from stereocal.formats.dataset_files import parse_recording
 from stereocal.formats.dropped import Dropped, sort_files
 from stereocal.formats.exchange.options import ImageSize
@@ -27,7 +27,7 @@ from stereocal.projects.inputs import Slot, stated_in
 from stereocal.projects.packed import NAMES, as_read, packed_files
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS, Camera, LensModel
+from stereocal.rig.camera import CAMERAS, LensModel
 from stereocal.rig.pair import Pair
 from stereocal.system.limits import Limits
 from stereocal.system.names import check_path
@@ -150,7 +150,11 @@ def give_dataset(
     has_photographs = bool(bar_photographs) or has_videos
     with_points = description.is_recording or folder + TABLE in files or not has_photographs
     recording = parse_recording(files, source, lens_model=lens_model, with_points=with_points)
-    stated = {**files, **_fisheyes(description, recording.cameras)}
+    # A fisheye's file states that it is one.
+    stated = dict(files)
+    for camera, lens in recording.cameras.items():
+        if lens.is_fisheye:
+            stated[folder + description.entries["cameras"][camera]] = write_camera(lens)
     if len(recording.cameras) > 2:
         with naming(source):
             recording = in_step(recording)
@@ -172,16 +176,6 @@ def give_dataset(
         name: str = description.entries["cameras"][which]
         slot_files[which] = name, as_read(stated[folder + name], recording.cameras[which])
     give_pair(project, survey, slot_files, bar_photographs)
-
-
-def _fisheyes(description: Description, cameras: Mapping[str, Camera]) -> dict[str, bytes]:
-    """The files of fisheyes, which state that they are, by name."""
-    folder, names = description.folder, description.entries["cameras"]
-    return {
-        folder + names[which]: write_camera(camera)
-        for which, camera in cameras.items()
-        if camera.is_fisheye
-    }
 
 
 def give_pair(

@@ -77,7 +77,9 @@ def _sample(folder: Path, names: Sequence[str], source: str) -> Project:
     for which in CAMERAS if folder == PHOTOGRAPHS else ():
         for name, content in _photographs(which):
             photographs[f"{which}/{name}"] = store.keep(f"{which}/{name}", content)
-    give_dataset(project, _files(folder, names), source, photographs)
+    with disk_errors(f"{folder} cannot be read"):
+        files = {name: (folder / name).read_bytes() for name in names}
+    give_dataset(project, files, source, photographs)
     return project
 
 
@@ -172,11 +174,6 @@ def load_sample_boards() -> None:
     """Add the sample's board photographs to the open project or a new one (a callback)."""
     with refusing():
         _give_boards(project_to_write())
-
-
-def _files(folder: Path, names: Sequence[str]) -> dict[str, bytes]:
-    with disk_errors(f"{folder} cannot be read"):
-        return {name: (folder / name).read_bytes() for name in names}
 
 
 def _give_boards(project: Project) -> None:

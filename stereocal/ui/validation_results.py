@@ -102,25 +102,22 @@ def _show(
     running: bool,
 ) -> None:
     """What there is: the whole validation, runs of a job, or the last validation."""
-    head = places.answer.container()
-    if job is None:
-        if last is not None:
-            _show_evaluation(project, Shown(last, last.digest, ""), datasets, head, places.table)
-        return
-    if running and job.state != "running":
-        st.rerun()
-    if job.state == "failed":
-        st.error(escape_markdown(job.sentence))
-        button("Try again", "validate", jobs.abandon, project, "evaluation")
-    elif (shown := _so_far(job, datasets, with_refined(project).value())) is not None:
+    head, shown = places.answer.container(), None
+    if job is not None:
+        if running and job.state != "running":
+            st.rerun()
+        if job.state == "failed":
+            st.error(escape_markdown(job.sentence))
+            button("Try again", "validate", jobs.abandon, project, "evaluation")
+        elif (shown := _so_far(job, datasets, with_refined(project).value())) is None:
+            head.info("The first runs are on their way.")
+    if shown is None and last is not None:
+        if job is not None:
+            with head:
+                show_stale(changed_since(last, datasets, settings))
+        shown = Shown(last, last.digest, "")
+    if shown is not None:
         _show_evaluation(project, shown, datasets, head, places.table)
-        return
-    else:
-        head.info("The first runs are on their way.")
-    if last is not None:
-        with head:
-            show_stale(changed_since(last, datasets, settings))
-        _show_evaluation(project, Shown(last, last.digest, ""), datasets, head, places.table)
 
 
 @dataclass(frozen=True)

@@ -155,10 +155,9 @@ def ask_about_points(
         answers = _point_form(questions, layout, camera, proposed)
         if answers.corner == "lower-left" and answers.image_height is None:
             st.info("Give the image height: the points are counted from the lower left.")
-        else:
-            _show_preview(store.preview(side, answers, PREVIEW_ROWS).head(PREVIEW_ROWS))
-            return partial(store.answer, side, answers)
-        return None
+            return None
+        _show_preview(store.preview(side, answers, PREVIEW_ROWS).head(PREVIEW_ROWS))
+        return partial(store.answer, side, answers)
 
     ask_about(store, side, form)
 
@@ -270,24 +269,19 @@ def _point_form(questions: Questions, layout: PointLayout, whose: str, usual: An
 
 
 def _bar_form(questions: Questions, layout: PointLayout) -> tuple[ExchangeOptions, Heights]:
-    primary, secondary, a, b = (
-        questions.field(f"{what}_{k}", options[k], one_of(options)).menu(title, place)
-        for (what, options, titles), places in zip(
-            (
-                ("camera", layout.cameras, ("Primary camera", "Secondary camera")),
-                ("end", layout.points, ("Target A", "Target B")),
-            ),
-            (st.columns(2), st.columns(2)),
-            strict=True,
-        )
-        for k, (title, place) in enumerate(zip(titles, places, strict=True))
-    )
-    origin = questions.origin(layout.origin)
-    heights = [camera.image_size[1] if camera else None for camera in questions.project.cameras]
-    first, second = (
-        _height(questions, f"height_{k}", f", {which}", height, origin.corner)
-        for k, (which, height) in enumerate(zip(CAMERAS, heights, strict=True))
-    )
+    chosen = []
+    for name, options, titles in (
+        ("camera", layout.cameras, ("Primary camera", "Secondary camera")),
+        ("end", layout.points, ("Target A", "Target B")),
+    ):
+        for k, (title, place) in enumerate(zip(titles, st.columns(2), strict=True)):
+            field = questions.field(f"{name}_{k}", options[k], one_of(options))
+            chosen.append(field.menu(title, place))
+    primary, secondary, a, b = chosen
+    origin, heights = questions.origin(layout.origin), list[int | None]()
+    for k, (which, camera) in enumerate(zip(CAMERAS, questions.project.cameras, strict=True)):
+        height = camera.image_size[1] if camera else None
+        heights.append(_height(questions, f"height_{k}", f", {which}", height, origin.corner))
     stated = ExchangeOptions(
         # By index: a camera may be called by the number of another.
         cameras=(layout.cameras.index(primary), layout.cameras.index(secondary)),
@@ -295,7 +289,7 @@ def _bar_form(questions: Questions, layout: PointLayout) -> tuple[ExchangeOption
         roles=layout.roles,
         **vars(origin),
     )
-    return stated, (first, second)
+    return stated, (heights[0], heights[1])
 
 
 def _height(
