@@ -108,8 +108,8 @@ class ProjectGiven(ProjectPart):
     def _parts(self) -> dict[str, tuple[str, ...]]:
         """Names of the cameras in each part that has some."""
         parts = self.parts.items()
-        read = {name: self.cameras_in(name, file.read_bytes()) for name, file in parts}
-        return {name: cameras for name, cameras in read.items() if cameras}
+        cameras_of = {name: self.cameras_in(name, file.read_bytes()) for name, file in parts}
+        return {name: cameras for name, cameras in cameras_of.items() if cameras}
 
     @property
     def _has_points(self) -> bool:

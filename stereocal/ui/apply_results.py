@@ -158,7 +158,7 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
     left, right = st.columns(2)
     title = "Distinguish points by"
     way = choose_from_menu(project, "apply_way", title, ways, place=left)
-    known = setting(project, "apply_known", known_m, OPTIONAL).number_input(
+    length_m = setting(project, "apply_known", known_m, OPTIONAL).number_input(
         "Known length (m)", right, format="%.6g", placeholder="measured length"
     )
     ends = ("", "")
@@ -168,11 +168,11 @@ def _show_lengths(project: Project, points: pd.DataFrame, known_m: float | None)
         first = choose_from_menu(project, f"apply_from_{way}", "From", names, place=left)
         second = choose_from_menu(project, f"apply_to_{way}", "To", names, names[1], place=right)
         ends = (first, second)
-    if known is None:
+    if length_m is None:
         st.info("Give the known length.")
         return
     with ErrorsShown():
-        check = lengths.check_lengths(points, known, None if way == TWO else way, ends)
+        check = lengths.check_lengths(points, length_m, None if way == TWO else way, ends)
         st.success(escape_markdown(check.sentence()))
         show_figure(measured.plot_lengths(check), measured.describe_lengths(check), "lengths")
 
@@ -306,8 +306,8 @@ def _are_own(store: ProjectApplication, outcome: Outcome) -> bool:
     """Whether a result is of the bar's own points."""
     if is_of_clicks(outcome):
         return False
-    given = store.points(slot_of(outcome.cameras[0]))
-    return given is None or given.name != outcome.tables[0]
+    file = store.points(slot_of(outcome.cameras[0]))
+    return file is None or file.name != outcome.tables[0]
 
 
 def _choose_frame(

@@ -117,10 +117,10 @@ def _show_answer(project: Project, answer: CheckAnswer) -> None:
     VERDICTS[answer.verdict](escape_markdown(answer.sentence))
     show_each(st.caption, answer.notes)
     pairs = {pair_name(pair): errors for pair, errors in answer.residuals.items()}
-    shown = next((name for name, errors in pairs.items() if errors.changed), next(iter(pairs)))
+    chosen = next((name for name, errors in pairs.items() if errors.changed), next(iter(pairs)))
     if len(pairs) > 1:
-        shown = choose(None, "check_pair", "Errors of the pair", pairs, shown)
-    show_figure(plot_check(pairs[shown]), describe_check(pairs[shown]), "check_residuals")
+        chosen = choose(None, "check_pair", "Errors of the pair", pairs, chosen)
+    show_figure(plot_check(pairs[chosen]), describe_check(pairs[chosen]), "check_residuals")
     if answer.repaired is not None:
         _offer_repaired(project, answer.repaired)
 

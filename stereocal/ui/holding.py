@@ -296,19 +296,19 @@ def _found(store: ProjectPhotographs, file: StoredFile, name: str) -> list[Mark]
     if not isinstance(target, Balls):
         return []
     key = repr((file.name, target, camera and camera.to_json()))
-    seen = readable(
+    balls = readable(
         lambda: once("balls", key, lambda: find_balls(read_colours(file, name), target, camera))
     )
-    if seen is None:
+    if balls is None:
         return []
-    if seen.missing:
-        st.warning(f"{seen.missing} Click both balls again, or in the middle of their lit side.")
+    if balls.missing:
+        st.warning(f"{balls.missing} Click both balls again, or in the middle of their lit side.")
     else:
-        radii = " and ".join(f"{spot.radius_px:.0f}" for spot in seen.spots if spot)
+        radii = " and ".join(f"{spot.radius_px:.0f}" for spot in balls.spots if spot)
         st.success(f"Both balls are found here, with radii of {radii} px.")
     return [
         Mark(letter, spot.u, spot.v, spot.radius_px, TARGET_COLOURS[letter], TARGET_SYMBOLS[letter])
-        for letter, spot in zip("AB", seen.spots, strict=True)
+        for letter, spot in zip("AB", balls.spots, strict=True)
         if spot
     ]
 

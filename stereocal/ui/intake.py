@@ -275,11 +275,11 @@ def drop_zone(
 
 def _show_last(key: str, in_use: bool) -> None:
     """What the last files were, and those that cannot be used."""
-    shown_key, taken, problems = st.session_state.get(_SAID, ("", "", []))
+    shown_key, recognised, problems = st.session_state.get(_SAID, ("", "", []))
     if shown_key != key:
         return
-    if taken and not in_use:
-        (st.info if problems else st.success)(f"Recognised: {taken}.")
+    if recognised and not in_use:
+        (st.info if problems else st.success)(f"Recognised: {recognised}.")
     if problems:
         st.warning(markdown_list(problems[:SHOWN]))
         if len(problems) > SHOWN:

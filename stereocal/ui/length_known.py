@@ -87,9 +87,9 @@ def ask_known(
     titles = {NOT_STATED: f"Not known: {assumed} assumed"} | TITLES
     del titles[PRINTED if baseline else FREE]
     hint = HELP.format(assumed=assumed) + HELP_ON_FREE * baseline
-    known = Field(key, key, read, choose, fit=one_of(titles))
+    field = Field(key, key, read, choose, fit=one_of(titles))
     named = titles.__getitem__
-    if known.menu("How well is it known?", left, format_func=named, help=hint) == TYPED:
+    if field.menu("How well is it known?", left, format_func=named, help=hint) == TYPED:
         ask_number("± mm", f"{name}_sigma_mm", mm, take, right, least=LEAST_MM)
 
 

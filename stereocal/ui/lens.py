@@ -134,8 +134,8 @@ def _tell_what_is_loaded(project: Project | None, which: CameraName) -> None:
 def _choose_camera(project: Project | None) -> tuple[CameraName, str]:
     """Which camera, and where its lens comes from."""
     left, right = st.columns(2)
-    shown = partial(choose, place=left, format_func=str.capitalize)
-    which: CameraName = shown(project, "lens_camera", "Camera", CAMERAS)
+    choose_left = partial(choose, place=left, format_func=str.capitalize)
+    which: CameraName = choose_left(project, "lens_camera", "Camera", CAMERAS)
     how: str = choose(project, "lens_how", "I have", (BOARD, FILE), place=right)
     stores = [] if project is None else [ProjectLens(project, camera) for camera in CAMERAS]
     # What is damaged is reported where they are shown.
@@ -235,11 +235,11 @@ def _propose_board(store: ProjectLens) -> None:
 def _lens_form(project: Project) -> LensSettings:
     settings = asked(LensSettings)
     fields = {name: field_of(project, f"lens_{name}", spec) for name, spec in settings.items()}
-    held = ("fix_k3", "zero_tangential") if fields["model"].value() == "fisheye" else ()
+    fixed = ("fix_k3", "zero_tangential") if fields["model"].value() == "fisheye" else ()
     with st.expander("Settings of the calibration"):
         places = (*st.columns(3), *st.columns(2), st.container())
         values = {
-            name: ask(place, spec, fields[name], disabled=name in held)
+            name: ask(place, spec, fields[name], disabled=name in fixed)
             for place, (name, spec) in zip(places, settings.items(), strict=True)
         }
     return LensSettings(**values)
@@ -260,9 +260,9 @@ def _act(store: ProjectLens, pattern: BoardPattern, settings: LensSettings) -> N
     work = jobs.PageWork(store.project, kind, STAGES, run)
     label = "Calibrate the lens" if ready else "Find the boards and calibrate the lens"
     if lens is not None and not jobs.is_running(store.project, kind):
-        then = _parts(lens.search.pattern, [v.name for v in lens.search.views], lens.settings)
+        made_from = _parts(lens.search.pattern, [v.name for v in lens.search.views], lens.settings)
         used = [name for name in names if name not in leave_out]
-        show_stale(changed(then, _parts(pattern, used, settings)))
+        show_stale(changed(made_from, _parts(pattern, used, settings)))
     jobs.start_button(work, label, f"calibrate_{store.which}", primary=lens is None)
 
 

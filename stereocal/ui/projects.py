@@ -269,9 +269,9 @@ def _offer_packed(project: Project, name: str) -> None:
             pack_project(project, target, result)
         content = target.read_bytes()
     packed = len(content)
-    taken = f"{packed / MB:.1f} MB" if packed >= MB else f"{packed / 1e3:.0f} kB"
+    in_words = f"{packed / MB:.1f} MB" if packed >= MB else f"{packed / 1e3:.0f} kB"
     file_name = re.sub("[^A-Za-z0-9-]+", "-", name).strip("-") or "project"
-    offer(f"Download it ({taken})", content, f"{file_name}.zip", "download_project")
+    offer(f"Download it ({in_words})", content, f"{file_name}.zip", "download_project")
     largest = st.get_option("server.maxUploadSize")
     if packed > largest * 2**20:
         st.caption(

@@ -127,11 +127,11 @@ def _tile(title: str, answer: PairAnswer) -> tuple[str, str]:
         return _expected(match.wrong_let_in, answer, f" of {match.wrong_pairs:,} wrong pairs")
     if title == TILES[1]:
         measure = answer.recommendation.measure
-        shown, words = _expected(measure.metric_p95, answer)
+        value_in_words, words = _expected(measure.metric_p95, answer)
         scatter = measure.length_p95.best(answer.recommendation.forecast_holds)
         held = word_of(calibration.dataset)
         alone = "" if scatter is None else f"  \nrelative to the {held}: {in_percent(scatter)}"
-        return shown, f"{words}{alone}"
+        return value_in_words, f"{words}{alone}"
     if title == TILES[3]:
         errors = calibration.errors[match.method]
         frames_used = count(len(calibration.frames), "frame")
@@ -237,15 +237,15 @@ def _show_closer_looks(
     """
     if result_state(project) != drawn:
         st.rerun()
-    shown, looks = _view(project), looks_of(project)
-    view = shown.value()
+    field, looks = _view(project), looks_of(project)
+    view = field.value()
     in_sight = [*IN_SIGHT, *([] if view in IN_SIGHT else [view])]
     # Each in a row of its own: beside each other they leave a screen of 420 px.
-    st.segmented_control("Look at", in_sight, required=True, **shown.widget("default"))
+    st.segmented_control("Look at", in_sight, required=True, **field.widget("default"))
     with st.popover("More"):
         for name in looks:
             if name not in in_sight:
-                button(name, f"look_{name}", shown.set, name)
+                button(name, f"look_{name}", field.set, name)
     looks[view](project, run, answer)
 
 

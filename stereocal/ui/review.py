@@ -146,8 +146,8 @@ def _decide(store: ProjectPhotographs, review: Review, frame: Frame, running: bo
     """Buttons to use the frame, leave it out, or undo."""
 
     def choose(use: bool, now: Review) -> tuple[Review, str]:
-        done = "It is used." if use else "It is left out."
-        return reviewing.use_frame(now, frame.frame, use), done
+        report = "It is used." if use else "It is left out."
+        return reviewing.use_frame(now, frame.frame, use), report
 
     use, leave_out = (
         partial(edit, store, frame.frame, partial(choose, to)) for to in (True, False)
@@ -246,19 +246,19 @@ def take_pick(store: ProjectPhotographs, number: int, camera: int, click: Pick) 
 
 def edit(store: ProjectPhotographs, number: int, change: Change) -> None:
     """Apply an edit and report the outcome (a callback)."""
-    done = ""
+    report = ""
 
     def changed(now: Review) -> Review:
-        nonlocal done
-        after, done = change(now)
+        nonlocal report
+        after, report = change(now)
         return after
 
     refused = False
     try:
         change_review(store, changed)
     except StereocalError as error:
-        done, refused = str(error), True
-    st.session_state[_OUTCOME] = (number, done, refused)
+        report, refused = str(error), True
+    st.session_state[_OUTCOME] = (number, report, refused)
 
 
 @callback

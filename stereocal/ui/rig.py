@@ -50,11 +50,11 @@ def run_of(
 
 def rig_parts(project: Project) -> tuple[Parts, Parts]:
     """What the rig was made from, and would be made from now."""
-    rig, run, then = project.rig, run_of(project), project.rig_made_from
+    rig, run, made_from = project.rig, run_of(project), project.rig_made_from
     if rig is None or run is None:
         return {}, {}
-    if then:
-        return then, run.made_from
+    if made_from:
+        return made_from, run.made_from
     # An earlier version forgot a rig with everything that changed it.
     return {DATA: [rig.about.inputs.get("sha256")]}, {DATA: [run.recording.sha256]}
 

@@ -136,17 +136,17 @@ def _take(
     project: Project, settings: VideoSettings, videos: Mapping[str, Path], job: jobs.Job
 ) -> None:
     store = ProjectPhotographs(project)
-    taken: dict[str, StoredFile] = {}
+    photographs: dict[str, StoredFile] = {}
 
     def keep(name: str, content: bytes) -> None:
-        taken[name] = store.keep(name, content)
+        photographs[name] = store.keep(name, content)
 
     report = extract(videos, settings, keep, job.begin, job.progress)
     if settings.by_hand != (store.choice.way == "motion"):
         # The numbers of frames that were taken before are of other moments.
         others = {n: f for n, f in store.photographs.items() if not FRAME.fullmatch(n)}
         store.clear(others)
-    store.add(taken)
+    store.add(photographs)
     if settings.by_hand:
         store.choose(Choice("motion", heard=report.heard))
     project.keep_settings({REPORT: list(report.sentences), FRAMES_MISSING: report.frames_missing})
