@@ -219,11 +219,8 @@ class Store(Database):
     def keep_values(self, part: str, values: Mapping[str, Any]) -> None:
         """Store values; existing names are replaced."""
         refuse_unlisted("value", part, values)
-        scoped_part = self.scope + part
-        rows = [
-            (scoped_part, name, json.dumps(value, allow_nan=False))
-            for name, value in values.items()
-        ]
+        part = self.scope + part
+        rows = [(part, name, json.dumps(value, allow_nan=False)) for name, value in values.items()]
         with self.transaction() as db:
             db.executemany("INSERT OR REPLACE INTO value VALUES (?, ?, ?)", rows)
 

@@ -2,7 +2,7 @@
 the lines in the other pictures, the places proposed next, and what the points measure."""
 
 import bisect
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import cycle, product
 from typing import Any
@@ -167,18 +167,18 @@ class _Panel:
         accept = f"Accept {len(self.proposed)} and go on" if self.proposed else "Accept and go on"
         last = {camera for act in self.store.acts[-1:] for camera in act.cameras}
         can_undo = not last.isdisjoint(self.measure.matching.placed)
-        presses: tuple[tuple[Any, ...], ...] = (
-            ("Back", "b", before != self.frame, self.frame_field.set, before),
-            ("Forward", "f", bool(after), self.frame_field.set, onward),
-            (accept, "a", bool(self.proposed), self._accept, onward),
+        presses: tuple[tuple[str, str, bool, Callable[[], object]], ...] = (
+            ("Back", "b", before != self.frame, partial(self.frame_field.set, before)),
+            ("Forward", "f", bool(after), partial(self.frame_field.set, onward)),
+            (accept, "a", bool(self.proposed), partial(self._accept, onward)),
             ("Accept until in doubt", "g", self.may_go_on, self._accept_on),
-            ("Remove it", "x", bool(clicked), self._place, [], clicked),
+            ("Remove it", "x", bool(clicked), partial(self._place, [], clicked)),
             ("Undo", "u", can_undo, self.store.undo),
         )
         with st.container(horizontal=True):
-            for label, key, may, *act in presses:
-                options = {"first": may and key == "a", "shortcut": key, "disabled": not may}
-                button(label, f"clicks_{key}", *act, **options)
+            for label, key, may, act in presses:
+                first = may and key == "a"
+                button(label, f"clicks_{key}", act, first=first, shortcut=key, disabled=not may)
 
     def _accept(self, onward: int) -> None:
         self._place(self.proposed)

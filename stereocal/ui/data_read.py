@@ -85,9 +85,8 @@ def _show_two_cameras(project: Project | None) -> None:
     _say_how_many(len(dataset.correspondences), len(dataset.correspondences.frames))
     show_rig(project, dataset)
     narrow, clicked = is_narrow(), partial(open_clicked_frame, project)
-    figure = once(
-        "coverage figure", f"{dataset.sha256} {narrow}", lambda: plot_coverage(dataset, narrow)
-    )
+    key = f"{dataset.sha256} {narrow}"
+    figure = once("coverage figure", key, lambda: plot_coverage(dataset, narrow))
     words = describe_coverage(dataset)
     show_figure(figure, words, COVERAGE, on_select=clicked, selection_mode="points")
     st.caption("A click on a point opens its frame.")

@@ -68,9 +68,8 @@ def show_exchanged(project: Project) -> None:
     """The frames whose targets the user has exchanged, with buttons to undo that."""
     with st.container(horizontal=True):
         for camera, frames in project.inputs.exchanged.items():
-            hint = (
-                f"A and B of this frame were exchanged in the image of {camera_in_words(camera)}."
-            )
+            words = camera_in_words(camera)
+            hint = f"A and B of this frame were exchanged in the image of {words}."
             for frame in frames[:MOST_BUTTONS]:
                 label = f"Frame {frame}: take the exchange back"
                 key = f"unexchange_{camera}_{frame}"

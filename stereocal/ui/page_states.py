@@ -92,9 +92,8 @@ def _of_two(project: Project) -> dict[str, PageState]:
     points = dataset.correspondences
     data = PageState("done", count(len(points.frames), "frame"))
     if len(points) < MINIMUM_PAIRS:
-        data = PageState(
-            "missing", f"{count(len(points), 'pair')}, at least {MINIMUM_PAIRS} needed"
-        )
+        pairs = count(len(points), "pair")
+        data = PageState("missing", f"{pairs}, at least {MINIMUM_PAIRS} needed")
     calibrate = _calibrate(project)
     uses_results = project.settings.get("apply_sets") != "Parameter files"
     if states["apply"].mark == "done" and uses_results and calibrate.mark == "stale":

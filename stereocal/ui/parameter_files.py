@@ -126,12 +126,9 @@ def other_formats(project: Project, answer: PairAnswer) -> None:
     left, right = st.columns(2)
     sets, usual = answer.sets, answer.recommendation.match.method
     named = METHOD_NAMES.__getitem__
-    method: Method = choose(
-        project, "format_file", "File", sets, usual, place=left, as_menu=True, format_func=named
-    )
-    chosen: str = choose(
-        project, "format", "Format", FORMATS, place=right, as_menu=True, format_func=_title
-    )
+    menu = partial(choose, project, as_menu=True)
+    method: Method = menu("format_file", "File", sets, usual, place=left, format_func=named)
+    chosen: str = menu("format", "Format", FORMATS, place=right, format_func=_title)
     with ErrorsShown():
         options = ExchangeOptions()
         if chosen == "dlt":

@@ -57,10 +57,8 @@ def video_settings(project: Project | None) -> VideoSettings:
         return place.toggle(title, help=text, **field.widget())
 
     left, right = st.columns(2, vertical_alignment="bottom")
-    named, title = CHOICES.__getitem__, "Which frames of the videos"
-    choice = choose_from_menu(
-        project, "video_choice", title, CHOICES, place=left, format_func=named
-    )
+    key, title, named = "video_choice", "Which frames of the videos", CHOICES.__getitem__
+    choice = choose_from_menu(project, key, title, CHOICES, place=left, format_func=named)
     n = 30
     if choice == "every":
         n = setting(project, "video_n", 30, Number(1)).number_input("n", right)

@@ -166,9 +166,8 @@ def ask_about_bars(store: ProjectApplication) -> None:
     """The questions about a file with both ends of the bar, if there is one."""
 
     def form(label: str, content: bytes) -> Use | None:
-        layout, questions = _laid_out(
-            store.project, "wizard_bars", label, content, "points of the bar", True
-        )
+        project, of_bar = store.project, "points of the bar"
+        layout, questions = _laid_out(project, "wizard_bars", label, content, of_bar, True)
         if layout is None:
             return None
         options, heights = _bar_form(questions, layout)
