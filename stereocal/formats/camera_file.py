@@ -135,11 +135,11 @@ def image_size_in(storage: Storage, source: str, of: str = "") -> tuple[int, int
     """
     for end in dict.fromkeys((of, "")):
         names = WIDTH_NAMES, HEIGHT_NAMES, SIZE_NAMES
-        width, height, size = (find_node(storage, [name + end for name in each]) for each in names)
+        width, height, size = (find_node(storage, [name + end for name in keys]) for keys in names)
         if width is not None and height is not None:
             size = [width, height]
         if isinstance(size, dict):
-            size = size.get("data") or [find_node(size, each) for each in names[:2]]
+            size = size.get("data") or [find_node(size, keys) for keys in names[:2]]
         if isinstance(size, str):
             size = [int(side) for side in re.findall(r"\d{1,9}", size)]
         if size is None:
@@ -276,7 +276,7 @@ def _refuse_part_of_sensor(storage: Storage, source: str) -> None:
     binned = [storage.get(f"binning_{axis}") for axis in "xy"]
     roi = storage.get("roi")
     cut = [roi.get(f"{axis}_offset") for axis in "xy"] if isinstance(roi, dict) else []
-    if any(isinstance(each, int) and each > 1 for each in binned) or any(cut):
+    if any(isinstance(factor, int) and factor > 1 for factor in binned) or any(cut):
         raise StereocalError(
             f"{source}: its numbers are of the whole sensor, but its images are binned or cut "
             "(binning_x, binning_y, roi): give those of the images, with binning 1 and without roi."

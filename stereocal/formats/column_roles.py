@@ -79,17 +79,17 @@ def roles_text(roles: Sequence[Role]) -> str:
 
 def parse_roles(text: str, source: str) -> Roles:
     """The roles of a text such as `frame,target,x:left,y:left,x:right,y:right`."""
-    found = []
+    roles = []
     for number, part in enumerate(text.split(","), 1):
-        kind, camera, target = (*(each.strip() for each in part.split(":", 2)), "", "")[:3]
+        kind, camera, target = (*(word.strip() for word in part.split(":", 2)), "", "")[:3]
         named = kind in ("x", "y")
         if kind.lower() not in KINDS or (camera and not named):
             raise StereocalError(
                 f"{source}: column {number} cannot be {part.strip()[:40]!r}: it must be frame, "
                 "camera, target, x, y, x:CAMERA, x:CAMERA:TARGET (y likewise), or -."
             )
-        found.append(Role(cast(Kind, kind.lower()), camera, target))
-    return tuple(found)
+        roles.append(Role(cast(Kind, kind.lower()), camera, target))
+    return tuple(roles)
 
 
 def propose_roles(rows: Sequence[Sequence[str]]) -> Roles:
@@ -103,9 +103,9 @@ def propose_roles(rows: Sequence[Sequence[str]]) -> Roles:
     pairs = _coordinates(names)
     free = [k for k in range(len(names)) if not any(k in pair for pair in pairs)]
     for kind in LOOKED_FOR:
-        if (found := _likeliest(names, free, kind)) is not None:
-            roles[found] = Role(kind)
-            free.remove(found)
+        if (column := _likeliest(names, free, kind)) is not None:
+            roles[column] = Role(kind)
+            free.remove(column)
     named = {role.kind for role in roles}
     stems = [names[x][1] for x, _ in pairs]
     for (x, y), (camera, target) in zip(pairs, _named(stems, named), strict=True):
@@ -156,7 +156,7 @@ def layout_of_roles(roles: Sequence[Role], rows: Sequence[Sequence[str]]) -> Poi
         rows: the first rows, perhaps with a header and titles above it.
     """
     above = header_row(rows)
-    at = {role.kind: k for k, role in enumerate(roles)}
+    column_by_kind = {role.kind: k for k, role in enumerate(roles)}
     ys = {(role.camera, role.target): k for k, role in enumerate(roles) if role.kind == "y"}
     columns = tuple(
         PointColumns(
@@ -165,7 +165,7 @@ def layout_of_roles(roles: Sequence[Role], rows: Sequence[Sequence[str]]) -> Poi
         for k, role in enumerate(roles)
         if role.kind == "x"
     )
-    pixels = [k for each in columns for k in (each.u, each.v)]
+    pixels = [k for point in columns for k in (point.u, point.v)]
     header = above
     while header < len(rows) - 1 and not any(
         _is_value(rows[header][k]) for k in pixels if k < len(rows[header])
@@ -182,10 +182,10 @@ def layout_of_roles(roles: Sequence[Role], rows: Sequence[Sequence[str]]) -> Poi
         BY_ROLES,
         columns,
         header,
-        frame=at.get("frame"),
+        frame=column_by_kind.get("frame"),
         further=further,
-        camera_column=at.get("camera"),
-        point_column=at.get("target"),
+        camera_column=column_by_kind.get("camera"),
+        point_column=column_by_kind.get("target"),
         zero_is_missing=len(columns) > 1,
         roles=roles_text(roles),
         titles=tuple(titles),
@@ -222,8 +222,8 @@ def _plain(name: str) -> tuple[str, str]:
     for axis in AXES:
         for word in lower[::-1]:
             if word in _WORDS[axis]:
-                at = len(lower) - 1 - lower[::-1].index(word)
-                return axis, " ".join(words[:at] + words[at + 1 :])
+                place = len(lower) - 1 - lower[::-1].index(word)
+                return axis, " ".join(words[:place] + words[place + 1 :])
     if words and len(words[-1]) > 1 and lower[-1][-1] in "xyuv":  # leftx, ay
         return ("x" if lower[-1][-1] in "xu" else "y"), " ".join([*words[:-1], words[-1][:-1]])
     return "", " ".join(words)
@@ -231,11 +231,11 @@ def _plain(name: str) -> tuple[str, str]:
 
 def _coordinates(names: list[tuple[str, str]]) -> list[tuple[int, int]]:
     """The columns of x and y of each point, in the order of the file."""
-    own: dict[str, list[list[int]]] = {}
+    columns_by_stem: dict[str, list[list[int]]] = {}
     for k, (axis, stem) in enumerate(names):
         if axis:
-            own.setdefault(stem, [[], []])["xy".index(axis)].append(k)
-    return sorted((xs[0], ys[0]) for xs, ys in own.values() if len(xs) == len(ys) == 1)
+            columns_by_stem.setdefault(stem, [[], []])["xy".index(axis)].append(k)
+    return sorted((xs[0], ys[0]) for xs, ys in columns_by_stem.values() if len(xs) == len(ys) == 1)
 
 
 def _likeliest(names: list[tuple[str, str]], free: Iterable[int], kind: Kind) -> int | None:
@@ -253,19 +253,21 @@ def _likeliest(names: list[tuple[str, str]], free: Iterable[int], kind: Kind) ->
 
 def _named(stems: list[str], named: set[Kind]) -> list[tuple[str, str]]:
     """Camera and target of each point's x and y, by the words of their headers."""
-    found = [_split(stem) for stem in stems]
+    cameras_and_targets = [_split(stem) for stem in stems]
     if "camera" in named:
         return [("", stem) for stem in stems]
     if "target" in named:  # what else differs is the camera
-        return [(camera or target, "") for camera, target in found]
-    if all(camera for camera, _ in found):
-        return found
-    if len(stems) > 1 and not any(camera for camera, _ in found):  # the word that repeats
+        return [(camera or target, "") for camera, target in cameras_and_targets]
+    if all(camera for camera, _ in cameras_and_targets):
+        return cameras_and_targets
+    if len(stems) > 1 and not any(
+        camera for camera, _ in cameras_and_targets
+    ):  # the word that repeats
         words = [stem.split() for stem in stems]
-        if {len(each) for each in words} == {2} and len({each[0] for each in words}) < len(stems):
-            digits = all(each[1].isdigit() for each in words)
+        if {len(pair) for pair in words} == {2} and len({pair[0] for pair in words}) < len(stems):
+            digits = all(pair[1].isdigit() for pair in words)
             first, second = (1, 0) if digits and not words[0][0].isdigit() else (0, 1)
-            return [(each[first], each[second]) for each in words]
+            return [(pair[first], pair[second]) for pair in words]
     return [("", stem) for stem in stems]
 
 

@@ -100,23 +100,23 @@ def codes_of(
     words: Texts, codes: Mapping[str, int], allowed: str, written: Texts, reasons: Reasons
 ) -> IntArray:
     """The codes of words; adds rows with others, as `written` under the name of that column."""
-    found = words.map(codes)
-    bad = np.flatnonzero(found.isna())
+    code = words.map(codes)
+    bad = np.flatnonzero(code.isna())
     for row, cell in zip(bad.tolist(), written.iloc[bad].tolist(), strict=True):
         reasons.setdefault(row, f'{written.name} is "{cell[:40]}"; it must be {allowed}')
-    return np.asarray(found.fillna(0), dtype=np.int64)
+    return np.asarray(code.fillna(0), dtype=np.int64)
 
 
 def _object(targets: Texts, values: Values, reasons: Reasons, source: str) -> RigidObject:
     """The object of the columns `OBJECT`; adds rows that contradict an earlier one."""
     places = np.column_stack([values[name] for name in OBJECT])
-    found: dict[str, FloatArray] = {}
+    points: dict[str, FloatArray] = {}
     for row, name in enumerate(targets.tolist()):
-        if row not in reasons and (found.setdefault(name, places[row]) != places[row]).any():
+        if row not in reasons and (points.setdefault(name, places[row]) != places[row]).any():
             reasons[row] = f"target {name[:40]} is at two places on the object"
-    names = sorted(found, key=lambda name: (len(name), name))
+    names = sorted(points, key=lambda name: (len(name), name))
     with naming(source):
-        return RigidObject(tuple(names), np.array([found[name] for name in names]).reshape(-1, 3))
+        return RigidObject(tuple(names), np.array([points[name] for name in names]).reshape(-1, 3))
 
 
 def _contradictions(
@@ -132,9 +132,9 @@ def _contradictions(
     again = rows["line"] != earlier
     differ = rows["own"].notna() & known.notna() & (rows["own"] != known)
     reasons: Reasons = {}
-    found = rows.assign(earlier=earlier, known=known)[again | differ]
+    contradicting = rows.assign(earlier=earlier, known=known)[again | differ]
     for row, (frame, which, distance, line, first, other) in zip(
-        found.index.tolist(), found.to_numpy().tolist(), strict=True
+        contradicting.index.tolist(), contradicting.to_numpy().tolist(), strict=True
     ):
         if line != first:
             problem = f"has target {names[int(which)]} already, in line {first:.0f}"

@@ -136,7 +136,7 @@ class Description:
             raise StereocalError(f'{self.where}: "cameras" must name the files of {which}.')
         with naming(self.where):
             check_camera_names(wanted or named)
-        found = {}
+        cameras = {}
         for which in wanted or named:
             name = named[which]
             if not isinstance(name, str) or self.folder + name not in self.files:
@@ -144,8 +144,8 @@ class Description:
                     f"{self.source}: the {which}'s camera file {name!r} is missing."
                 )
             content, source = self.files[self.folder + name], f"{self.source}: {name}"
-            found[which] = read_camera(content, source, lens_model)
-        return found
+            cameras[which] = read_camera(content, source, lens_model)
+        return cameras
 
     def length(self, key: str) -> float:
         """An entry in metres that must be there."""
@@ -167,12 +167,12 @@ class Description:
 
 def find_description(files: Mapping[str, bytes], source: str) -> Description:
     """The only `dataset.json` among files, which may all be in one subfolder."""
-    found = [
+    paths = [
         name
         for name in files
         if PurePosixPath(name).name == DESCRIPTION and not name.startswith("__MACOSX/")
     ]
-    if not found:
+    if not paths:
         zips = [name for name in files if name.lower().endswith(".zip")]
         inside = f" It holds the zip {zips[0][:60]}: unpack that, and give it." if zips else ""
         raise StereocalError(
@@ -180,12 +180,12 @@ def find_description(files: Mapping[str, bytes], source: str) -> Description:
             f"{inside or HOW_MADE}",
             source,
         )
-    if len(found) > 1:
+    if len(paths) > 1:
         raise StereocalError(
-            f"{source}: it contains {len(found)} data sets ({', '.join(sorted(found)[:3])}); "
+            f"{source}: it contains {len(paths)} data sets ({', '.join(sorted(paths)[:3])}); "
             "use one at a time."
         )
-    content = files[found[0]]
+    content = files[paths[0]]
     if len(content) > LARGEST_DESCRIPTION:
         raise StereocalError(f"{source}: {len(content)} bytes are too many for a {DESCRIPTION}.")
     entries = read_json(content, f"{source}: {DESCRIPTION}")
@@ -200,7 +200,7 @@ def find_description(files: Mapping[str, bytes], source: str) -> Description:
             raise StereocalError(
                 f'{source}: {DESCRIPTION}: "{entry[:60]}" is not known: write "{meant[0]}".'
             )
-    return Description(files, source, found[0][: -len(DESCRIPTION)], entries)
+    return Description(files, source, paths[0][: -len(DESCRIPTION)], entries)
 
 
 def _object(description: Description) -> RigidObject:
@@ -214,7 +214,9 @@ def _object(description: Description) -> RigidObject:
                 '[0.39, 0, 0]}, or a board: {"board": {"columns": 9, "rows": 6, "square_m": 0.03}}.'
             )
         if BOARD in given:
-            found = RigidObject.of_board(settings_of(given[BOARD], BoardPattern, "board"), sigma)
+            rigid_object = RigidObject.of_board(
+                settings_of(given[BOARD], BoardPattern, "board"), sigma
+            )
         else:
             points = []
             for name, xyz in given.items():
@@ -224,11 +226,11 @@ def _object(description: Description) -> RigidObject:
                     raise StereocalError(
                         f"the point {name[:40]!r} must be three numbers, in metres."
                     ) from error
-            found = RigidObject(tuple(given), np.array(points), sigma)
-        longest = found.longest_m
+            rigid_object = RigidObject(tuple(given), np.array(points), sigma)
+        longest = rigid_object.longest_m
         check_length("longest distance between points of the object", longest)
         check_uncertainty("object", sigma, longest)
-        return found
+        return rigid_object
 
 
 def _baselines(description: Description, cameras: Iterable[str]) -> dict[CameraPair, float]:
@@ -237,7 +239,7 @@ def _baselines(description: Description, cameras: Iterable[str]) -> dict[CameraP
     if not isinstance(given, dict):
         raise StereocalError(f'{where}: "baselines_m" must give lengths by pair of cameras.')
     pairs = {f"{a}-{b}": (a, b) for a, b in permutations(cameras, 2)}
-    found: dict[CameraPair, float] = {}
+    baselines: dict[CameraPair, float] = {}
     for key in given:
         value = description.optional_length(key, given)
         if key not in pairs:
@@ -247,7 +249,7 @@ def _baselines(description: Description, cameras: Iterable[str]) -> dict[CameraP
         if value is not None:
             with naming(where):
                 check_length(f"baseline {key}", value)
-            if pairs[key][::-1] in found:
+            if pairs[key][::-1] in baselines:
                 raise StereocalError(f"{where}: the baseline {key} is stated twice.")
-            found[pairs[key]] = value
-    return found
+            baselines[pairs[key]] = value
+    return baselines

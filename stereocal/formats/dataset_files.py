@@ -92,22 +92,23 @@ def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
     """The text files in a folder or a zip by name, and whether there are photographs too."""
     with disk_errors(f"{path} cannot be read"):
         if path.is_dir():
-            below = [file for each in ("*", "*/*") for file in sorted(path.glob(each))]
+            below = [file for pattern in ("*", "*/*") for file in sorted(path.glob(pattern))]
             sizes = {
                 file: file.stat().st_size
                 for file in below
                 if file.suffix.lower() in TEXTS | NAMED and file.is_file()
             }
-            found = {
+            size_of_file = {
                 file: size
                 for file, size in sizes.items()
                 if file.suffix.lower() in TEXTS or size <= LARGEST_DESCRIPTION
             }
             limits = Limits.from_environment()
-            limits.check_count(len(found), str(path))
-            limits.check_size(sum(found.values()), str(path))
+            limits.check_count(len(size_of_file), str(path))
+            limits.check_size(sum(size_of_file.values()), str(path))
             texts = {
-                str(PurePosixPath(file.relative_to(path))): file.read_bytes() for file in found
+                str(PurePosixPath(file.relative_to(path))): file.read_bytes()
+                for file in size_of_file
             }
             return texts, any(is_photograph(file.name) and file.is_file() for file in below)
         if path.suffix.lower() in TEXTS and path.is_file():
@@ -138,33 +139,33 @@ def parse_recording(
         as_counted: the frames as each camera counted them itself, whatever is known of its start.
         with_points: whether to read its points; else it has none.
     """
-    found = find_description(files, source)
-    if as_counted and not found.is_recording:
+    description = find_description(files, source)
+    if as_counted and not description.is_recording:
         raise StereocalError(
             f"{source}: a row of {TABLE} has the points of both cameras at one moment, so their "
             "frames are in step already. Give the points of each camera by its own count: a data "
             'set of format 2 with "frames": "own".'
         )
-    own = as_counted or (found.is_recording and found.counts_own_frames)
-    recording = found.recording(lens_model)
+    own_frames = as_counted or (description.is_recording and description.counts_own_frames)
+    recording = description.recording(lens_model)
     if not with_points:
         return recording
-    if not found.is_recording:
-        return _with_pairs(found, recording, photographs)
-    recording = _with_points(found, recording, photographs, own)
-    if not own:
+    if not description.is_recording:
+        return _with_pairs(description, recording, photographs)
+    recording = _with_points(description, recording, photographs, own_frames)
+    if not own_frames:
         return recording
     with naming(source):
-        counted = at_stated_rates(recording, found.entries.get(RATES))
-    starts = {} if as_counted else found.start_frames
+        counted = at_stated_rates(recording, description.entries.get(RATES))
+    starts = {} if as_counted else description.start_frames
     return replace(counted.counted_from(starts), start_frames=starts, own_frames=not starts)
 
 
-def _with_pairs(found: Description, recording: Recording, photographs: bool) -> Recording:
+def _with_pairs(description: Description, recording: Recording, photographs: bool) -> Recording:
     """The recording with the points of `correspondences.csv`."""
-    source, content = found.source, found.files.get(found.folder + TABLE)
+    source, content = description.source, description.files.get(description.folder + TABLE)
     if content is None:
-        if photographs or any(map(is_photograph, found.files)):
+        if photographs or any(map(is_photograph, description.files)):
             raise StereocalError(
                 f"{source}: it contains photographs and no {TABLE} yet; find the targets first, "
                 "with `python -m stereocal detect` or on the Data page."
@@ -181,23 +182,25 @@ def _with_pairs(found: Description, recording: Recording, photographs: bool) -> 
 
 
 def _with_points(
-    found: Description, recording: Recording, photographs: bool, own_frames: bool
+    description: Description, recording: Recording, photographs: bool, own_frames: bool
 ) -> Recording:
     """The recording with the points of one table, or of a table for each camera."""
-    tables, cameras = found.entries.get("points", POINTS), recording.cameras
+    tables, cameras = description.entries.get("points", POINTS), recording.cameras
     by_camera = dict(tables) if isinstance(tables, dict) else {None: tables}
     if by_camera.keys() not in ({None}, cameras.keys()):
-        raise StereocalError(f'{found.where}: "points" must name a table for each of the cameras.')
+        raise StereocalError(
+            f'{description.where}: "points" must name a table for each of the cameras.'
+        )
     parts = []
     for camera, name in by_camera.items():
-        content = found.files.get(f"{found.folder}{name}")
+        content = description.files.get(f"{description.folder}{name}")
         if content is None:
             how = "; find the targets first, with `stereocal detect`" if photographs else ""
             raise StereocalError(
-                f"{found.source}: the table of points {str(name)[:60]!r} is missing{how}."
+                f"{description.source}: the table of points {str(name)[:60]!r} is missing{how}."
             )
-        about = f"{found.source}: {name}"
-        parts.append(read_points_csv(content, cameras, recording.object, about, camera, own_frames))
+        table = f"{description.source}: {name}"
+        parts.append(read_points_csv(content, cameras, recording.object, table, camera, own_frames))
     columns: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS
     }

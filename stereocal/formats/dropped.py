@@ -46,7 +46,9 @@ class Dropped(Generic[F]):
 
     def of(self, kind: Kind) -> dict[str, bytes]:
         """The files of a kind, without their folders where the names stay different."""
-        chosen = {name: self.files[name] for name, each in self.kinds.items() if each == kind}
+        chosen = {
+            name: self.files[name] for name, this_kind in self.kinds.items() if this_kind == kind
+        }
         short = {PurePosixPath(name).name: content for name, content in chosen.items()}
         return short if len(short) == len(chosen) else chosen
 
@@ -80,42 +82,42 @@ def sort_files(
         keep: stores a photograph, of which one at a time is in memory.
         tables: endings of further files that are tables.
     """
-    found, digests = Dropped[F](), dict[str, bytes]()
+    dropped, digests = Dropped[F](), dict[str, bytes]()
     for name, content in contents:
         digest = hashlib.sha256(content).digest()
         if digests.setdefault(name, digest) != digest:
             # Of the other camera, whose files have the same names.
             name = f"{AGAIN}/{name}"
-        found.source = "the files" if found.source else name
+        dropped.source = "the files" if dropped.source else name
         if tables and name.lower().endswith(tables):
-            found.kinds[name], found.files[name] = "table", content
+            dropped.kinds[name], dropped.files[name] = "table", content
         elif not is_hidden(name):
-            _sort(found, name.replace("\\", "/"), content, keep, in_zip=False)
-    found.problems += differing_sizes(found.sizes)
-    return found
+            _sort(dropped, name.replace("\\", "/"), content, keep, in_zip=False)
+    dropped.problems += differing_sizes(dropped.sizes)
+    return dropped
 
 
 def _sort(
-    found: Dropped[F], name: str, content: bytes, keep: Callable[[str, bytes], F], in_zip: bool
+    dropped: Dropped[F], name: str, content: bytes, keep: Callable[[str, bytes], F], in_zip: bool
 ) -> None:
     try:
         read = recognise(name, content)
         if read.kind is None:
             raise StereocalError(read.problem, name)
         if read.kind == "photograph":
-            found.sizes[name] = photograph_size(content, name)
-            found.photographs[name] = keep(name, content)
+            dropped.sizes[name] = photograph_size(content, name)
+            dropped.photographs[name] = keep(name, content)
         elif read.kind != "zip":
-            found.kinds[name], found.files[name] = read.kind, content
+            dropped.kinds[name], dropped.files[name] = read.kind, content
         elif in_zip:
             raise StereocalError("a zip inside a zip: unpack it, and give its files.", name)
         else:
             for member, inside in _unpacked(name, content):
-                _sort(found, member, inside, keep, in_zip=True)
-                size = sum(map(len, found.files.values()))
+                _sort(dropped, member, inside, keep, in_zip=True)
+                size = sum(map(len, dropped.files.values()))
                 Limits.from_environment().check_size(size, f"{name}: the files inside, together")
     except StereocalError as error:
-        found.problems.append(str(error))
+        dropped.problems.append(str(error))
 
 
 def _unpacked(name: str, content: bytes) -> Iterator[tuple[str, bytes]]:
@@ -132,13 +134,16 @@ def _unpacked(name: str, content: bytes) -> Iterator[tuple[str, bytes]]:
 def differing_sizes(sizes: Mapping[str, tuple[int, int]]) -> list[str]:
     """Sentences on photographs that are not as large as the others of their camera."""
     sides = which_camera(sizes)
-    lots = [[name for name, own in sides.known.items() if own == side] for side in CAMERAS]
+    lots = [
+        [name for name, side_of_name in sides.known.items() if side_of_name == side]
+        for side in CAMERAS
+    ]
     lots += [[*series.names] for series in sides.open]
     said = []
     for lot in lots:
-        own = [sizes[name] for name in lot]
-        usual = max(own, key=own.count, default=None)
-        if usual is None or 2 * own.count(usual) <= len(own):
+        side_sizes = [sizes[name] for name in lot]
+        usual = max(side_sizes, key=side_sizes.count, default=None)
+        if usual is None or 2 * side_sizes.count(usual) <= len(side_sizes):
             continue
         for name in (name for name in lot if sizes[name] != usual):
             width, height = sizes[name]

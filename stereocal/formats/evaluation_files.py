@@ -44,7 +44,7 @@ def summary_json(
         screenings: of the data sets, in order; empty if there was none.
         forecasts: of the files that `calibrate` writes, by data set, each possibly empty.
     """
-    each = list(forecasts) or [{} for _ in datasets]
+    figures_of_datasets = list(forecasts) or [{} for _ in datasets]
     screened: list[dict[str, Any]] = [
         {
             "frames_left_out": list(screening.left_out),
@@ -54,7 +54,7 @@ def summary_json(
     ] or [{"frames_left_out": []} for _ in datasets]
     content = {
         "format": SUMMARY_FORMAT,
-        "methods": _with_forecasts(pooled, each[0] if len(datasets) == 1 else {}),
+        "methods": _with_forecasts(pooled, figures_of_datasets[0] if len(datasets) == 1 else {}),
         "datasets": [
             {
                 "name": name,
@@ -64,11 +64,11 @@ def summary_json(
                 "baseline_m": dataset.baseline_m,
                 "target_distance_m": dataset.target_distance_m,
                 "sha256": dataset.sha256,
-                **about,
-                "methods": _with_forecasts(own, forecast),
+                **screening,
+                "methods": _with_forecasts(summary, forecast),
             }
-            for (name, own), dataset, about, forecast in zip(
-                by_dataset.items(), datasets, screened, each, strict=True
+            for (name, summary), dataset, screening, forecast in zip(
+                by_dataset.items(), datasets, screened, figures_of_datasets, strict=True
             )
         ],
         "settings": settings.to_json(),
@@ -81,11 +81,11 @@ def _with_forecasts(
     summaries: Mapping[Method, MethodSummary], forecasts: Mapping[Method, ForecastEntries]
 ) -> dict[str, Any]:
     """The figures by method, with those forecast under `predicted`."""
-    found: dict[str, Any] = {method: own.to_json() for method, own in summaries.items()}
+    figures: dict[str, Any] = {method: summary.to_json() for method, summary in summaries.items()}
     for method, forecast in forecasts.items():
-        if method in found:
-            found[method]["predicted"] = dict(forecast.figures)
-    return found
+        if method in figures:
+            figures[method]["predicted"] = dict(forecast.figures)
+    return figures
 
 
 def validation_figures(
@@ -93,7 +93,7 @@ def validation_figures(
 ) -> dict[str, dict[str, Any]]:
     """The entry on the validation in the parameter files, by method: figures and protocol."""
     protocol = {"runs": settings.runs, "calibration_frames": settings.calibration_frames}
-    return {method: {**protocol, **found.to_json()} for method, found in pooled.items()}
+    return {method: {**protocol, **summary.to_json()} for method, summary in pooled.items()}
 
 
 def validation_in_summary(path: Path, dataset: Pair) -> dict[str, dict[str, Any]]:
@@ -104,7 +104,7 @@ def validation_in_summary(path: Path, dataset: Pair) -> dict[str, dict[str, Any]
         protocol = {name: content["settings"][name] for name in ("runs", "calibration_frames")}
     if dataset.sha256 not in known:
         raise StereocalError(f"{path}: it does not contain the data set {dataset.name}.")
-    return {method: {**protocol, **found} for method, found in known[dataset.sha256].items()}
+    return {method: {**protocol, **figures} for method, figures in known[dataset.sha256].items()}
 
 
 def unique_names(datasets: Sequence[Pair]) -> list[str]:
@@ -131,11 +131,11 @@ class Evaluation:
     @cached_property
     def digest(self) -> str:
         """SHA-256 of the content: equal for an evaluation that was read again."""
-        found = hashlib.sha256()  # uncompressed, which takes a tenth of the time
+        digest = hashlib.sha256()  # uncompressed, which takes a tenth of the time
         for name, array in _content(self).items():
-            found.update(f"{name} {array.shape} {array.dtype}".encode())
-            found.update(np.ascontiguousarray(array).data)
-        return found.hexdigest()
+            digest.update(f"{name} {array.shape} {array.dtype}".encode())
+            digest.update(np.ascontiguousarray(array).data)
+        return digest.hexdigest()
 
     def is_of(self, datasets: Sequence[Pair]) -> bool:
         """Whether it is of these data sets, in this order."""
@@ -155,12 +155,12 @@ def pack_evaluation(evaluation: Evaluation) -> bytes:
 
 
 def _content(evaluation: Evaluation) -> dict[str, Any]:
-    about = {
+    header = {
         "settings": evaluation.settings.to_json(),
         "names": list(evaluation.names),
         "sha256": list(evaluation.sha256),
     }
-    arrays: dict[str, Any] = {"about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)}
+    arrays: dict[str, Any] = {"about": np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)}
     for number, runs in enumerate(evaluation.runs):
         for name in ("counts", "nans", "angles", "correct_px"):
             arrays[f"{name}{number}"] = np.array([getattr(run, name) for run in runs])
@@ -174,12 +174,12 @@ def unpack_evaluation(content: bytes) -> Evaluation:
     """The evaluation of `pack_evaluation`."""
     with damaged("The last validation cannot be read; validate again."):
         arrays = read_arrays(content, "evaluation.npz")
-        about = json.loads(arrays["about"].tobytes())
-        names, digests = ([str(text) for text in about[key]] for key in ("names", "sha256"))
+        header = json.loads(arrays["about"].tobytes())
+        names, digests = ([str(text) for text in header[key]] for key in ("names", "sha256"))
         if len(names) != len(digests):
             raise ValueError(names)
-        runs = [_runs(arrays, at) for at in range(len(names))]
-        return Evaluation(runs, EvaluationSettings.from_json(about["settings"]), names, digests)
+        runs = [_runs(arrays, k) for k in range(len(names))]
+        return Evaluation(runs, EvaluationSettings.from_json(header["settings"]), names, digests)
 
 
 def _runs(arrays: Mapping[str, Array], number: int) -> list[RunCounts]:
@@ -196,4 +196,4 @@ def _runs(arrays: Mapping[str, Array], number: int) -> list[RunCounts]:
     if not count or methods not in METHOD_COUNTS or min(bars.min(), counts.min(), nans.min()) < 0:
         raise ValueError(counts.shape)
     parts = np.split(lengths, np.cumsum(bars)[:-1], axis=1)
-    return [RunCounts(*own) for own in zip(counts, nans, parts, angles, px, strict=True)]
+    return [RunCounts(*run) for run in zip(counts, nans, parts, angles, px, strict=True)]

@@ -87,13 +87,13 @@ def with_matrices(storage: Storage) -> Storage:
     fx, fy, cx, cy = focal
     lens = {name: storage[name] for name in OF_LENS if is_numeric(storage.get(name))}
     rest = {name: node for name, node in storage.items() if name not in lens}
-    found = {**rest, "K": [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]}
+    node = {**rest, "K": [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]}
     if not lens:
-        return found
+        return node
     if "k4" in lens and not {"k5", "k6", "p1", "p2"} & lens.keys():
-        return {"distortion_model": "fisheye", **found, "D": [lens.get(k, 0.0) for k in OF_FISHEYE]}
+        return {"distortion_model": "fisheye", **node, "D": [lens.get(k, 0.0) for k in OF_FISHEYE]}
     names = OF_LENS if {"k4", "k5", "k6"} & lens.keys() else OF_LENS[:5]
-    return {**found, "D": [lens.get(name, 0.0) for name in names]}
+    return {**node, "D": [lens.get(name, 0.0) for name in names]}
 
 
 def find_node(storage: Storage, names: Sequence[str]) -> Any:
@@ -103,8 +103,8 @@ def find_node(storage: Storage, names: Sequence[str]) -> Any:
     coefficient, K1 a matrix.
     """
     plain = {plain_name(key): node for key, node in storage.items()}
-    found = (plain.get(plain_name(name)) for name in names)
-    return next((node for node in found if node is not None), None)
+    nodes = (plain.get(plain_name(name)) for name in names)
+    return next((node for node in nodes if node is not None), None)
 
 
 def plain_name(name: str) -> str:
@@ -123,14 +123,14 @@ def matrix_of(node: Any, name: str, source: str) -> FloatArray:
         raise StereocalError(f"{source}: the rows of {name} differ in length.")
     if not all(is_numeric(value) for row in table for value in row):
         raise StereocalError(f"{source}: {name} contains something that is not a number.")
-    found = np.array(table, dtype=np.float64)
+    matrix = np.array(table, dtype=np.float64)
     if not isinstance(node, dict):
-        return found
-    if min(rows, cols) >= 0 and rows * cols == found.size:
-        return found.reshape(rows, cols)
+        return matrix
+    if min(rows, cols) >= 0 and rows * cols == matrix.size:
+        return matrix.reshape(rows, cols)
     if "dt" in node:  # an OpenCV matrix, which may be cut; ROS files have the wrong size at times
         raise StereocalError(f"{source}: {name} does not have rows x cols numbers.")
-    return found
+    return matrix
 
 
 def is_numeric(value: object) -> bool:
@@ -162,10 +162,10 @@ def _children(element: ElementTree.Element, source: str, depth: int = 0) -> Any:
     children = [(child.tag, _children(child, source, depth + 1)) for child in element]
     if all(tag == "_" for tag, _ in children):
         return [value for _, value in children]
-    found = dict(children)
-    if len(found) < len(children):
+    nodes = dict(children)
+    if len(nodes) < len(children):
         raise StereocalError(f"{source}: <{element.tag[:60]}> contains a name twice.")
-    return found
+    return nodes
 
 
 def _value(word: str) -> Any:
@@ -226,10 +226,12 @@ def read_yaml(text: str, source: str) -> dict[str, Any]:
 
 def _document(text: str, source: str) -> str:
     """The only document in a YAML text; a stream of ROS messages of one camera counts as one."""
-    documents = [each for each in BETWEEN_DOCUMENTS.split(text) if NOT_EMPTY.search(each)]
+    documents = [
+        document for document in BETWEEN_DOCUMENTS.split(text) if NOT_EMPTY.search(document)
+    ]
     if len(documents) < 2:
         return BETWEEN_DOCUMENTS.sub("", text)  # errors count its lines
-    first, *more = (MESSAGE_HEADER.sub("", each).strip() for each in documents)
+    first, *more = (MESSAGE_HEADER.sub("", document).strip() for document in documents)
     if not all(map(first.startswith, more)):  # the last message may be cut
         raise StereocalError(
             f"{source}: it contains different YAML documents (between lines ---); give each camera "

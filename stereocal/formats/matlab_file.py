@@ -45,16 +45,16 @@ def read_structs(content: bytes, source: str) -> dict[str, Fields]:
         _check_expansion(content, source)
     except (zlib.error, struct.error) as error:
         raise StereocalError(f"{source}: this .mat file is damaged. {SAVE_AGAIN}.") from error
-    found, held = read_apart(_read, content, source)
-    if found is None:
+    variables, held = read_apart(_read, content, source)
+    if variables is None:
         raise StereocalError(f"{source}: this .mat file is damaged. {SAVE_AGAIN}.")
-    if not found:
+    if not variables:
         raise StereocalError(
             f"{source}: there is no struct in this .mat file (it contains: {held or 'nothing'}). "
             "Objects are not read: in MATLAB, s = toStruct(stereoParams); "
             "save('stereo.mat', 's', '-v7')."
         )
-    structs: dict[str, Fields] = found
+    structs: dict[str, Fields] = variables
     return structs
 
 
@@ -74,8 +74,8 @@ def _read(path: Path) -> tuple[dict[str, Fields] | None, str]:
         )
     except Exception:  # SciPy's reader may raise anything
         return None, ""
-    found = {name: _fields(loaded[name], DEEPEST) for name in wanted if name in loaded}
-    return found, ", ".join(f"{name} ({kind})" for name, (_, kind) in kinds.items())
+    variables = {name: _fields(loaded[name], DEEPEST) for name in wanted if name in loaded}
+    return variables, ", ".join(f"{name} ({kind})" for name, (_, kind) in kinds.items())
 
 
 def numbers_in_field(fields: Fields, name: str, source: str) -> FloatArray | None:
@@ -87,44 +87,44 @@ def numbers_in_field(fields: Fields, name: str, source: str) -> FloatArray | Non
         return None
     if value.dtype.kind not in "biuf":
         raise StereocalError(f"{source}: {name} contains something that is not a number.")
-    found = np.array(value, dtype=np.float64)
-    if (np.abs(found[~np.isnan(found)]) > LARGEST).any():
+    numbers = np.array(value, dtype=np.float64)
+    if (np.abs(numbers[~np.isnan(numbers)]) > LARGEST).any():
         raise StereocalError(f"{source}: {name} has a number that is infinite or too large.")
-    return found
+    return numbers
 
 
 def needed_in_field(fields: Fields, name: str, source: str) -> FloatArray:
     """As `numbers_in_field`, of a field that must be there."""
-    if (found := numbers_in_field(fields, name, source)) is None:
+    if (numbers := numbers_in_field(fields, name, source)) is None:
         raise StereocalError(f"{source}: {name} is missing.")
-    return found
+    return numbers
 
 
 def required(fields: Fields, name: str, size: int, source: str) -> FloatArray:
     """(size,): the numbers in a field; a single number stands for all."""
-    found = needed_in_field(fields, name, source)
-    if found.size not in (1, size) or not np.isfinite(found).all():
+    numbers = needed_in_field(fields, name, source)
+    if numbers.size not in (1, size) or not np.isfinite(numbers).all():
         raise StereocalError(
-            f"{source}: {name} has the shape {found.shape}; {size} finite numbers are expected."
+            f"{source}: {name} has the shape {numbers.shape}; {size} finite numbers are expected."
         )
-    return np.asarray(np.broadcast_to(found.ravel(), size), dtype=np.float64)
+    return np.asarray(np.broadcast_to(numbers.ravel(), size), dtype=np.float64)
 
 
 def _check_expansion(content: bytes, source: str) -> None:
     """Count the unpacked bytes of the compressed elements without keeping them."""
     order = "<" if content[126:128] == b"IM" else ">"
-    limits, at, total = Limits.from_environment(), HEADER, 0
-    while at + 8 <= len(content):
-        kind, size = struct.unpack(order + "II", content[at : at + 8])
-        at += 8
+    limits, offset, total = Limits.from_environment(), HEADER, 0
+    while offset + 8 <= len(content):
+        kind, size = struct.unpack(order + "II", content[offset : offset + 8])
+        offset += 8
         if kind == COMPRESSED:
-            unpacker, rest = zlib.decompressobj(), content[at : at + size]
+            unpacker, rest = zlib.decompressobj(), content[offset : offset + size]
             while rest and not unpacker.eof:
                 total += len(unpacker.decompress(rest, BLOCK))
                 rest = unpacker.unconsumed_tail
                 limits.check_expansion(len(content), total, source)
                 limits.check_size(total, source)
-        at += size
+        offset += size
 
 
 def _fields(value: Any, depth: int) -> Any:

@@ -84,6 +84,6 @@ def _ini_section(content: bytes) -> str | None:
     text = content[:10_000].decode("utf-8-sig", errors="replace")
     for line in map(str.strip, text.splitlines()):
         if line and not line.startswith(("#", ";")):
-            found = SECTION.fullmatch(line)
-            return None if found is None else found[1].strip()[:40]
+            section = SECTION.fullmatch(line)
+            return None if section is None else section[1].strip()[:40]
     return None

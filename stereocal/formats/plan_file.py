@@ -153,7 +153,7 @@ def _part(entry: Any, kind: type[T], where: str, optional: tuple[str, ...] = ())
     """An object with all fields of a dataclass but the optional ones."""
     if not isinstance(entry, dict):
         raise StereocalError(f"{where}: it is missing, or not an object.")
-    names = [each.name for each in fields(kind)]  # type: ignore[arg-type]
+    names = [entry_field.name for entry_field in fields(kind)]  # type: ignore[arg-type]
     if missing := [name for name in names if name not in entry and name not in optional]:
         raise StereocalError(f"{where}: {missing[0]} is missing.")
     whole = {

@@ -70,13 +70,13 @@ def layout_as_stated(content: bytes, source: str, roles: str, for_bars: bool) ->
         StereocalError: these columns do not give points.
     """
     rows, dialect = first_rows(content, source)
-    found = parse_roles(roles, source)
+    parsed = parse_roles(roles, source)
     width = max(map(len, rows))
-    if len(found) > width:
-        raise StereocalError(f"{source}: {len(found)} columns are named; the file has {width}.")
-    if problem := problem_of(found, for_bars):
+    if len(parsed) > width:
+        raise StereocalError(f"{source}: {len(parsed)} columns are named; the file has {width}.")
+    if problem := problem_of(parsed, for_bars):
         raise StereocalError(f"{source}: {problem}")
-    return with_names(replace(layout_of_roles(found, rows), dialect=dialect), content, source)
+    return with_names(replace(layout_of_roles(parsed, rows), dialect=dialect), content, source)
 
 
 def what_is_missing(layout: PointLayout, content: bytes, source: str) -> str:

@@ -74,7 +74,7 @@ class PointLayout:
         """Names of the cameras, in the file's order."""
         if self.camera_column is not None:
             return self.names[0]
-        return tuple(dict.fromkeys(each.camera for each in self.columns))
+        return tuple(dict.fromkeys(point.camera for point in self.columns))
 
     @property
     def states_cameras(self) -> bool:
@@ -86,7 +86,7 @@ class PointLayout:
         """Names of the points, in the file's order."""
         if self.point_column is not None:
             return self.names[1]
-        return tuple(dict.fromkeys(each.point for each in self.columns))
+        return tuple(dict.fromkeys(point.point for point in self.columns))
 
 
 def read_points(
@@ -115,8 +115,10 @@ def points_of_all(
 ) -> pd.DataFrame:
     """The points of all cameras, as the table of a data set of format 2."""
     rows = _Rows(_table(content, layout, source, None), layout, source)
-    found = [rows.points(each, image_height).assign(camera=each) for each in layout.cameras]
-    whole = pd.concat(found).rename(columns={"point": "target"})
+    points_by_camera = [
+        rows.points(camera, image_height).assign(camera=camera) for camera in layout.cameras
+    ]
+    whole = pd.concat(points_by_camera).rename(columns={"point": "target"})
     return whole[["frame", "camera", "target", "u", "v"]]
 
 
@@ -126,15 +128,15 @@ def words_in(
     """The names of cameras, as they come or by number, and of points, sorted, where columns have
     them."""
     raw = _table(content, layout, source, None)
-    found = [
+    names = [
         () if k is None else tuple(str(name) for name in as_names(raw[k]).unique() if name)
         for k in (layout.camera_column, layout.point_column)
     ]
-    if (most := max(map(len, found))) > MOST_NAMES:
+    if (most := max(map(len, names))) > MOST_NAMES:
         raise StereocalError(f"{source}: a column with {most} different values names no points.")
     # Numbers by which the user chooses cameras are then their names too.
-    cameras = sorted(found[0], key=int) if all(map(str.isdecimal, found[0])) else found[0]
-    return tuple(cameras), tuple(sorted(found[1], key=lambda name: (len(name), name)))
+    cameras = sorted(names[0], key=int) if all(map(str.isdecimal, names[0])) else names[0]
+    return tuple(cameras), tuple(sorted(names[1], key=lambda name: (len(name), name)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +179,7 @@ def read_bars(
     for end in ends:
         if end not in layout.points:
             raise StereocalError(f"{source}: there is no point {end}.")
-    found = []
+    points_by_camera = []
     for camera, height in zip(cameras, image_heights, strict=True):
         points = rows.points(camera, height)
         points = points[points["point"].isin(ends)]
@@ -187,8 +189,10 @@ def read_bars(
             raise StereocalError(
                 f"{source}: frame {frame} has the point {point} of camera {camera} twice."
             )
-        found.append(points.set_index(["point", "frame"])[["u", "v"]].add_suffix(f" {camera}"))
-    seen = pd.concat(found, axis=1).reset_index()
+        points_by_camera.append(
+            points.set_index(["point", "frame"])[["u", "v"]].add_suffix(f" {camera}")
+        )
+    seen = pd.concat(points_by_camera, axis=1).reset_index()
     number = {end: k for k, end in enumerate(ends)}
     target = np.asarray(seen["point"].map(number), dtype=np.int64)
     frames = np.asarray(seen["frame"], dtype=np.int64)
@@ -211,8 +215,8 @@ def _table(
         raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
     wanted = [layout.frame, layout.camera_column, layout.point_column]
     wanted += [index for _, index in layout.further]
-    for each in layout.columns:
-        wanted += [each.u, each.v, each.likelihood]
+    for point in layout.columns:
+        wanted += [point.u, point.v, point.likelihood]
     last = max(index for index in wanted if index is not None)
     there = min(named, below[0] if below else named)
     if there <= last:
@@ -235,25 +239,25 @@ class _Rows:
         """The points of one camera: `frame,u,v,point` and further columns, in order."""
         layout, raw = self.layout, self.raw
         by_column = layout.camera_column is not None
-        chosen = [each for each in layout.columns if by_column or each.camera == camera]
+        chosen = [point for point in layout.columns if by_column or point.camera == camera]
         if not chosen or camera not in layout.cameras:
             raise StereocalError(
                 f"{self.source}: there is no camera {camera}; the file has "
                 f"{', '.join(layout.cameras)}."
             )
-        own = np.ones(len(raw), dtype=bool)
+        of_camera = np.ones(len(raw), dtype=bool)
         if layout.camera_column is not None:
-            own = (as_names(raw[layout.camera_column]) == camera).to_numpy()
+            of_camera = (as_names(raw[layout.camera_column]) == camera).to_numpy()
         frames, parts = self.frames(), []
-        for each in chosen:
-            pixels = self.pixels(each, image_height)
+        for point in chosen:
+            pixels = self.pixels(point, image_height)
             part = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
-            part["point"] = each.point
+            part["point"] = point.point
             if layout.point_column is not None:
                 part["point"] = as_names(raw[layout.point_column]).array
             for name, index in layout.further:
                 part[name] = without_apostrophes(raw[index]).array
-            parts.append(part[np.isfinite(pixels).all(axis=1) & own])
+            parts.append(part[np.isfinite(pixels).all(axis=1) & of_camera])
         return pd.concat(parts).sort_values("frame", kind="stable", ignore_index=True)
 
     def frames(self) -> IntArray:
@@ -271,10 +275,12 @@ class _Rows:
         if self.layout.roles is None or not has_letters or not is_word.all():
             return self._numbers(self.layout.frame, is_whole=True).astype(np.int64)
         stems = texts.str.replace(r"\.[A-Za-z]{2,4}$", "", regex=True)
-        found = [re.findall(r"\d{1,15}", stem) for stem in stems]
-        for last in range(1, min(map(len, found), default=0) + 1):
+        numbers_in_names = [re.findall(r"\d{1,15}", stem) for stem in stems]
+        for last in range(1, min(map(len, numbers_in_names), default=0) + 1):
             # `frame0042_cam1` and `f00042_1080p` have another number behind it.
-            numbers = np.array([own[-last] for own in found], dtype=np.int64)
+            numbers = np.array(
+                [numbers_in_name[-last] for numbers_in_name in numbers_in_names], dtype=np.int64
+            )
             if self._tells_apart(texts, numbers):
                 return numbers
         if len(self.layout.cameras) < 2:
@@ -289,9 +295,9 @@ class _Rows:
     def _tells_apart(self, texts: "pd.Series[str]", numbers: IntArray) -> bool:
         """Whether the photographs of a camera have different numbers."""
         camera = self.layout.camera_column
-        own = pd.DataFrame({"text": texts, "number": numbers}, index=texts.index)
-        own["camera"] = "" if camera is None else self.raw[camera].str.strip()
-        return not own.drop_duplicates().duplicated(["camera", "number"]).any()
+        photographs = pd.DataFrame({"text": texts, "number": numbers}, index=texts.index)
+        photographs["camera"] = "" if camera is None else self.raw[camera].str.strip()
+        return not photographs.drop_duplicates().duplicated(["camera", "number"]).any()
 
     def pixels(self, columns: PointColumns, image_height: int | None) -> FloatArray:
         """(n, 2): our pixels; NaN for missing points."""
@@ -313,8 +319,8 @@ class _Rows:
         titles = self.layout.titles[index : index + 1]
         name = f"column {index + 1}" + "".join(f" ({title[:40]})" for title in titles if title)
         column = Column(name, may_be_empty=not is_whole, is_whole=is_whole)
-        own = self.raw[[index]].set_axis([name], axis=1)
-        values, reasons = numbers_in(own, [column], self.layout.dialect.decimal_comma, MISSING)
+        cells = self.raw[[index]].set_axis([name], axis=1)
+        values, reasons = numbers_in(cells, [column], self.layout.dialect.decimal_comma, MISSING)
         if reasons:
             problems = [RowProblem(int(self.raw.index[row]), reasons[row]) for row in reasons]
             raise RefusedRowsError(f"{self.source}: ", problems, "cannot be used")

@@ -92,25 +92,31 @@ def _deeplabcut(rows: list[list[str]]) -> PointLayout | None:
         likelihood = k + 2 if marks[k + 2 : k + 3] == ["likelihood"] else None
         columns.append(PointColumns("cam1", point, k, k + 1, likelihood))
     ask = "How likely must a point be to count? Below 0.6 it is often wrong."
-    found = PointLayout("DeepLabCut", tuple(columns), coords + 1, frame=0, questions=(ask,))
-    return found if columns else None
+    layout = PointLayout("DeepLabCut", tuple(columns), coords + 1, frame=0, questions=(ask,))
+    return layout if columns else None
 
 
 def _sleap(rows: list[list[str]]) -> PointLayout | None:
     """One row per instance: track, frame_idx, instance.score, then x, y, score of each node."""
-    at = {cell.strip(): k for k, cell in enumerate(rows[0])}
+    column_by_title = {cell.strip(): k for k, cell in enumerate(rows[0])}
     columns = tuple(
-        PointColumns("cam1", node, k, at[f"{node}.y"], at.get(f"{node}.score"))
-        for name, k in at.items()
-        if (node := name.removesuffix(".x")) != name and f"{node}.y" in at
+        PointColumns(
+            "cam1", node, k, column_by_title[f"{node}.y"], column_by_title.get(f"{node}.score")
+        )
+        for name, k in column_by_title.items()
+        if (node := name.removesuffix(".x")) != name and f"{node}.y" in column_by_title
     )
-    if "frame_idx" not in at or not columns or _has_duplicates([cell.strip() for cell in rows[0]]):
+    if (
+        "frame_idx" not in column_by_title
+        or not columns
+        or _has_duplicates([cell.strip() for cell in rows[0]])
+    ):
         return None
     return PointLayout(
         "SLEAP",
         columns,
-        frame=at["frame_idx"],
-        further=(("track", at["track"]),) if "track" in at else (),
+        frame=column_by_title["frame_idx"],
+        further=(("track", column_by_title["track"]),) if "track" in column_by_title else (),
         questions=("How large must a point's score be to count?",),
     )
 
@@ -164,17 +170,22 @@ def _paired(
     program: str, pattern: re.Pattern[str], axes: str, origin: PixelOrigin, rows: list[list[str]]
 ) -> PointLayout | None:
     """Two columns of each point in each camera, named by point, camera and axis."""
-    at = {
+    column_by_key = {
         (match[1] or "point", f"cam{match[2]}", match[3].lower()): k
         for k, match in enumerate(pattern.fullmatch(name.strip()) for name in rows[0])
         if match is not None
     }
-    wanted = [(point, camera) for point, camera, axis in at if axis == axes[0]]
-    whole = len(at) == len(rows[0]) == 2 * len(wanted)
-    if not wanted or not whole or not all((*each, axes[1]) in at for each in wanted):
+    wanted = [(point, camera) for point, camera, axis in column_by_key if axis == axes[0]]
+    whole = len(column_by_key) == len(rows[0]) == 2 * len(wanted)
+    if not wanted or not whole or not all((*key, axes[1]) in column_by_key for key in wanted):
         return None
     columns = tuple(
-        PointColumns(camera, point, at[point, camera, axes[0]], at[point, camera, axes[1]])
+        PointColumns(
+            camera,
+            point,
+            column_by_key[point, camera, axes[0]],
+            column_by_key[point, camera, axes[1]],
+        )
         for point, camera in wanted
     )
     return _of_cameras(PointLayout(program, columns, origin=origin))

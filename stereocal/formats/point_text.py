@@ -63,10 +63,10 @@ def dense_text(content: bytes, source: str) -> bytes:
     dialect = dialect_of(lines)
     rows = dialect.cells("".join(lines[dialect.above :]), source)
     header = int(bool(rows) and not any(map(is_number_or_empty, rows[0])))
-    own = [row for row in rows[header:] if any(row)]
-    if len(own) < FEWEST_ROWS or any(len(row) != len(CELLS) for row in own):
+    below = [row for row in rows[header:] if any(row)]
+    if len(below) < FEWEST_ROWS or any(len(row) != len(CELLS) for row in below):
         return content
-    if not all(POSITIVE.fullmatch(row[k].strip()) for row in own for k in (0, 1)):
+    if not all(POSITIVE.fullmatch(row[k].strip()) for row in below for k in (0, 1)):
         return content
     text = text_of(content, source)
     raw, long = rows_below(text, dialect, header, len(CELLS), source)
@@ -103,23 +103,23 @@ def dltdv_table(clicks: Clicks, cameras: Sequence[str]) -> str:
     """DLTdv8's flat table of all cameras (`xypts.csv`): a row for each frame from 1, which is for
     clicks up to `LATEST_DLTDV`."""
     frames = range(1, clicks.last_frame + 1)
-    found = {}
+    columns = {}
     for number, track in enumerate(clicks.tracks, 1):
         for which, camera in enumerate(cameras, 1):
             pixels = np.full((len(frames), 2), np.nan)
-            for each in clicks.along(track, camera):
-                if each.frame >= 1:
-                    pixels[each.frame - 1] = each.u + 1.0, each.v + 1.0
-            found[f"pt{number}_cam{which}_U"], found[f"pt{number}_cam{which}_V"] = pixels.T
-    return pd.DataFrame(found).to_csv(index=False, na_rep="NaN", lineterminator="\n")
+            for click in clicks.along(track, camera):
+                if click.frame >= 1:
+                    pixels[click.frame - 1] = click.u + 1.0, click.v + 1.0
+            columns[f"pt{number}_cam{which}_U"], columns[f"pt{number}_cam{which}_V"] = pixels.T
+    return pd.DataFrame(columns).to_csv(index=False, na_rep="NaN", lineterminator="\n")
 
 
 def sleap_table(clicks: Clicks, camera: str) -> str:
     """SLEAP's table of one camera: a row for each track and frame, of one node."""
     columns = ["track", "frame_idx", "instance.score", "point.x", "point.y", "point.score"]
     rows = [
-        (track, each.frame, 1.0, each.u, each.v, 1.0)
+        (track, click.frame, 1.0, click.u, click.v, 1.0)
         for track in clicks.tracks
-        for each in clicks.along(track, camera)
+        for click in clicks.along(track, camera)
     ]
     return csv_text(pd.DataFrame(rows, columns=columns))

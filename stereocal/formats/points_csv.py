@@ -58,8 +58,8 @@ def read_points_csv(
     _refuse_twice(rows, codes["camera"], codes["target"])
     for code, camera in enumerate(cameras.values()):
         its_rows = np.flatnonzero(codes["camera"] == code)
-        for at, what in camera.outside(points[its_rows]):
-            row = int(its_rows[at])
+        for k, what in camera.outside(points[its_rows]):
+            row = int(its_rows[k])
             rows.reasons.setdefault(row, f"{_at(rows, row)}: the {what}")
     rows.check(source)
     seen = rows.values["frame"].astype(np.int64), codes["camera"], codes["target"], points

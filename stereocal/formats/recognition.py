@@ -134,10 +134,10 @@ def _cameras(name: str, content: bytes) -> Kind | None:
     if len(content) > LARGEST_BYTES:
         return None
     try:
-        found = format_of(name, content)
+        key = format_of(name, content)
     except StereocalError:  # damaged: its reader says what is wrong
         return None
-    return None if found is None else "camera" if READ[found].one_camera else "cameras"
+    return None if key is None else "camera" if READ[key].one_camera else "cameras"
 
 
 def _is_table(name: str, content: bytes) -> bool:

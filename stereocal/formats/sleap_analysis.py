@@ -28,12 +28,12 @@ def analysis_table(path: Path, source: str) -> bytes:
 
     try:
         with h5py.File(path, "r") as file:
-            found = {name: _array(file, name, path.stat().st_size, source) for name in ARRAYS}
+            arrays = {name: _array(file, name, path.stat().st_size, source) for name in ARRAYS}
     except (*DAMAGED, RuntimeError) as error:
         if isinstance(error, StereocalError):
             raise
         raise StereocalError(f"{source}: this HDF5 file is damaged ({error}).") from error
-    tracks, names, tracked, scores = found.values()
+    tracks, names, tracked, scores = arrays.values()
     return _sleap_csv(
         tracks, _texts(names), _texts(() if tracked is None else tracked), scores, source
     )
@@ -51,19 +51,19 @@ def _array(file: Any, name: str, size: int, source: str) -> Any:
     link = file.get(name, getlink=True)  # "in" would follow the link
     if link is None and not required:
         return None
-    found = file[name] if isinstance(link, h5py.HardLink) else None
-    if not isinstance(found, h5py.Dataset) or found.external or found.is_virtual:
+    array = file[name] if isinstance(link, h5py.HardLink) else None
+    if not isinstance(array, h5py.Dataset) or array.external or array.is_virtual:
         raise StereocalError(
             f"{source}: this is an HDF5 file without {name!r}, so not an analysis file of SLEAP "
             "(Export Analysis HDF5): use the points as CSV."
         )
-    if found.ndim != axes or found.size > MAXIMUM_CELLS or found.dtype.kind not in kinds:
+    if array.ndim != axes or array.size > MAXIMUM_CELLS or array.dtype.kind not in kinds:
         raise StereocalError(
-            f"{source}: {name!r} has the shape {found.shape} of {found.dtype}, which no analysis "
+            f"{source}: {name!r} has the shape {array.shape} of {array.dtype}, which no analysis "
             "file of SLEAP has."
         )
-    Limits.from_environment().check_expansion(size, found.size * found.dtype.itemsize, source)
-    return found[()]
+    Limits.from_environment().check_expansion(size, array.size * array.dtype.itemsize, source)
+    return array[()]
 
 
 def _texts(names: Any) -> list[str]:

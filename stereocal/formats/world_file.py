@@ -175,8 +175,10 @@ def pair_in_table(rig: Parameters, content: bytes, source: str) -> CameraPair:
     given = {name: ~is_missing(rows[f"u_{name}".lower()]) for name in seen}
 
     def seen_by(pair: CameraPair) -> tuple[int, int]:
-        one, other = (given[name] for name in pair)
-        return int((one & other).sum()), int(min(one.sum(), other.sum()))  # of lines, one each
+        in_first, in_second = (given[name] for name in pair)
+        return int((in_first & in_second).sum()), int(
+            min(in_first.sum(), in_second.sum())
+        )  # of lines, one each
 
     return max(combinations(seen, 2), key=seen_by)
 
@@ -208,19 +210,19 @@ def read_observed(
         numbers.append(Column(FRAME, is_whole=True))
     rows = read_rows(content, source, required, numbers, (POINT, LINE, FRAME, KIND, THROW))
     raw, values, reasons = rows.raw, dict(rows.values), rows.reasons
-    values |= {ours: values[own] for ours, own in zip(PIXELS, pixels, strict=True)}
+    values |= {ours: values[column] for ours, column in zip(PIXELS, pixels, strict=True)}
     if rows.too_long:
         rows.check(source)
     _check_sizes(raw, kind, source)
-    found: Observed
+    observed: Observed
     if kind == POINT:
-        found = _survey(raw, values, reasons, pixels)
+        observed = _survey(raw, values, reasons, pixels)
     elif kind == LINE:
-        found = _lines(raw, values, reasons)
+        observed = _lines(raw, values, reasons)
     else:
-        found = _throw(raw, values, reasons, frame_rate or 0.0)
+        observed = _throw(raw, values, reasons, frame_rate or 0.0)
     rows.check(source)
-    return found
+    return observed
 
 
 def check_world(content: bytes, source: str, rig: Parameters) -> None:
@@ -262,7 +264,9 @@ def _columns(values: Values, columns: tuple[str, ...]) -> FloatArray:
 
 def _survey(raw: pd.DataFrame, values: Values, reasons: Reasons, given: tuple[str, ...]) -> Survey:
     names = _names(raw, POINT)
-    world, pixels, measured = (_columns(values, each) for each in (SURVEYED, PIXELS, MEASURED))
+    world, pixels, measured = (
+        _columns(values, columns) for columns in (SURVEYED, PIXELS, MEASURED)
+    )
     has_pixels = np.asarray(np.isfinite(pixels).all(axis=1))
     has_point = np.asarray(np.isfinite(measured).all(axis=1))
     first: dict[str, int] = {}
@@ -287,20 +291,22 @@ def _lines(raw: pd.DataFrame, values: Values, reasons: Reasons) -> tuple[Line, .
     known = [np.isfinite(pixels[:, :2]), np.isfinite(pixels[:, 2:])]
     kind_of: dict[str, LineKind] = {}
     for row, (name, text) in enumerate(zip(names, kinds, strict=True)):
-        kind = next((each for each in KINDS if each == text), None)
+        kind = next((line_kind for line_kind in KINDS if line_kind == text), None)
         if not name:
             reasons.setdefault(row, "the line has no name")
         elif kind is None:
             reasons.setdefault(row, f'kind is "{text[:40]}"; it must be {", ".join(KINDS)}')
         elif kind_of.setdefault(name, kind) != kind:
             reasons.setdefault(row, f"{name} is a {kind_of[name]} line in an earlier row")
-        elif any(each[row].any() != each[row].all() for each in known):
+        elif any(is_known[row].any() != is_known[row].all() for is_known in known):
             reasons.setdefault(row, "one of u and v is empty")
-    seen, found = [each.all(axis=1) for each in known], []
+    seen, lines = [is_known.all(axis=1) for is_known in known], []
     for name, kind in kind_of.items():
-        own = np.array(names) == name
-        found.append(Line(name, kind, (pixels[own & seen[0], :2], pixels[own & seen[1], 2:])))
-    return tuple(found)
+        of_line = np.array(names) == name
+        lines.append(
+            Line(name, kind, (pixels[of_line & seen[0], :2], pixels[of_line & seen[1], 2:]))
+        )
+    return tuple(lines)
 
 
 def _throw(raw: pd.DataFrame, values: Values, reasons: Reasons, frame_rate: float) -> Throw:

@@ -63,7 +63,7 @@ def gather_all(
             targets are not used; of another program's bar it may be missing if the files have it.
     """
     files = with_one_table(files, options)
-    tables = [each for each, content in files.items() if is_table(each, content)]
+    tables = [name for name, content in files.items() if is_table(name, content)]
     if len(tables) == 1 and names_cameras(files[tables[0]], tables[0]):
         return _of_points(files, tables[0], options, name, lengths)
     return _of_bars(files, options, name, lengths.get("B"))
@@ -78,7 +78,7 @@ def _of_bars(
     if opened is not None:
         every, origin = range(len(opened.cameras)), options.origin(LOWER_LEFT)
         sizes = opened.image_sizes(every, [size] * len(every))
-        cameras = [opened.camera(k, own, origin) for k, own in enumerate(sizes)]
+        cameras = [opened.camera(k, size, origin) for k, size in enumerate(sizes)]
     else:
         cameras = [*cameras_in(others, options).values()]
     if (count := len(cameras)) < 3:
@@ -122,7 +122,7 @@ def _of_bars(
     recording.refuse_points_outside()
     recording = recording.within_view()
     remarks += tuple(filter(None, [beyond_in_words(recording.beyond_view)]))
-    if unseen := [each for k, each in enumerate(recording.cameras) if k not in camera_of_row]:
+    if unseen := [camera for k, camera in enumerate(recording.cameras) if k not in camera_of_row]:
         raise StereocalError(
             f"Camera {unseen[0]} sees no end of the bar that another camera sees: use two of the "
             "others only."
@@ -131,7 +131,9 @@ def _of_bars(
     remarks += tuple(f"Cameras {a} and {b}: no end of the bar was seen by both." for a, b in apart)
     taken = [Part("points", f"{len(row)} of {count} cameras", ", ".join(files))]
     origin_of = LENS_FIELDS if opened is not None else ", ".join(others)
-    taken += [lens_taken(f"camera {k}", own, origin_of) for k, own in recording.cameras.items()]
+    taken += [
+        lens_taken(f"camera {k}", camera, origin_of) for k, camera in recording.cameras.items()
+    ]
     return Gathered(recording, tuple(taken), remarks)
 
 
@@ -139,13 +141,13 @@ def targets_in(content: bytes, source: str) -> tuple[str, ...]:
     """The targets of a table of format 2, sorted; `ENDS` for one of another program."""
     if not names_cameras(content, source):
         return ENDS
-    found = tuple(sorted({*_column(content, source, "target")}))
-    if len(found) > MOST_TARGETS:
+    targets = tuple(sorted({*_column(content, source, "target")}))
+    if len(targets) > MOST_TARGETS:
         raise StereocalError(
-            f"{source}: it has {len(found)} targets. Say where they are on the object in a "
+            f"{source}: it has {len(targets)} targets. Say where they are on the object in a "
             "dataset.json, and give it with the other files."
         )
-    return found
+    return targets
 
 
 def names_cameras(content: bytes, source: str) -> bool:
@@ -167,7 +169,7 @@ def _of_points(
             f"{table}: the distance from {first} to {(*others, 'another target')[0]} is missing: "
             "state it in metres."
         )
-    rest = {each: content for each, content in files.items() if each != table}
+    rest = {file: content for file, content in files.items() if file != table}
     cameras = _named_as(cameras_in(rest, options), _column(files[table], table, "camera"), table)
     # Those without a length are read too, so that their rows are no errors.
     along = np.array([lengths.get(target, -1.0 - k) for k, target in enumerate(targets)])
@@ -184,16 +186,16 @@ def _of_points(
         target=np.searchsorted(used, read.target[rows]),
     )
     taken = [Part("points", f"{rows.sum()} of {len(cameras)} cameras", table)]
-    taken += [Part("lens", f"of camera {each}", ", ".join(rest)) for each in cameras]
+    taken += [Part("lens", f"of camera {camera}", ", ".join(rest)) for camera in cameras]
     remarks = [
-        f"{camera_in_words(each, begins=True)} has no points in {table}."
-        for number, each in enumerate(cameras)
+        f"{camera_in_words(camera, begins=True)} has no points in {table}."
+        for number, camera in enumerate(cameras)
         if number not in recording.camera
     ]
     remarks += [
-        f"The target {each} has no length, and is not used."
-        for each in targets
-        if each not in recording.object.names
+        f"The target {target} has no length, and is not used."
+        for target in targets
+        if target not in recording.object.names
     ]
     return Gathered(recording, tuple(taken), tuple(remarks))
 
@@ -201,29 +203,29 @@ def _of_points(
 def _column(content: bytes, source: str, name: str) -> list[str]:
     """The values of a column of a table of format 2, in the order of their first rows."""
     raw = read_rows(content, source, REQUIRED, NUMBERS, (), EMPTY).raw[name]
-    return [str(each) for each in as_names(raw).unique()]
+    return [str(cell) for cell in as_names(raw).unique()]
 
 
 def cameras_in(files: Contents, options: ExchangeOptions) -> dict[str, Camera]:
     """The cameras by the name in a file of several, or of the file of one."""
-    found: dict[str, Camera] = {}
+    cameras: dict[str, Camera] = {}
     for name, content in files.items():
         names = camera_names(name, content)
         of_file = {PurePath(name).stem: None} if len(names) < 2 else dict.fromkeys(names)
         for number, camera in enumerate(of_file):
-            if camera in found:
+            if camera in cameras:
                 raise StereocalError(f"{name}: there is a camera {camera} already.")
             chosen = None if len(names) < 2 else (int(number == 0), number)
             pair = read_camera_pair({name: content}, replace(options, cameras=chosen))
-            found[camera] = pair.secondary
-    return found
+            cameras[camera] = pair.secondary
+    return cameras
 
 
 def _named_as(
     cameras: Mapping[str, Camera], wanted: Iterable[str], source: str
 ) -> dict[str, Camera]:
     """The cameras by their names in a table, in their own order."""
-    names, found = [*cameras], dict[int, str]()
+    names, name_by_camera = [*cameras], dict[int, str]()
     for name in wanted:
         same = namesakes([name], names)
         if not same:
@@ -232,5 +234,5 @@ def _named_as(
                 f"(there are {', '.join(cameras)[:200] or 'none'}): give {name[:40]}.json, or name "
                 "its file so."
             )
-        found[same[0]] = name
-    return {found.get(k, name): cameras[name] for k, name in enumerate(names)}
+        name_by_camera[same[0]] = name
+    return {name_by_camera.get(k, name): cameras[name] for k, name in enumerate(names)}

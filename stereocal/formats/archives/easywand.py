@@ -95,11 +95,11 @@ class EasyWandFile:
         self, cameras: Sequence[int], stated: Sequence[ImageSize | None]
     ) -> list[ImageSize]:
         """The stated sizes of images, or those of the file, if all points lie inside."""
-        found, count = list[ImageSize](), len(self.cameras)
+        sizes, count = list[ImageSize](), len(self.cameras)
         tables = [table for name in TABLES if (table := self._points(name)) is not None]
         for k, size in zip(cameras, stated, strict=True):
             if size is not None:
-                found.append(size)
+                sizes.append(size)
                 continue
             width, height = (
                 required(self.fields, name, count, self.source)[k]
@@ -116,8 +116,8 @@ class EasyWandFile:
                     "sensor.",
                     option="--image-size, as --image-size 640x512",
                 )
-            found.append((int(width), int(height)))
-        return found
+            sizes.append((int(width), int(height)))
+        return sizes
 
     def camera(self, k: int, size: ImageSize, origin: PixelOrigin) -> Camera:
         """A camera with its lens, whose principal point and p1 have the origin of the points."""
@@ -127,9 +127,13 @@ class EasyWandFile:
         u, v = origin.to_ours(centre[None], size[1])[0]
         distortion = np.zeros(5)
         for name in ("nlin_est", "nlin"):
-            found = numbers_in_field(self.fields, name, self.source)
-            if found is not None and found.size == 5 * count and np.nan_to_num(found).any():
-                table = found if found.shape == (count, 5) else found.T
+            coefficients = numbers_in_field(self.fields, name, self.source)
+            if (
+                coefficients is not None
+                and coefficients.size == 5 * count
+                and np.nan_to_num(coefficients).any()
+            ):
+                table = coefficients if coefficients.shape == (count, 5) else coefficients.T
                 distortion = np.nan_to_num(table.reshape(count, 5))[k]
                 break
         if origin.corner == "lower-left":
@@ -148,8 +152,8 @@ class EasyWandFile:
             if not np.isfinite(P).all() or abs(np.linalg.det(P[:, :3])) < 1e-300:
                 return None
             centres.append(-np.linalg.solve(P[:, :3], P[:, 3]))
-        found = float(np.linalg.norm(centres[0] - centres[1]))
-        return found if np.isfinite(found) and found > 0 else None
+        baseline = float(np.linalg.norm(centres[0] - centres[1]))
+        return baseline if np.isfinite(baseline) and baseline > 0 else None
 
     def bar_length(self, unit: Unit | None) -> float | None:
         """In metres; None if the file states none."""
@@ -238,7 +242,7 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
             notes.append(f"{THROW} has a thrown object, recorded at {rate:g} frames a second.")
         taken.append(line)
     taken += [
-        lens_taken(*each, LENS_FIELDS) for each in zip(CAMERAS, (primary, secondary), strict=True)
+        lens_taken(*lens, LENS_FIELDS) for lens in zip(CAMERAS, (primary, secondary), strict=True)
     ]
     distance = file.bar_length(options.unit)
     if distance is not None:
@@ -247,7 +251,7 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
     if baseline is not None:
         baseline *= UNITS[options.unit or "m"]
         taken.append(baseline_taken(baseline, "coefs, its own solution"))
-    found = Archive(
+    archive = Archive(
         tuple(taken), primary, secondary, bars.correspondences, baseline, distance, table
     )
-    return replace(found, notes=tuple(notes), remarks=chosen.remarks)
+    return replace(archive, notes=tuple(notes), remarks=chosen.remarks)

@@ -62,16 +62,16 @@ def gather(files: Contents, options: ExchangeOptions, baseline_known: bool = Fal
     of_table, named = table_cameras(files[table], table, options) if table else ((), False)
     of_files = names_in(others)
     wanted, remarks = _wanted(of_table, named, of_files, options.cameras)
-    found = Archive(())
+    archive = Archive(())
     if others:
         for_files = replace(options, cameras=wanted[1])
-        if for_files.cameras and all(len(camera_names(*each)) < 2 for each in others.items()):
+        if for_files.cameras and all(len(camera_names(*file)) < 2 for file in others.items()):
             pair = chosen_pair(of_files, for_files.cameras, ", ".join(others)).pair
             others = {name: others[name] for name in ([*others][k] for k in pair)}
-        found = _cameras(others, for_files, baseline_known)
+        archive = _cameras(others, for_files, baseline_known)
     if table:
-        found = _with_table(found, table, files[table], replace(options, cameras=wanted[0]))
-    return replace(found, remarks=(*remarks, *found.remarks))
+        archive = _with_table(archive, table, files[table], replace(options, cameras=wanted[0]))
+    return replace(archive, remarks=(*remarks, *archive.remarks))
 
 
 def table_cameras(
@@ -86,11 +86,11 @@ def table_cameras(
 
 def names_in(files: Contents) -> tuple[str, ...]:
     """Names of the cameras in camera files: those in a file of several, or of the files of one."""
-    found: list[str] = []
+    names: list[str] = []
     for name, content in files.items():
         several = camera_names(name, content)
-        found += several if len(several) > 1 else [PurePath(name).stem]
-    return tuple(found)
+        names += several if len(several) > 1 else [PurePath(name).stem]
+    return tuple(names)
 
 
 def _wanted(
@@ -119,21 +119,21 @@ def _wanted(
         return (None, (same[0], same[1])), (
             f"The lenses of {of_table[0]} and {of_table[1]} are those that are called so.",
         )
-    in_files, in_table = (has_cameras(each, wanted) for each in (of_files, of_table))
+    in_files, in_table = (has_cameras(cameras, wanted) for cameras in (of_files, of_table))
     if (
         (in_files or in_table)
         and len(of_table) == len(of_files)
         and not (named and namesakes(of_table, of_files))
     ):
         # The same cameras by other names: a choice by the names of one is about both.
-        own = of_table if in_table and not in_files else of_files
-        both = chosen_pair(own, wanted, "the camera files").pair
+        names = of_table if in_table and not in_files else of_files
+        both = chosen_pair(names, wanted, "the camera files").pair
         return (both, both), ()
-    for at, own, other in ((0, of_table, "camera files"), (1, of_files, "table")):
+    for k, names, other in ((0, of_table, "camera files"), (1, of_files, "table")):
         # The choice among three may be about the other alone.
-        if len(own) == 2 and not has_cameras(own, wanted):
-            return (None, wanted) if at == 0 else (wanted, None), (
-                f"{own[0]} and {own[1]} are primary and secondary; --cameras was used for the "
+        if len(names) == 2 and not has_cameras(names, wanted):
+            return (None, wanted) if k == 0 else (wanted, None), (
+                f"{names[0]} and {names[1]} are primary and secondary; --cameras was used for the "
                 f"{other} only.",
             )
     return (wanted, wanted), ()
@@ -142,7 +142,7 @@ def _wanted(
 def sorted_files(files: Contents) -> tuple[str, dict[str, bytes], EasyWandFile | None]:
     """The name of the table, or empty, the camera files, and the file that has everything."""
     tables = [name for name, content in files.items() if is_table(name, content)]
-    others = {name: each for name, each in files.items() if name not in tables}
+    others = {name: content for name, content in files.items() if name not in tables}
     for name, content in others.items():
         if recognise(name, content).kind == "data set":
             raise StereocalError("this is a data set already: use it as it is.", name)
@@ -166,7 +166,7 @@ def with_one_table(files: Contents, options: ExchangeOptions) -> Contents:
     tables = [name for name, content in files.items() if is_table(name, content)]
     if len(tables) < 2:
         return files
-    found = []
+    tables_of_cameras = []
     for name in tables:
         layout = layout_of_table(content := point_text(files[name], name), name, options)
         if len(layout.cameras) != 1 or len(layout.points) < 2:
@@ -178,10 +178,10 @@ def with_one_table(files: Contents, options: ExchangeOptions) -> Contents:
         answers = first_answers(layout, 0)
         layout = replace(layout, least_likelihood=answers.least_likelihood)
         points = read_points(content, layout, answers.camera, None, name)
-        found.append(points.assign(camera=PurePath(name).stem))
-    whole = pd.concat(found).rename(columns={"point": "target", "u": "x", "v": "y"})
+        tables_of_cameras.append(points.assign(camera=PurePath(name).stem))
+    whole = pd.concat(tables_of_cameras).rename(columns={"point": "target", "u": "x", "v": "y"})
     text = csv_text(whole[["frame", "camera", "target", "x", "y"]]).encode()
-    return {**{each: files[each] for each in files if each not in tables}, ", ".join(tables): text}
+    return {**{name: files[name] for name in files if name not in tables}, ", ".join(tables): text}
 
 
 def is_table(name: str, content: bytes) -> bool:
@@ -191,16 +191,16 @@ def is_table(name: str, content: bytes) -> bool:
 def _cameras(files: Contents, options: ExchangeOptions, baseline_known: bool) -> Archive:
     pair = read_camera_pair(files, options)
     source = ", ".join(files)
-    about = ", ".join(filter(None, (pair.program, pair.words)))
+    pair_in_words = ", ".join(filter(None, (pair.program, pair.words)))
     lenses = zip(CAMERAS, (pair.primary, pair.secondary), pair.files or (source,) * 2, strict=True)
-    taken = [lens_taken(which, lens, f"{file} ({about})") for which, lens, file in lenses]
+    taken = [lens_taken(which, lens, f"{file} ({pair_in_words})") for which, lens, file in lenses]
     baseline = None if pair.pose is None or baseline_known else pair.pose.baseline
     if baseline is not None:
         baseline *= pair.scale(baseline, options.unit, source)
         taken.append(baseline_taken(baseline, f"{source}, its own solution"))
-    found = Archive(tuple(taken), pair.primary, pair.secondary, baseline_m=baseline)
-    lacks, notes = pair.no_pose * (pair.pose is None), (f"Lenses from {source} ({about}).",)
-    return replace(found, no_baseline=lacks, notes=notes, remarks=pair.remarks)
+    archive = Archive(tuple(taken), pair.primary, pair.secondary, baseline_m=baseline)
+    lacks, notes = pair.no_pose * (pair.pose is None), (f"Lenses from {source} ({pair_in_words}).",)
+    return replace(archive, no_baseline=lacks, notes=notes, remarks=pair.remarks)
 
 
 def nominal_baseline(
@@ -213,27 +213,27 @@ def nominal_baseline(
     pairs = zip(CAMERAS, names, (primary, secondary), strict=True)
     files = {f"{which}/{name}": content for which, name, content in pairs}
     with suppress(StereocalError):
-        found = _cameras(files, ExchangeOptions(), baseline_known=False)
-        if found.baseline_m is not None and found.baseline_sigma_m is not None:
-            return found.baseline_m, found.baseline_sigma_m
+        archive = _cameras(files, ExchangeOptions(), baseline_known=False)
+        if archive.baseline_m is not None and archive.baseline_sigma_m is not None:
+            return archive.baseline_m, archive.baseline_sigma_m
     return None
 
 
-def _with_table(found: Archive, name: str, content: bytes, options: ExchangeOptions) -> Archive:
+def _with_table(archive: Archive, name: str, content: bytes, options: ExchangeOptions) -> Archive:
     """With the bars of a table, in images of the stated or the cameras' height."""
     if _is_own(content, name, options):
         read = Bars(read_table(content, name).strict(name), "stereocal")
     else:
-        cameras = zip(options.image_sizes, (found.primary, found.secondary), strict=True)
+        cameras = zip(options.image_sizes, (archive.primary, archive.secondary), strict=True)
         sizes = [size or (camera.image_size if camera else None) for size, camera in cameras]
         heights = [None if size is None else size[1] for size in sizes]
         read = bars_of(content, name, options, heights)
     return replace(
-        found,
-        taken=(points_taken(read.rows, f"{name} ({read.words})"), *found.taken),
+        archive,
+        taken=(points_taken(read.rows, f"{name} ({read.words})"), *archive.taken),
         correspondences=read.rows,
-        notes=(*found.notes, f"Points from {name}, {read.words}."),
-        remarks=(*found.remarks, *read.remarks),
+        notes=(*archive.notes, f"Points from {name}, {read.words}."),
+        remarks=(*archive.remarks, *read.remarks),
     )
 
 
@@ -269,14 +269,14 @@ def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heig
             source,
             option="--image-size WxH",
         )
-    found = read_bars(content, layout, chosen.names, ends, heights, source)
-    if not len(found.frame):
+    bars = read_bars(content, layout, chosen.names, ends, heights, source)
+    if not len(bars.frame):
         raise StereocalError(
             f"no end of the bar was seen by both cameras, {' and '.join(chosen.names)}.", source
         )
     words = f"{chosen.words}, counted from the {layout.origin.corner.replace('-', ' ')}"
-    about = f"{layout.program}, {words}"
-    return Bars(found.correspondences, about, chosen.remarks + remarks)
+    layout_in_words = f"{layout.program}, {words}"
+    return Bars(bars.correspondences, layout_in_words, chosen.remarks + remarks)
 
 
 def layout_of_table(content: bytes, source: str, options: ExchangeOptions) -> PointLayout:
@@ -313,9 +313,9 @@ def layout_of_bars(
         raise StereocalError(
             f"the ends A and B are the same point ({ends[0]}): choose two.", source
         )
-    told = (
+    dropped_points_remark = (
         f"There are {len(layout.points)} points; {ends[0]} and {ends[1]} were taken as the ends A "
         "and B of the bar.",
     )
-    remarks = told if len(layout.points) > 2 and options.ends is None else ()
+    remarks = dropped_points_remark if len(layout.points) > 2 and options.ends is None else ()
     return replace(layout, origin=options.origin(layout.origin)), ends, remarks

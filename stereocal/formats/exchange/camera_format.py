@@ -58,11 +58,11 @@ class CameraPair:
     def remarks(self) -> tuple[str, ...]:
         """What the user is told."""
         error = 0.0 if self.pose is None else self.pose.rounding
-        found = self.notes + (self.chosen.remarks if self.chosen else ())
+        remarks = self.notes + (self.chosen.remarks if self.chosen else ())
         if error <= ROTATION_TOLERANCE:
-            return found
+            return remarks
         return (
-            *found,
+            *remarks,
             f"A rotation in the files is one to {error:.1g} only, as with three or four decimals: "
             f"the nearest was taken, which may be wrong by {np.degrees(error / 2):.1g} degrees.",
         )
@@ -137,15 +137,15 @@ def only_file(files: Files, endings: tuple[str, ...], source: str) -> ForeignFil
 def array_of(value: Any, shape: tuple[int, ...], what: str, source: str) -> FloatArray:
     """Numbers from a file as an array of `shape`; -1 in it is any length."""
     try:
-        found = np.array(value, dtype=np.float64).reshape(shape)
+        array = np.array(value, dtype=np.float64).reshape(shape)
     except (TypeError, ValueError, OverflowError) as error:
         size = "x".join("n" if side < 0 else str(side) for side in shape)
         raise StereocalError(f"{what} is not a table of {size} numbers.", source) from error
-    if not np.isfinite(found).all():
+    if not np.isfinite(array).all():
         raise StereocalError(f"{what} has a number that is not finite.", source)
-    if (np.abs(found) > LARGEST).any():
+    if (np.abs(array) > LARGEST).any():
         raise StereocalError(f"{what} has a number that is too large.", source)
-    return found
+    return array
 
 
 def size_of(value: Any, options: ExchangeOptions, k: int, source: str) -> ImageSize:

@@ -74,34 +74,34 @@ def camera_indices(
         StereocalError: a camera is not there, or names and numbers say different cameras.
     """
     by_name, by_number = _readings(wanted, names, also)
-    words = [str(each) for each in wanted]
+    words = [str(camera) for camera in wanted]
     if by_name and by_number and by_name != by_number:
-        called, counted = ([names[k] for k in each] for each in (by_name, by_number))
+        called, counted = ([names[k] for k in indices_so] for indices_so in (by_name, by_number))
         raise StereocalError(
             f"{','.join(words)} can mean the cameras that are called so "
             f"({', '.join(called)}), or those with these numbers, counted from 1 "
             f"({', '.join(counted)}): write {_called(called)} or {_called(counted)}.",
             source,
         )
-    if not (found := by_name or by_number):
-        unknown = [each for each in words if not any(_readings([each], names))]
+    if not (indices := by_name or by_number):
+        unknown = [word for word in words if not any(_readings([word], names))]
         raise StereocalError(
             f"there is no camera {' or '.join(unknown or words)}; the file has {len(names)}, "
             f"counted from 1 ({', '.join(names)[:200]}).",
             source,
         )
-    return found
+    return indices
 
 
 def _readings(
     wanted: Sequence[str | int], names: Sequence[str], also: Sequence[str] = ()
 ) -> tuple[list[int], list[int]]:
     """The indices of cameras by name, and by number; empty where one is not there."""
-    words = [each for each in wanted if isinstance(each, str)]
+    words = [camera for camera in wanted if isinstance(camera, str)]
     if len(words) < len(wanted):
-        return [], [each for each in wanted if isinstance(each, int)]
-    numbers = [int(each) - 1 for each in words if each.isdecimal() and len(each) < 9]
-    known = len(numbers) == len(words) and all(0 <= each < len(names) for each in numbers)
+        return [], [camera for camera in wanted if isinstance(camera, int)]
+    numbers = [int(word) - 1 for word in words if word.isdecimal() and len(word) < 9]
+    known = len(numbers) == len(words) and all(0 <= index < len(names) for index in numbers)
     return namesakes(words, names) or namesakes(words, also), numbers if known else []
 
 
@@ -113,16 +113,16 @@ def namesakes(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
     """
     for of in (str, plain_name):
         known = {of(name): k for k, name in enumerate(names)}
-        found = [known[of(each)] for each in wanted if of(each) in known]
-        if len(known) == len(names) and len({*found}) == len(wanted):
-            return found
-    hits = [[k for k, name in enumerate(names) if _is_named(each, name)] for each in wanted]
-    found = [own[0] for own in hits if len(own) == 1]
-    return found if len({*found}) == len(wanted) else []
+        indices = [known[of(camera)] for camera in wanted if of(camera) in known]
+        if len(known) == len(names) and len({*indices}) == len(wanted):
+            return indices
+    hits = [[k for k, name in enumerate(names) if _is_named(camera, name)] for camera in wanted]
+    indices = [hit[0] for hit in hits if len(hit) == 1]
+    return indices if len({*indices}) == len(wanted) else []
 
 
-def _is_named(one: str, other: str) -> bool:
-    word, text = sorted((one.lower(), other.lower()), key=len)
+def _is_named(first: str, other: str) -> bool:
+    word, text = sorted((first.lower(), other.lower()), key=len)
     return names_camera(text, word)
 
 

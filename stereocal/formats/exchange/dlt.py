@@ -94,9 +94,9 @@ def read_dlt(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
 
 def _on_origin(behind: Sequence[bool], options: ExchangeOptions) -> tuple[str, ...]:
     """A note if the world's origin lies behind a camera, so that v may be counted otherwise."""
-    which = " and ".join(name for name, own in zip(CAMERAS, behind, strict=True) if own)
+    which = " and ".join(name for name, is_behind in zip(CAMERAS, behind, strict=True) if is_behind)
     corner = options.origin().corner
-    other = next(each for each in CORNERS if each != corner)
+    other = next(other_corner for other_corner in CORNERS if other_corner != corner)
     return (
         f"The world's origin lies behind the {which} camera, if points are counted from the "
         f"{corner.replace('-', ' ')}. If it does not, points are counted from the "
@@ -162,11 +162,11 @@ def _rows(file: ForeignFile) -> list[list[str]]:
         rows = list(csv.reader(lines, delimiter=between)) if between else map(str.split, lines)
     except csv.Error as error:
         raise StereocalError(f"this is not a CSV file ({error}).", file.name) from error
-    found = [[cell.strip(' ",') for cell in row] for row in rows]
-    if found and all(len(row) > 1 and not row[-1] for row in found):
-        found = [row[:-1] for row in found]
+    cells = [[cell.strip(' ",') for cell in row] for row in rows]
+    if cells and all(len(row) > 1 and not row[-1] for row in cells):
+        cells = [row[:-1] for row in cells]
     commas = "," if between == "," else "."
-    return [[cell.replace(",", commas) for cell in row] for row in found]
+    return [[cell.replace(",", commas) for cell in row] for row in cells]
 
 
 def _is_number(cell: str) -> bool:

@@ -95,14 +95,14 @@ READ: Mapping[str, CameraFormat] = {
 def format_of(name: str, content: bytes) -> str | None:
     """The name in `READ` of a camera file's format, by its content; None if it is none."""
     file = ForeignFile(name, content)
-    found = (key for key, each in READ.items() if each.recognises and each.recognises(file))
-    return next(found, None)
+    keys = (key for key, known in READ.items() if known.recognises and known.recognises(file))
+    return next(keys, None)
 
 
 def camera_names(name: str, content: bytes) -> tuple[str, ...]:
     """Names of the cameras in a file with any number of them; empty for other formats."""
-    found = format_of(name, content)
-    names = None if found is None else READ[found].names
+    key = format_of(name, content)
+    names = None if key is None else READ[key].names
     return () if names is None else names(ForeignFile(name, content))
 
 
@@ -110,7 +110,7 @@ def names_in_files(files: Contents, name: str) -> tuple[str, ...]:
     """Names of the cameras in the files of a format by name, to choose from; empty if none are."""
     known = _format(name)
     if known.one_camera:
-        return tuple(PurePath(each).stem for each in files)
+        return tuple(PurePath(file).stem for file in files)
     if known.names is None or len(files) != 1:
         return ()
     ((only, content),) = files.items()
@@ -122,12 +122,12 @@ def read_camera_pair(files: Contents, options: ExchangeOptions) -> CameraPair:
 
     A single file with one camera serves for both: a nominal lens.
     """
-    found = {name: format_of(name, content) for name, content in files.items()}
-    if {*found.values()} == {"ros", "camera"}:  # one without the pair's matrices
-        found = dict.fromkeys(found, "camera")
-    key = next(iter(found.values()))
-    if key is None or len(set(found.values())) > 1:
-        named = ", ".join(f"{name} ({each or 'unknown'})" for name, each in found.items())
+    formats = {name: format_of(name, content) for name, content in files.items()}
+    if {*formats.values()} == {"ros", "camera"}:  # one without the pair's matrices
+        formats = dict.fromkeys(formats, "camera")
+    key = next(iter(formats.values()))
+    if key is None or len(set(formats.values())) > 1:
+        named = ", ".join(f"{name} ({key or 'unknown'})" for name, key in formats.items())
         raise StereocalError(
             f"These camera files are not of one program: {named}. Give both cameras in one format."
         )
@@ -137,7 +137,7 @@ def read_camera_pair(files: Contents, options: ExchangeOptions) -> CameraPair:
 def _read(
     files: Contents, known: CameraFormat, options: ExchangeOptions, source: str
 ) -> CameraPair:
-    pair = known.read([ForeignFile(*each) for each in files.items()], options, source)
+    pair = known.read([ForeignFile(*file) for file in files.items()], options, source)
     ours = any(OUR_UNIT.encode() in content for content in files.values())
     stated: Unit | None = "m" if ours else pair.stated
     return replace(pair, program=pair.program or known.title, stated=stated, usual=known.unit)
@@ -154,11 +154,11 @@ def export_files(
     known = _format(name)
     cameras: list[Posed] = [(name, *it) for name, it in rig.placed.items()]
     if len(cameras) != 2 and not known.of_rigs:
-        others = ", ".join(key for key, each in FORMATS.items() if each.of_rigs)
+        others = ", ".join(key for key, known in FORMATS.items() if known.of_rigs)
         raise StereocalError(
             f"The format {name} is written for two cameras; for a rig there are {others}."
         )
-    return known.write([known.fitting(own) for own in cameras], options or ExchangeOptions())
+    return known.write([known.fitting(camera) for camera in cameras], options or ExchangeOptions())
 
 
 @checked
@@ -177,7 +177,7 @@ def export(
     """
     path, files = Path(path), export_files(rig, name, options)
     alone = len(files) == 1 and path.suffix != "" and not path.is_dir()
-    placed = {path if alone else path / each: content for each, content in files.items()}
+    placed = {path if alone else path / file: content for file, content in files.items()}
     write_all(placed)
     return list(placed)
 
@@ -219,7 +219,7 @@ def import_files(
             refuse_other_camera(content, only, may_be_toml=known in (ANIPOSELIB, CALISCOPE))
     pair = _read(files, known, options, source)
     rig = pair.rig(options, source)
-    digest = hashlib.sha256(b"".join(files[each] for each in sorted(files))).hexdigest()
+    digest = hashlib.sha256(b"".join(files[file] for file in sorted(files))).hexdigest()
     inputs: dict[str, Any] = {"format": name, "sha256": digest}
     inputs |= {"notes": [*pair.remarks]} if pair.remarks else {}
     return RigParameters(rig.primary, rig.secondary, rig.pose, "imported", None, {}, inputs)
@@ -233,11 +233,11 @@ def import_parameters(
     path = Path(path)
     with disk_errors(f"{path} cannot be read"):
         path.stat()
-        found = sorted(path.iterdir()) if path.is_dir() else [path]
+        paths = sorted(path.iterdir()) if path.is_dir() else [path]
         files = {
-            each.name: each.read_bytes()
-            for each in found
-            if each.is_file() and each.stat().st_size <= LARGEST_BYTES
+            file.name: file.read_bytes()
+            for file in paths
+            if file.is_file() and file.stat().st_size <= LARGEST_BYTES
         }
     return import_files(files, name, options, str(path))
 

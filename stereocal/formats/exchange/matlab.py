@@ -137,9 +137,9 @@ def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptio
                 for k, part in enumerate(PARTS)
             )
             units = (
-                own.get("WorldUnits", "") for own in (fields, *(fields[part] for part in PARTS))
+                part.get("WorldUnits", "") for part in (fields, *(fields[part] for part in PARTS))
             )
-            unit = _unit_of([word for own in units for word in np.ravel(own)], source)
+            unit = _unit_of([word for unit in units for word in np.ravel(unit)], source)
             pose = _pose(fields, source)
             lacks = f"{source}: neither RotationOfCamera2 nor PoseCamera2 is in the struct."
             pair = CameraPair(primary, secondary, pose, lacks, "MATLAB", stated=unit)
@@ -184,11 +184,11 @@ def _camera(fields: Fields, options: ExchangeOptions, k: int, source: str) -> Ca
 def _matrix(fields: Fields, source: str) -> FloatArray:
     """K, whose first pixel is (1, 1) in MATLAB; older versions save its transpose."""
     for name, transposed in (("K", False), ("IntrinsicMatrix", True)):
-        found = numbers_in_field(fields, name, source)
-        if found is not None:
-            if found.shape != (3, 3):
+        matrix = numbers_in_field(fields, name, source)
+        if matrix is not None:
+            if matrix.shape != (3, 3):
                 raise StereocalError(f"{source}: {name} is not a 3x3 matrix.")
-            return np.asarray((found.T if transposed else found) - FIRST_PIXEL)
+            return np.asarray((matrix.T if transposed else matrix) - FIRST_PIXEL)
     f, c = (_required(fields, name, (2,), source) for name in ("FocalLength", "PrincipalPoint"))
     return camera_matrix(f[0], f[1], c[0] - 1, c[1] - 1)
 

@@ -170,11 +170,11 @@ class OriginError(StereocalError):
     """DLT coefficients whose pixel origin seems to be another than is usual."""
 
     def __init__(self, source: str) -> None:
-        found = (
+        corner_unstated = (
             f"{source}: the coefficients seem to be counted from the lower left, as those of "
             "easyWand, Argus and DLTdv5 to 7; or else the world's origin lies behind the cameras."
         )
-        self.question = f"{found} Where are they counted from?"
+        self.question = f"{corner_unstated} Where are they counted from?"
         option = "--image-origin lower-left; or, if the world's origin lies there, upper-left"
         super().__init__(self.question, option=option)
 

@@ -156,16 +156,16 @@ def _from_world(file: ForeignFile) -> tuple[Pose, bool]:
         shift = np.asarray(np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64)
         still = pose_from(R.T, np.zeros(3), f"{file.name}, {R_NAMES[0]}")
         return still @ Pose(np.eye(3), shift), False
-    found, pose = decomposed(P, f"{file.name}, {P_NAMES[0]}")
+    K, pose = decomposed(P, f"{file.name}, {P_NAMES[0]}")
     if np.abs(R - np.eye(3)).max() > 0:
         raise StereocalError(
             "its projection matrix has a rotation in it, and its rectification matrix another: "
             "what they mean together is not known.",
             file.name,
         )
-    own = _numbers(file, K_NAMES, (3, 3))
-    different = np.abs(found - own).max() / own[0, 0]
-    if abs(found[0, 1]) > MOST_SKEW * found[0, 0] or not different < MOST_DIFFERENT:
+    K_of_file = _numbers(file, K_NAMES, (3, 3))
+    different = np.abs(K - K_of_file).max() / K_of_file[0, 0]
+    if abs(K[0, 1]) > MOST_SKEW * K[0, 0] or not different < MOST_DIFFERENT:
         raise StereocalError(
             "its projection matrix is neither that of a rectified camera nor K [R | t] of its own "
             "camera matrix.",

@@ -69,18 +69,18 @@ MODELS: Mapping[str, tuple[str, ...]] = {
 def write_aniposelib(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     """`calibration.toml`."""
     text = _toml_header(cameras)
-    for k, own in enumerate(cameras):
-        text += f"\n[cam_{k}]\nname = {json.dumps(own[0])}\n"
-        text += "fisheye = true\n" * own[1].is_fisheye + _toml_values(own)
+    for k, camera in enumerate(cameras):
+        text += f"\n[cam_{k}]\nname = {json.dumps(camera[0])}\n"
+        text += "fisheye = true\n" * camera[1].is_fisheye + _toml_values(camera)
     return {"calibration.toml": (text + "\n[metadata]\nadjusted = false\n").encode()}
 
 
 def write_caliscope(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     """`camera_array.toml`, where the names of cameras are numbers."""
     text = _toml_header(cameras)
-    for k, own in enumerate(cameras):
-        text += f"\n# {json.dumps(own[0])}\n[cameras.{k}]\ncam_id = {k}\nrotation_count = 0\n"
-        text += f"fisheye = {json.dumps(own[1].is_fisheye)}\n{_toml_values(own)}"
+    for k, camera in enumerate(cameras):
+        text += f"\n# {json.dumps(camera[0])}\n[cameras.{k}]\ncam_id = {k}\nrotation_count = 0\n"
+        text += f"fisheye = {json.dumps(camera[1].is_fisheye)}\n{_toml_values(camera)}"
     return {"camera_array.toml": text.encode()}
 
 
@@ -119,11 +119,16 @@ def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> Came
     chosen = chosen_pair(_called(sections), options.cameras, file.name, [*sections])
     cameras, poses = [], []
     for k, name in enumerate(chosen.names):
-        own, where = [*sections.values()][chosen.pair[k]], f"{file.name}, {name}"
-        lens = own.get("matrix"), own.get("distortions"), own.get("size"), own.get("fisheye")
+        table, where = [*sections.values()][chosen.pair[k]], f"{file.name}, {name}"
+        lens = (
+            table.get("matrix"),
+            table.get("distortions"),
+            table.get("size"),
+            table.get("fisheye"),
+        )
         cameras.append(camera_from(*lens, options, k, where))
-        if all(own.get(key) not in (None, "null") for key in ("rotation", "translation")):
-            poses.append(_toml_pose(own, where))
+        if all(table.get(key) not in (None, "null") for key in ("rotation", "translation")):
+            poses.append(_toml_pose(table, where))
     pose = poses[1] @ poses[0].inverse() if len(poses) == 2 else None
     no_pose = f"{file.name}: a camera has no rotation and translation."
     program = "Caliscope" if "cameras" in data or "charuco" in data else "aniposelib"
@@ -132,7 +137,7 @@ def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> Came
 
 def _called(sections: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
     """Each camera's `name`, or else the names of the sections."""
-    names = [own["name"] for own in sections.values() if isinstance(own.get("name"), str)]
+    names = [table["name"] for table in sections.values() if isinstance(table.get("name"), str)]
     return tuple(names if len({*names}) == len(sections) else sections)
 
 
@@ -142,11 +147,13 @@ def _sections(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     Cameras that Caliscope ignores are left out.
     """
     caliscope = data.get("cameras")
-    found = caliscope if isinstance(caliscope, dict) else data
+    tables = caliscope if isinstance(caliscope, dict) else data
     return {
-        key: found[key]
-        for key in found
-        if isinstance(found[key], dict) and "matrix" in found[key] and not found[key].get("ignore")
+        key: tables[key]
+        for key in tables
+        if isinstance(tables[key], dict)
+        and "matrix" in tables[key]
+        and not tables[key].get("ignore")
     }
 
 
@@ -190,8 +197,8 @@ def write_colmap(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
         parameters = [float(value) for value in (K[0, 0], K[1, 1], *centre, *lens)]
         width, height = camera.image_size
         cameras += f"{k} {model} {width} {height} {' '.join(map(number, parameters))}\n"
-        about = {"camera_model_name": model, "camera_params": parameters}
-        config.append({"image_prefix": f"{which}/", **about})
+        lens_entries = {"camera_model_name": model, "camera_params": parameters}
+        config.append({"image_prefix": f"{which}/", **lens_entries})
     pose = two[1][2]
     quaternion = Rotation.from_matrix(pose.R).as_quat(scalar_first=True, canonical=True)
     moved = " ".join(number(value) for value in [*quaternion, *pose.T])
@@ -230,7 +237,9 @@ def read_colmap(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     if not 1e-9 < np.abs(values[:4]).max() < 1e9:
         raise StereocalError("rigs.txt: the rotation is not a quaternion.")
     R = Rotation.from_quat(values[:4], scalar_first=True).as_matrix()
-    first, second = (_colmap_camera(cameras[cells[at]], options, k) for k, at in enumerate((3, 5)))
+    first, second = (
+        _colmap_camera(cameras[cells[column]], options, k) for k, column in enumerate((3, 5))
+    )
     return CameraPair(first, second, pose_from(R, values[4:], "rigs.txt"))
 
 
@@ -313,7 +322,7 @@ def read_profile(files: Files, options: ExchangeOptions, source: str) -> CameraP
     names = [row[0] for row in rows]
     chosen = chosen_pair(names, options.cameras, file.name) if len(rows) > 1 else None
     cameras = []
-    for k, row in enumerate([rows[each] for each in chosen.pair] if chosen else rows * 2):
+    for k, row in enumerate([rows[camera] for camera in chosen.pair] if chosen else rows * 2):
         focal, width, height, cx, cy, aspect, *lens = map(float, row[1 : 1 + NUMBERS])
         K = camera_matrix(focal, focal * aspect, cx, cy)
         where = f"{file.name}, {row[0]}"

@@ -106,8 +106,8 @@ def rectification(two: Sequence[Posed]) -> list[FloatArray]:
     )
     lenses, moved = (primary.K, first, secondary.K, second), (pose.R, pose.T[:, None])
     flags = cv2.CALIB_ZERO_DISPARITY
-    found = cv2.stereoRectify(*lenses, primary.image_size, *moved, flags=flags)
-    R2, *rest = (np.asarray(each, dtype=np.float64) for each in found[1:5])
+    rectified = cv2.stereoRectify(*lenses, primary.image_size, *moved, flags=flags)
+    R2, *rest = (np.asarray(matrix, dtype=np.float64) for matrix in rectified[1:5])
     return [R2 @ pose.R, R2, *rest]  # OpenCV's R1 knows no turn below 1e-5 rad
 
 
@@ -122,7 +122,7 @@ def is_opencv(file: ForeignFile) -> bool:
 
 def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
     """Two cameras from one or several files; their pose if R and T are there."""
-    found: dict[str, FloatArray] = {}
+    matrices: dict[str, FloatArray] = {}
     sizes: dict[int, ImageSize] = {}
     models: list[bool] = []
     for file in files:
@@ -130,13 +130,13 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPa
             continue
         for key, known in NAMES.items():
             if (node := find_node(file.storage, known)) is not None:
-                found[key] = matrix_of(node, key, file.name)
+                matrices[key] = matrix_of(node, key, file.name)
         if (stated := stated_lens_model(file.storage, file.name)) is not None:
             models.append(stated)
         for k in (0, 1):
             if (size := image_size_in(file.storage, file.name, str(k + 1))) is not None:
                 sizes[k] = size
-    missing = [key for key in NAMES if key not in found]
+    missing = [key for key in NAMES if key not in matrices]
     lacks = (
         f"{source}: {', '.join(missing)} missing; OpenCV's stereo files have M1, D1, M2, D2 "
         "(intrinsics.yml) and R, T (extrinsics.yml)."
@@ -146,9 +146,9 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     model = models[0] if models else None
     cameras = []
     for k, which in enumerate(CAMERAS):
-        lens = found[f"M{k + 1}"], found[f"D{k + 1}"], sizes.get(k), model
+        lens = matrices[f"M{k + 1}"], matrices[f"D{k + 1}"], sizes.get(k), model
         cameras.append(camera_from(*lens, options, k, f"{source}, {which}"))
-    pose = None if missing else pose_from(found["R"], found["T"], source)
+    pose = None if missing else pose_from(matrices["R"], matrices["T"], source)
     return CameraPair(cameras[0], cameras[1], pose, lacks)
 
 
@@ -183,8 +183,8 @@ def kalibr_names(file: ForeignFile) -> tuple[str, ...]:
     """Names of the cameras of a camchain, in its order; empty for another file."""
     if not file.ends_with(".yaml", ".yml"):
         return ()
-    found = [key for key in file.storage if key.startswith("cam") and key[3:].isdecimal()]
-    return tuple(sorted(found, key=lambda key: int(key[3:])))
+    names = [key for key in file.storage if key.startswith("cam") and key[3:].isdecimal()]
+    return tuple(sorted(names, key=lambda key: int(key[3:])))
 
 
 def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
@@ -196,8 +196,8 @@ def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> CameraPa
         _kalibr_camera(data[name], k, options, f"{file.name}, {name}")
         for k, name in enumerate(chosen.names)
     )
-    found = [int(name[3:]) for name in names]
-    if found != list(range(found[0], found[0] + len(found))):
+    camera_numbers = [int(name[3:]) for name in names]
+    if camera_numbers != list(range(camera_numbers[0], camera_numbers[0] + len(camera_numbers))):
         raise StereocalError(
             f"{file.name}: a chain without gaps is expected; the file has {', '.join(names)[:200]}."
         )
