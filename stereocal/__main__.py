@@ -51,7 +51,7 @@ def _run() -> int:
 
 def _threads_at_work() -> bool:
     main_thread = threading.main_thread()
-    return any(one is not main_thread and not one.daemon for one in threading.enumerate())
+    return any(thread is not main_thread and not thread.daemon for thread in threading.enumerate())
 
 
 def _flushed(stream: TextIO | None) -> int:

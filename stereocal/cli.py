@@ -68,8 +68,8 @@ def _parser(asked: str | None = None) -> argparse.ArgumentParser:
     parser = Parser(prog="stereocal", description=__doc__, epilog=needs)
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, (file, about) in COMMANDS.items():
-        command = commands.add_parser(name, help=about)
+    for name, (file, help_text) in COMMANDS.items():
+        command = commands.add_parser(name, help=help_text)
         if name == asked:
             module = importlib.import_module(f"stereocal.commands.{file}")
             known = vars(module)

@@ -92,13 +92,13 @@ def run(parsed: argparse.Namespace) -> None:
     figures = validation_in_summary(parsed.validation, dataset) if parsed.validation else {}
     calibrated = PairRun(dataset, settings, refined)
     validation = _validation(calibrated, parsed.runs) if parsed.runs else None
-    found = PairAnswer(calibrated, validation, figures)
-    files = found.parameter_files
+    answer = PairAnswer(calibrated, validation, figures)
+    files = answer.parameter_files
     if parsed.kit:
-        files["paper_kit.zip"] = paper_kit(found)
-    notes = (f"Note: {note}" for note in _notes_on(found) if note)
-    recommended = f"Recommendation: {found.recommendation.text}"
-    finish(parsed.out, files, *_lines_of(found), *notes, recommended)
+        files["paper_kit.zip"] = paper_kit(answer)
+    notes = (f"Note: {note}" for note in _notes_on(answer) if note)
+    recommended = f"Recommendation: {answer.recommendation.text}"
+    finish(parsed.out, files, *_lines_of(answer), *notes, recommended)
 
 
 def _all(recording: Recording, parsed: argparse.Namespace) -> None:
@@ -118,18 +118,18 @@ def _all(recording: Recording, parsed: argparse.Namespace) -> None:
     write(Run(recording, rig, late, searches), parsed.out)
 
 
-def _lines_of(found: PairAnswer) -> list[str]:
+def _lines_of(answer: PairAnswer) -> list[str]:
     """The data, and what each method made of them."""
-    calibration = found.run.calibration
+    calibration = answer.run.calibration
     dataset, rows = calibration.dataset, calibration.dataset.correspondences
     lines = [
         f"{dataset.name}: {count(len(rows), 'pair')}, {count(len(rows.bars), 'bar')} in "
         f"{count(len(rows.frames), 'frame')}; calibrated with "
         f"{count(len(calibration.frames), 'frame')}; errors are of all frames not left out.",
-        rig_in_words(dataset, found.sets[found.recommendation.measure.method].pose),
+        rig_in_words(dataset, answer.sets[answer.recommendation.measure.method].pose),
         *_table_of(calibration),
     ]
-    if (volume := found.sets["3d"].volume) is not None:
+    if (volume := answer.sets["3d"].volume) is not None:
         lines.append(volume.sentence())
     if (result := calibration.refined) is not None:
         noise, scatter = result.sigma_px, result.scatter_m
@@ -142,16 +142,16 @@ def _lines_of(found: PairAnswer) -> list[str]:
         if result.outlying_frames:
             named = listed([str(frame) for frame in result.outlying_frames])
             lines.append(f"refined: left out as well, given its stated uncertainties: {named}")
-    if found.run.forecast:
-        of = frames_to_come(calibration, found.run.forecast)
-        lines += _forecast_lines(found, of)
+    if answer.run.forecast:
+        of = frames_to_come(calibration, answer.run.forecast)
+        lines += _forecast_lines(answer, of)
     return lines
 
 
-def _notes_on(found: PairAnswer) -> list[str]:
+def _notes_on(answer: PairAnswer) -> list[str]:
     """Warnings, inputs that disagree, errors that cannot be detected, advice; or empty."""
-    calibration, inputs = found.run.calibration, found.run.inputs
-    pose = found.sets[found.recommendation.measure.method].pose
+    calibration, inputs = answer.run.calibration, answer.run.inputs
+    pose = answer.sets[answer.recommendation.measure.method].pose
     # Whether the lengths are in metres: a script cannot answer, so it is a note.
     question = question_about_units(calibration.dataset, pose)
     if question:
@@ -159,8 +159,8 @@ def _notes_on(found: PairAnswer) -> list[str]:
     accused = [item.advice for item in inputs if item.accused]
     timing = calibration.screening.time_note
     step = calibration.dataset.recording.step_notes
-    told = *step, question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)
-    return [*told, found.run.advice]
+    remarks = *step, question, timing, *calibration.warnings, *accused, undetectable_errors(inputs)
+    return [*remarks, answer.run.advice]
 
 
 def _validation(run: PairRun, runs: int) -> Evaluation | None:
@@ -176,10 +176,10 @@ def _validation(run: PairRun, runs: int) -> Evaluation | None:
         return None
 
 
-def _forecast_lines(found: PairAnswer, of: str) -> list[str]:
+def _forecast_lines(answer: PairAnswer, of: str) -> list[str]:
     lines = [f"Forecast for {of} (95 % intervals), with the threshold in each file:"]
-    held, thresholds = word_of(found.run.calibration.dataset), found.thresholds_px
-    for method, entries in found.forecast_entries.items():
+    held, thresholds = word_of(answer.run.calibration.dataset), answer.thresholds_px
+    for method, entries in answer.forecast_entries.items():
         fcp, length, metric = (
             in_percent(stated_in(entries, name))
             for name in ("fcp_reprojection", "p95_error_3d", "p95_metric_error_3d")
@@ -198,16 +198,18 @@ def _table_of(calibration: Calibration) -> list[str]:
         f"{'method':<10} {'reprojection px':>15} {'length mean %':>14} {'length 95 %':>12} "
         f"{'evaluations':>12} {'seconds':>8}  stopped because"
     ]
-    told: dict[Method, tuple[int, float, str]] = {
-        name: (own.evaluations, own.seconds, own.stop_reason)
-        for name, own in calibration.methods.items()
+    searches: dict[Method, tuple[int, float, str]] = {
+        name: (result.evaluations, result.seconds, result.stop_reason)
+        for name, result in calibration.methods.items()
     }
     if (refined := calibration.refined) is not None:
-        told["refined"] = (refined.steps, refined.seconds, refined.stop_reason)
-    for name, (evaluations, seconds, stopped) in told.items():
+        searches["refined"] = (refined.steps, refined.seconds, refined.stop_reason)
+    for name, (evaluations, seconds, stopped) in searches.items():
         errors = calibration.errors[name]
         fractions = errors.mean_length, errors.p95_length
-        mean, p95 = ("none" if math.isnan(own) else f"{100 * own:.4f}" for own in fractions)
+        mean, p95 = (
+            "none" if math.isnan(fraction) else f"{100 * fraction:.4f}" for fraction in fractions
+        )
         lines.append(
             f"{name:<10} {errors.mean_reprojection_px:>15.4f} {mean:>14} {p95:>12} "
             f"{evaluations:>12} {seconds:>8.3f}  {stopped}"

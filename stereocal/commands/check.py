@@ -52,19 +52,19 @@ def run(parsed: argparse.Namespace) -> None:
     """Check, write `check.json` and any repaired parameters, print the answer."""
     path, parameters = _parameters(parsed)
     asked = with_new(parameters, partial(_images, parsed), partial(_recording, parsed))
-    found = asked.stating(parsed.sigma_px).check(
+    check = asked.stating(parsed.sigma_px).check(
         Smallest.of(parsed.turn, parsed.baseline_change),
         str(path),
         hashlib.sha256(path.read_bytes()).hexdigest(),
     )
-    content = {**found.content, "parameters": str(path), "dataset": str(parsed.dataset)}
+    content = {**check.content, "parameters": str(path), "dataset": str(parsed.dataset)}
     text = json.dumps(content, indent=2, allow_nan=False) + "\n"
     files = {"check.json": text.encode()}
-    if found.repaired is not None:
-        files[REPAIRED] = found.repaired.dumps().encode()
+    if check.repaired is not None:
+        files[REPAIRED] = check.repaired.dumps().encode()
     instead = f"{path} was checked instead: of this calibration, it fits the images best."
-    remarks = [instead * (path != parsed.parameters), *found.notes]
-    finish(parsed.out, files, found.sentence, notes=remarks)
+    remarks = [instead * (path != parsed.parameters), *check.notes]
+    finish(parsed.out, files, check.sentence, notes=remarks)
 
 
 def _parameters(parsed: argparse.Namespace) -> tuple[Path, Parameters]:

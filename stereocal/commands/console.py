@@ -71,28 +71,28 @@ KINDS: Mapping[str, Callable[[str], Any]] = {
 
 def take(to: argparse._ActionsContainer, options: Options) -> None:
     """Add options to a parser or a group; `--out` is required."""
-    for spelled, told in options.items():
+    for spelled, described in options.items():
         if spelled == ONE_OF:
-            take(to.add_mutually_exclusive_group(required=True), told)
+            take(to.add_mutually_exclusive_group(required=True), described)
             continue
         if spelled.endswith(":"):
-            take(to.add_argument_group(spelled[:-1]), told)
+            take(to.add_argument_group(spelled[:-1]), described)
             continue
         name, *values = spelled.removesuffix("...").split()
-        about: dict[str, Any] = {"required": True} if name == "--out" else {}
+        arguments: dict[str, Any] = {"required": True} if name == "--out" else {}
         if name.startswith("--no-"):
-            about |= {"dest": name.removeprefix("--no-"), "action": "store_false"}
-        about |= {"nargs": "+"} if spelled.endswith("...") else {}
-        about |= {"help": told} if isinstance(told, str) else told
+            arguments |= {"dest": name.removeprefix("--no-"), "action": "store_false"}
+        arguments |= {"nargs": "+"} if spelled.endswith("...") else {}
+        arguments |= {"help": described} if isinstance(described, str) else described
         if len(values) > 1:
-            about |= {"nargs": len(values), "metavar": tuple(values)}
+            arguments |= {"nargs": len(values), "metavar": tuple(values)}
         elif values:
-            about["metavar"] = values[0]
+            arguments["metavar"] = values[0]
         if values or not name.startswith("-"):
-            about.setdefault("type", KINDS.get(values[0] if values else "", Path))
-        elif not about.keys() & {"action", "choices", "type"}:
-            about["action"] = "store_true"
-        to.add_argument(name, **about)
+            arguments.setdefault("type", KINDS.get(values[0] if values else "", Path))
+        elif not arguments.keys() & {"action", "choices", "type"}:
+            arguments["action"] = "store_true"
+        to.add_argument(name, **arguments)
 
 
 class Parser(argparse.ArgumentParser):
@@ -124,8 +124,8 @@ def report(
     *lines: str, notes: Iterable[str | None] = (), written: Iterable[Path | None] = ()
 ) -> None:
     """Print what a command has found, its notes but empty ones, and its files, a line each."""
-    told = (f"Note: {note}" for note in notes if note)
-    for line in (*lines, *told, *(f"wrote {path}" for path in written if path)):
+    remarks = (f"Note: {note}" for note in notes if note)
+    for line in (*lines, *remarks, *(f"wrote {path}" for path in written if path)):
         print(line)
 
 

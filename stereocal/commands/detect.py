@@ -44,17 +44,19 @@ def run(parsed: argparse.Namespace) -> None:
     if board is not None:
         refuse_given(parsed, "is for a bar, not for a board", "doubtful")
     with workers_from(parsed, compile_detection) as executor:
-        search, found = in_search(parsed, executor, target)
-    frames = found.frames
+        search, targets = in_search(parsed, executor, target)
+    frames = targets.frames
     for frame in frames:
         say(report_line(frame))
     if parsed.doubtful:
         frames = [frame.used(frame.state != "refused") for frame in frames]
     if not frames and parsed.out.suffix.lower() != ".csv":
-        write_recording(parsed.out, search.recording(found))
+        write_recording(parsed.out, search.recording(targets))
         return
     table = (
-        write_table(correspondences_of(frames)) if frames else write_points(search.recording(found))
+        write_table(correspondences_of(frames))
+        if frames
+        else write_points(search.recording(targets))
     )
     write_atomically(parsed.out, table)
     report(written=[parsed.out])

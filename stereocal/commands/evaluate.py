@@ -49,24 +49,24 @@ def run(parsed: argparse.Namespace) -> None:
     refined = refine_settings_from(parsed) if parsed.refined else None
     splits = parsed.runs, parsed.calibration_frames, parsed.splits
     settings = EvaluationSettings(search, *splits, refined)
-    found = [PairRun(dataset, settings.calibration, settings.refined) for dataset in datasets]
-    screenings = [run.screening for run in found]
+    pair_runs = [PairRun(dataset, settings.calibration, settings.refined) for dataset in datasets]
+    screenings = [run.screening for run in pair_runs]
     kept = [screening.dataset for screening in screenings]
     with workers_from(parsed, partial(evaluate_runs, kept[0], settings, 0, [0])) as executor:
         runs = with_bar("runs", partial(evaluate, kept, settings, executor))
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
     answers = [
-        PairAnswer(run, figures=validation_figures(own, settings))
-        for run, own in zip(found, by_dataset.values(), strict=True)
+        PairAnswer(run, figures=validation_figures(summaries, settings))
+        for run, summaries in zip(pair_runs, by_dataset.values(), strict=True)
     ]
     calibrated = [answer for answer in answers if _is_calibrated(answer.run)]
     forecasts = [answer.forecast_entries if answer in calibrated else {} for answer in answers]
-    only = calibrated[0] if len(calibrated) == len(found) == 1 else None
+    only = calibrated[0] if len(calibrated) == len(pair_runs) == 1 else None
     recommended = (only.run.calibration, only.recommendation) if only else None
-    about = datasets, settings, screenings
+    inputs = datasets, settings, screenings
     files = {
-        "summary.json": summary_json(pooled, by_dataset, *about, forecasts),
-        "report.html": report_html(pooled, by_dataset, *about, recommended).encode(),
+        "summary.json": summary_json(pooled, by_dataset, *inputs, forecasts),
+        "report.html": report_html(pooled, by_dataset, *inputs, recommended).encode(),
     }
     lines = [
         f"{screening.full_dataset.name}: {line}"
@@ -74,7 +74,7 @@ def run(parsed: argparse.Namespace) -> None:
         for line in (screening.time_note, left_out_line(screening))
         if line
     ]
-    errors = [own.reconstruction.p95 for own in pooled.values()]
+    errors = [summary.reconstruction.p95 for summary in pooled.values()]
     if caution := why_held_out_not_trusted(screenings, errors):
         lines.append(f"Do not rely on this result: {caution}")
     recommendation = [f"Recommendation: {only.recommendation.text}"] if only else []

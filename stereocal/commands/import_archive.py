@@ -75,20 +75,20 @@ def run(parsed: argparse.Namespace) -> None:
         baseline = math.inf if parsed.baseline == FREE else parsed.baseline
         if parsed.cameras is not None:
             options = replace(options, cameras=two_cameras(parsed.cameras))
-        found = gather(given, options, baseline_known=baseline is not None)
-        no_length = found.no_baseline and found.target_distance_m is None
+        archive = gather(given, options, baseline_known=baseline is not None)
+        no_length = archive.no_baseline and archive.target_distance_m is None
         if no_length and options.unit not in (None, "m"):
             raise StereocalError(
                 "--unit is that of lengths in the files, which have none: state --baseline and "
                 "--distance in metres."
             )
-        stated = _not_replaced(found, baseline, distance)
-        _show([*stated, *found.missing(baseline, distance)])
-        dataset = with_baseline_found(found.dataset(name, baseline, distance))
+        stated = _not_replaced(archive, baseline, distance)
+        _show([*stated, *archive.missing(baseline, distance)])
+        dataset = with_baseline_found(archive.dataset(name, baseline, distance))
         dataset = with_sigmas(dataset, parsed)
-        files, notes = pack_dataset(dataset), _notes_on(found, dataset)
-        if found.throw is not None:
-            files[THROW] = found.throw.to_csv(index=False, lineterminator="\n").encode()
+        files, notes = pack_dataset(dataset), _notes_on(archive, dataset)
+        if archive.throw is not None:
+            files[THROW] = archive.throw.to_csv(index=False, lineterminator="\n").encode()
     write_all({parsed.out / name: content for name, content in files.items()})
     report(notes=notes, written=[parsed.out])
 

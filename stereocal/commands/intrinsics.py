@@ -63,8 +63,8 @@ def run(parsed: argparse.Namespace) -> None:
         if not out.suffix and proposal.pairing.pairs and proposal.way != "order":
             lenses: dict[str, Camera | None] = dict.fromkeys(CAMERAS)
             two = PhotographSearch(proposal.pairing, photographs, lenses, pattern, settings)
-            found = in_stages(lambda begin, show: two.run(executor, begin, show, tell=say))
-            write_recording(out, replace(found.recording, name=out.stem))
+            calibrated = in_stages(lambda begin, show: two.run(executor, begin, show, tell=say))
+            write_recording(out, replace(calibrated.recording, name=out.stem))
             return
         boards_in = partial(find_boards, photographs, pattern, executor)
         search = with_bar("photographs searched", boards_in)
@@ -74,6 +74,6 @@ def run(parsed: argparse.Namespace) -> None:
     write_atomically(out, content)
     refused = (f"Not used: {item.name}: {item.reason}." for item in search.refused)
     table = (LENS_COLUMNS, *lens_rows(lens))
-    rows = (" ".join(f"{each:>16}" for each in row) for row in table)
+    rows = (" ".join(f"{cell:>16}" for cell in row) for row in table)
     notes = (*advice(lens), hint(lens), note_on_model(search, lens.settings))
     report(*refused, lens_answer(lens), *rows, notes=notes, written=[out])

@@ -148,7 +148,7 @@ def _ours(path: Path) -> PointTable:
 
 
 def _theirs(parsed: argparse.Namespace, which: CameraName, camera: Camera) -> PointTable:
-    source, at = str(getattr(parsed, which)), CAMERAS.index(which)
+    source, k = str(getattr(parsed, which)), CAMERAS.index(which)
     content = point_text(read_whole(source), source)
     if parsed.layout == BY_HAND:
         layout = point_answers.layout_by_hand(content, source)
@@ -160,11 +160,11 @@ def _theirs(parsed: argparse.Namespace, which: CameraName, camera: Camera) -> Po
         **answers(parsed),
         "px_per_unit": parsed.px_per_unit,
         "least_likelihood": parsed.least_likelihood,
-        "camera": _camera(parsed.cameras, layout.cameras, at, source),
+        "camera": _camera(parsed.cameras, layout.cameras, k, source),
         "roles": _roles(parsed, layout, content, source),
     }
     chosen = replace(
-        point_answers.first_answers(layout, at, camera.image_size[1]),
+        point_answers.first_answers(layout, k, camera.image_size[1]),
         **{name: value for name, value in stated.items() if value is not None},
     )
     layout = point_answers.answered(layout, chosen, content, source)
@@ -173,11 +173,13 @@ def _theirs(parsed: argparse.Namespace, which: CameraName, camera: Camera) -> Po
         raise StereocalError(f"{source}: there is no point of {chosen.camera} in the file.")
     corner = chosen.corner.replace("-", " ")
     flip = f", v = {chosen.flip} - v'" if chosen.corner == "lower-left" else ""
-    told = f"{source}: read as {layout.program}, {chosen.camera}, counted from the {corner}{flip}"
-    told += f", first pixel {chosen.first_pixel:g}"
-    if any(each.likelihood is not None for each in layout.columns):
-        told += f", points below likelihood {chosen.least_likelihood:g} left out"
-    print(f"{told}.")
+    how_read = (
+        f"{source}: read as {layout.program}, {chosen.camera}, counted from the {corner}{flip}"
+    )
+    how_read += f", first pixel {chosen.first_pixel:g}"
+    if any(point.likelihood is not None for point in layout.columns):
+        how_read += f", points below likelihood {chosen.least_likelihood:g} left out"
+    print(f"{how_read}.")
     table.index += 2  # lines, of a table with one line above
     return PointTable(table, label=source)
 
@@ -207,8 +209,8 @@ def _roles(
     if parsed.columns is None:
         return str(parsed.roles)
     titles = column_titles(first_rows(content, source)[0])
-    known = {str(number): at for at, number in enumerate(range(1, len(titles) + 1))}
-    known |= {name: at for at, name in enumerate(titles)}
+    known = {str(number): k for k, number in enumerate(range(1, len(titles) + 1))}
+    known |= {name: k for k, name in enumerate(titles)}
     roles = [UNUSED] * len(titles)
     for name, kind in zip(parsed.columns, ("frame", "x", "y"), strict=True):
         if name == COUNTED and kind == "frame":

@@ -30,21 +30,21 @@ from stereocal.system.tables import LARGEST_WHOLE
 
 def settings_options(kind: type[Settings]) -> Options:
     """An option for each setting, as it describes itself."""
-    found: dict[str, Any] = {}
-    for name, about in asked(kind).items():
-        usual, told = about.default, dict[str, Any](dest=name, help=about.help)
+    options: dict[str, Any] = {}
+    for name, setting in asked(kind).items():
+        usual, arguments = setting.default, dict[str, Any](dest=name, help=setting.help)
         if isinstance(usual, bool):
-            told["action"] = "store_true"
+            arguments["action"] = "store_true"
         elif isinstance(usual, tuple):
             frame = Number(int, -LARGEST_WHOLE, LARGEST_WHOLE)
-            told |= {"type": frame, "nargs": "+", "default": usual, "metavar": "FRAME"}
+            arguments |= {"type": frame, "nargs": "+", "default": usual, "metavar": "FRAME"}
         else:
-            number = {"type": Number(type(usual), about.low, about.high), "metavar": "N"}
-            told |= {"choices": [*about.choices]} if about.choices else number
-            told["default"] = usual
-            told["help"] += f" (default: {usual})"
-        found[f"--{(about.option or name).replace('_', '-')}"] = told
-    return found
+            number = {"type": Number(type(usual), setting.low, setting.high), "metavar": "N"}
+            arguments |= {"choices": [*setting.choices]} if setting.choices else number
+            arguments["default"] = usual
+            arguments["help"] += f" (default: {usual})"
+        options[f"--{(setting.option or name).replace('_', '-')}"] = arguments
+    return options
 
 
 def questions(*names: str) -> Options:
@@ -115,12 +115,14 @@ def changed(
     parsed: argparse.Namespace, options: Options, defaults: Mapping[str, Any]
 ) -> Iterator[str]:
     """The options of a command that were given another value than their default, as written."""
-    for text, told in options.items():
+    for text, described in options.items():
         option = text.split()[0]
-        about = told if isinstance(told, Mapping) else {}
+        arguments = described if isinstance(described, Mapping) else {}
         off = option.startswith("--no-")
-        name = about.get("dest", option.removeprefix("--no-").removeprefix("--").replace("-", "_"))
-        value, usual = getattr(parsed, name), about.get("default", defaults.get(name, off))
+        name = arguments.get(
+            "dest", option.removeprefix("--no-").removeprefix("--").replace("-", "_")
+        )
+        value, usual = getattr(parsed, name), arguments.get("default", defaults.get(name, off))
         if option.startswith("--") and value is not off and value not in (usual, None):
             yield option
 
@@ -134,16 +136,16 @@ def contents(paths: Sequence[Path]) -> dict[str, bytes]:
     """The contents of files by name; of a second file of a name by its path."""
     limits = Limits.from_environment()
     limits.check_count(len(paths), "The command")
-    found: dict[str, bytes] = {}
+    files: dict[str, bytes] = {}
     for path in paths:
         with disk_errors(f"{path} cannot be read"):
             limits.check_size(path.stat().st_size, str(path))
             content = path.read_bytes()
-        name = path.name if path.name not in found else str(path)
-        if name in found:
+        name = path.name if path.name not in files else str(path)
+        if name in files:
             raise StereocalError(f"{path}: the file is given twice.")
-        found[name] = content
-    return found
+        files[name] = content
+    return files
 
 
 def image_size(text: str | None) -> tuple[int, int] | None:
@@ -237,7 +239,7 @@ def settings_from(
     parsed: argparse.Namespace, calibration_frames: int | None
 ) -> CalibrationSettings:
     """The settings of `SEARCH`, and of the command."""
-    stated = {told["dest"]: getattr(parsed, told["dest"]) for told in SEARCH.values()}
+    stated = {option["dest"]: getattr(parsed, option["dest"]) for option in SEARCH.values()}
     stated |= {"calibration_frames": calibration_frames, "known_points": parsed.known_points}
     stated["time_offset"] = parsed.time_offset or parsed.time_drift
     return CalibrationSettings.from_json(stated)

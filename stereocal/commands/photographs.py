@@ -73,15 +73,15 @@ def _take_frames(
         write_atomically(parsed.dataset / name, content)
         earlier.discard(name)
 
-    found = in_stages(partial(extract, videos, settings, write))
-    for sentence in found.sentences:
+    frames = in_stages(partial(extract, videos, settings, write))
+    for sentence in frames.sentences:
         say(sentence)
     if earlier and by_hand:
         raise StereocalError(
             f"{parsed.dataset}: {min(earlier)} and {len(earlier) - 1} more are frames that were "
             "taken otherwise, of other moments: remove the folders of frames, and begin again."
         )
-    return found.heard
+    return frames.heard
 
 
 def write_recording(folder: Path, recording: Recording) -> None:

@@ -29,7 +29,7 @@ def run(parsed: argparse.Namespace) -> None:
     """Compute the forecast, write forecast.json and report.html, print the answer."""
     plan = read_plan(parsed.plan, parsed.lens_model)
     with workers_from(parsed, partial(draw_rigs, plan, 0, 0, 2)) as executor:
-        found = with_bar("rigs", partial(forecast, plan, executor, parsed.seed, parsed.rigs))
-    files = {"forecast.json": found.dumps(), "report.html": plan_report(found).encode()}
-    lines = (f"  {sentence}" for sentence in found.advice.sentences)
-    finish(parsed.out, files, plan_answer(found), *lines)
+        planned = with_bar("rigs", partial(forecast, plan, executor, parsed.seed, parsed.rigs))
+    files = {"forecast.json": planned.dumps(), "report.html": plan_report(planned).encode()}
+    lines = (f"  {sentence}" for sentence in planned.advice.sentences)
+    finish(parsed.out, files, plan_answer(planned), *lines)

@@ -56,10 +56,10 @@ KINDS: Mapping[str, tuple[str, Options]] = {
 
 def add(command: argparse.ArgumentParser) -> None:
     kinds = command.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS))
-    for name, (about, options) in KINDS.items():
-        one = kinds.add_parser(name, help=about)
-        take(one, options)
-        one.set_defaults(paper="A4")
+    for name, (help_text, options) in KINDS.items():
+        parser = kinds.add_parser(name, help=help_text)
+        take(parser, options)
+        parser.set_defaults(paper="A4")
 
 
 def run(parsed: argparse.Namespace) -> None:

@@ -38,10 +38,10 @@ OPTIONS: Options = {
 def run(parsed: argparse.Namespace) -> None:
     rig = _rig(parsed)
     table = views_of(rig).table(parsed.pairs)
-    about = rig, table, parsed.out, world_from(parsed), parsed.sigma_px
+    inputs = rig, table, parsed.out, world_from(parsed), parsed.sigma_px
     a_point = np.zeros((1, len(rig.placed), 2))
     with workers_from(parsed, partial(views_of(rig).fit, a_point, 1.0)) as executor:
-        measured = with_bar("pairs", partial(measure_tables, *about, executor=executor))
+        measured = with_bar("pairs", partial(measure_tables, *inputs, executor=executor))
     report(*measured.sentences, notes=measured.notes, written=[parsed.out])
 
 

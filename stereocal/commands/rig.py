@@ -44,7 +44,7 @@ def write(run: Run, out: Path) -> None:
         shown = replace(run, begin=begin, progress=show)
         return shown, shown.rig
 
-    found, rig = in_stages(made)
+    calibrated, rig = in_stages(made)
     report = rig_report(rig, run.recording.name)
-    files = {RIG: rig.dumps().encode(), "report.html": report.encode(), **found.pair_files}
-    finish(out, files, *found.sentences, notes=found.notes)
+    files = {RIG: rig.dumps().encode(), "report.html": report.encode(), **calibrated.pair_files}
+    finish(out, files, *calibrated.sentences, notes=calibrated.notes)

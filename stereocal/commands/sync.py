@@ -22,11 +22,11 @@ def run(parsed: argparse.Namespace) -> None:
     """Find the offsets, write the data set with one count of frames, print what was found."""
     counted = read_recording(parsed.dataset, parsed.lens_model, as_counted=True)
     with naming(str(parsed.dataset)):
-        found = bring_into_step(counted)
-    told = found.recording.step_notes
+        in_step = bring_into_step(counted)
+    notes = in_step.recording.step_notes
     plots = {
-        "-".join(pair): html_plot(plot_offsets(own), describe_offsets(own))
-        for pair, own in found.pairs.items()
+        "-".join(pair): html_plot(plot_offsets(offset), describe_offsets(offset))
+        for pair, offset in in_step.pairs.items()
     }
-    page = html_page(f"{counted.name}: cameras started by hand", " ".join(told), plots)
-    finish(parsed.out, {**pack_recording(found.recording), "sync.html": page.encode()}, *told)
+    page = html_page(f"{counted.name}: cameras started by hand", " ".join(notes), plots)
+    finish(parsed.out, {**pack_recording(in_step.recording), "sync.html": page.encode()}, *notes)

@@ -91,7 +91,7 @@ def _compile_apart(progress: Progress | None) -> int:
         streams: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": writing}
         # Ctrl-C is for this process, which ends them: in their imports they would say where.
         streams["start_new_session"] = True
-        processes = [subprocess.Popen(own, cwd=PACKAGE, **streams) for own in commands]
+        processes = [subprocess.Popen(command, cwd=PACKAGE, **streams) for command in commands]
         os.close(writing)
         try:
             for line in lines:

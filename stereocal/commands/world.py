@@ -53,10 +53,10 @@ def run(parsed: argparse.Namespace) -> None:
         rig = RigParameters.load(parsed.parameters)
     cameras = pair_in_table(rig, content, source)
     observed = read_observed(content, source, rate, cameras)
-    found = find_world(rig, observed, settings, cameras)
+    world = find_world(rig, observed, settings, cameras)
     residuals = [
         f"  {name}: residual x {x:+.4f}, y {y:+.4f}, z {z:+.4f} m"
-        for name, (x, y, z) in found.about.get("residuals_m", {}).items()
+        for name, (x, y, z) in world.about.get("residuals_m", {}).items()
     ]
-    write_atomically(parsed.out, write_world(found, rig))
-    report(found.sentence, *residuals, notes=found.notes, written=[parsed.out])
+    write_atomically(parsed.out, write_world(world, rig))
+    report(world.sentence, *residuals, notes=world.notes, written=[parsed.out])

@@ -44,7 +44,7 @@ def plot_accuracy(
         return sentence_only(NO_VIEW)
     low, high = np.nanpercentile(np.log10(values), [1, 99])
     ticks = _ticks(float(low), float(high))
-    bounds = [_bounds(found, result) for found in maps]
+    bounds = [_bounds(error_map, result) for error_map in maps]
     depth = [min(b[1, 0] for b in bounds), max(b[1, 1] for b in bounds)]
     heights = [
         float(np.clip(WIDTH * np.ptp(b[0]) / np.ptp(depth), LEAST_HEIGHT, MOST_HEIGHT))
@@ -66,13 +66,13 @@ def plot_accuracy(
     figure.update_layout(showlegend=False, margin_t=TOP, margin_b=FOOT, coloraxis=scale)
     common, number = {"constrain": "domain", "showgrid": False}, ""
     figure.update_xaxes(range=depth, **common)
-    for row, (found, ends) in enumerate(zip(maps, bounds, strict=True), start=1):
+    for row, (error_map, ends) in enumerate(zip(maps, bounds, strict=True), start=1):
         number = str(row) if row > 1 else ""
         # What is to the right, or down, is drawn downwards; axes are equal.
-        own = {"range": ends[0, ::-1].tolist(), "scaleanchor": f"x{number}", **common}
-        figure.update_yaxes(title_text=ACROSS[found.plane], row=row, col=1, **own)
-        figure.add_annotation(_title(found, number))
-        for trace in _traces(found, result, quantity, values[row - 1]):
+        y_axis = {"range": ends[0, ::-1].tolist(), "scaleanchor": f"x{number}", **common}
+        figure.update_yaxes(title_text=ACROSS[error_map.plane], row=row, col=1, **y_axis)
+        figure.add_annotation(_title(error_map, number))
+        for trace in _traces(error_map, result, quantity, values[row - 1]):
             figure.add_trace(trace, row=row, col=1)
     # Below the last map: Plotly puts the title of an axis with a constrained domain into the map.
     below = {"x": 0.5, "y": 0, "xanchor": "center", "yanchor": "top", "yshift": -30}
@@ -85,47 +85,54 @@ def _ticks(low: float, high: float) -> FloatArray:
     """Round values from 10**low to 10**high, far enough apart for their numbers."""
     ticks = np.empty(0)
     for digits in (1, 2, 3):
-        ticks = np.unique([float(f"{10**at:.{digits}g}") for at in np.linspace(low, high, 6)])
-        at = np.log10(ticks)
-        ticks = ticks[(at >= low - 1e-9) & (at <= high + 1e-9)]
+        ticks = np.unique(
+            [float(f"{10**exponent:.{digits}g}") for exponent in np.linspace(low, high, 6)]
+        )
+        exponents = np.log10(ticks)
+        ticks = ticks[(exponents >= low - 1e-9) & (exponents <= high + 1e-9)]
         ticks = ticks[np.diff(np.log10(ticks), prepend=-np.inf) > LEAST_STEP * (high - low)]
         if len(ticks) >= FEWEST_TICKS:
             break
     return np.asarray(ticks)
 
 
-def _bounds(found: AccuracyMap, result: RefinedResult) -> FloatArray:
+def _bounds(error_map: AccuracyMap, result: RefinedResult) -> FloatArray:
     """(2, 2): least and most of the axis across and of the depth, the cameras included, in m."""
-    values = np.isfinite(found.point_m)
-    centre = result.pose.inverse().T[[AXIS_OF[found.plane], 2]]
-    seen = found.across_m[values.any(axis=0)], found.z_m[values.any(axis=1)]
+    values = np.isfinite(error_map.point_m)
+    centre = result.pose.inverse().T[[AXIS_OF[error_map.plane], 2]]
+    seen = error_map.across_m[values.any(axis=0)], error_map.z_m[values.any(axis=1)]
     ends = np.array(
-        [[min(*own, 0.0, at), max(*own, 0.0, at)] for own, at in zip(seen, centre, strict=True)]
+        [
+            [min(*values, 0.0, place), max(*values, 0.0, place)]
+            for values, place in zip(seen, centre, strict=True)
+        ]
     )
     margin = 0.03 * np.ptp(ends[1])
     return np.asarray(ends + np.array([[-margin, margin], [-margin, 0.0]]))
 
 
-def _title(found: AccuracyMap, number: str) -> dict[str, Any]:
+def _title(error_map: AccuracyMap, number: str) -> dict[str, Any]:
     seen, sides, straight = {
         "side": ("the side", ("to the left of", "to the right of"), "straight ahead of"),
         "above": ("above", ("above", "below"), "at the height of"),
-    }[found.plane]
-    where = f"{abs(found.at_m):.1f} m {sides[found.at_m >= 0]}" if found.at_m else straight
+    }[error_map.plane]
+    where = (
+        f"{abs(error_map.at_m):.1f} m {sides[error_map.at_m >= 0]}" if error_map.at_m else straight
+    )
     text = f"<b>From {seen}</b>, {where} the primary camera"
     left = {"xref": "paper", "x": 0, "y": 1, "xanchor": "left", "yanchor": "bottom", "yshift": 4}
     return note(text, number, {"size": 13}) | left
 
 
 def _traces(
-    found: AccuracyMap, result: RefinedResult, quantity: Quantity, values: FloatArray
+    error_map: AccuracyMap, result: RefinedResult, quantity: Quantity, values: FloatArray
 ) -> list[dict[str, Any]]:
     """The map, the cameras and the targets of the bar."""
-    above, seen = found.plane == "above", [2, AXIS_OF[found.plane]]
+    above, seen = error_map.plane == "above", [2, AXIS_OF[error_map.plane]]
     of_map = {
         "type": "heatmap",
-        "x": found.z_m,
-        "y": found.across_m,
+        "x": error_map.z_m,
+        "y": error_map.across_m,
         "z": np.log10(values.T),
         "customdata": values.T,
         "coloraxis": "coloraxis",
@@ -156,20 +163,21 @@ def describe_accuracy(maps: Sequence[AccuracyMap], quantity: Quantity = "distanc
         return NO_VIEW
     low, middle, high = np.nanpercentile(values, [5, 50, 95])
     best, j, i = np.unravel_index(int(np.nanargmin(values)), values.shape)
-    unit, found = UNITS[quantity], maps[int(best)]
-    across = found.across_m[i]
-    sides = ("left of", "right of") if found.plane == "above" else ("above", "below")
+    unit, error_map = UNITS[quantity], maps[int(best)]
+    across = error_map.across_m[i]
+    sides = ("left of", "right of") if error_map.plane == "above" else ("above", "below")
     towards = sides[int(across >= 0)]
     return (
         f"From above and from the side: {TITLES[quantity].lower().split(' (')[0]} "
         f"is {rounded(middle)}{unit} (median) where both cameras see, from {rounded(low)} "
-        f"to {rounded(high)}{unit} (5th to 95th percentile), and least {found.z_m[j]:.1f} m ahead "
-        f"and {abs(across):.1f} m {towards} the primary camera. Points: the targets of the bar."
+        f"to {rounded(high)}{unit} (5th to 95th percentile), and least "
+        f"{error_map.z_m[j]:.1f} m ahead and {abs(across):.1f} m {towards} the primary camera. "
+        "Points: the targets of the bar."
     )
 
 
 def _values(maps: Sequence[AccuracyMap], quantity: Quantity) -> FloatArray:
     """(maps, j, i), in the unit of the quantity."""
     if quantity == "distance":
-        return np.array([100 * found.distance for found in maps])
-    return np.array([1000 * found.point_m for found in maps])
+        return np.array([100 * error_map.distance for error_map in maps])
+    return np.array([1000 * error_map.point_m for error_map in maps])

@@ -34,9 +34,9 @@ def plot_comparison(by_dataset: Summaries) -> go.Figure:
     figure = style.blank(700, 2, shared_xaxes=True, vertical_spacing=0.06)
     for row, (quantity, (title, _)) in enumerate(ROWS.items(), start=1):
         estimates = {
-            method: [own[method].main(quantity) for own in by_dataset.values()]
+            method: [summaries[method].main(quantity) for summaries in by_dataset.values()]
             for method in ALL_METHODS
-            if all(method in own for own in by_dataset.values())
+            if all(method in summaries for summaries in by_dataset.values())
         }
         every = [estimate for of_method in estimates.values() for estimate in of_method]
         positive = [v for e in every for v in (e.value, e.low, e.high) if v > 0]
@@ -92,8 +92,9 @@ def describe_comparison(by_dataset: Summaries) -> str:
         for method in ALL_METHODS:
             known = {
                 name: value
-                for name, own in by_dataset.items()
-                if method in own and np.isfinite(value := own[method].main(quantity).value)
+                for name, summaries in by_dataset.items()
+                if method in summaries
+                and np.isfinite(value := summaries[method].main(quantity).value)
             }
             least, most = (percent(f(known.values())) if known else "" for f in (min, max))
             wins = sum(best_methods(by_dataset[name])[quantity] == method for name in known)

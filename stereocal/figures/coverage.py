@@ -25,18 +25,18 @@ def plot_coverage(dataset: Pair, narrow: bool = False) -> go.Figure:
     shape, rows = ((2, 1) if narrow else (1, 2)), dataset.correspondences
     spacing = {"horizontal_spacing": 0.04, "vertical_spacing": 0.17}
     figure = style.blank(880 if narrow else 440, *shape, **spacing)
-    for at, (name, (camera, points)) in enumerate(_images(dataset).items()):
-        place = {"row": at + 1, "col": 1} if narrow else {"row": 1, "col": at + 1}
+    for k, (name, (camera, points)) in enumerate(_images(dataset).items()):
+        place = {"row": k + 1, "col": 1} if narrow else {"row": 1, "col": k + 1}
         width, height = camera.image_size
         _add_points(figure, rows, camera, points, place)
         x = {
             "side": "top",
             "title_text": f"<b>{name.capitalize()}</b><br>{width} × {height} px<br>u (px)",
             "nticks": 3,
-            "constraintoward": "left" if narrow or at else "right",
+            "constraintoward": "left" if narrow or k else "right",
             "tickangle": 0,
         }
-        y = {"title_text": "v (px)", "side": "left" if narrow or not at else "right", "nticks": 6}
+        y = {"title_text": "v (px)", "side": "left" if narrow or not k else "right", "nticks": 6}
         style.set_image_axes(figure, camera.image_size, 0.01 * max(width, height), x, y, **place)
     # Fixed margins, because the panels' titles are between the legend and the images.
     figure.update_layout(margin_t=125, legend={"yref": "container", "y": 1.0, "yanchor": "top"})
@@ -63,8 +63,8 @@ def describe_coverage(dataset: Pair) -> str:
 def _images(dataset: Pair) -> dict[str, tuple[Camera, FloatArray]]:
     """Cameras and their points (n, 2) by name."""
     rows = dataset.correspondences
-    found = (dataset.primary, rows.primary), (dataset.secondary, rows.secondary)
-    return dict(zip(CAMERAS, found, strict=True))
+    images = (dataset.primary, rows.primary), (dataset.secondary, rows.secondary)
+    return dict(zip(CAMERAS, images, strict=True))
 
 
 def _add_points(
@@ -76,7 +76,7 @@ def _add_points(
 ) -> None:
     """The border of an image, 0.5 px beyond the outermost pixel centres, its bars and targets."""
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) * camera.image_size - 0.5
-    own = {**place, "showlegend": not figure.data}
+    legend = {**place, "showlegend": not figure.data}
     border = style.line_of(width=1.5)
     style.add_trace(
         figure, corners, line=border, name="Border of the image", showlegend=False, **place
@@ -85,7 +85,7 @@ def _add_points(
     bars = style.with_gaps(points[rows.bars[drawn[rows.bars[:, 0]]]])
     name = "Bar A–B" if rows.rigid_object is None else "Known distance"
     bar = {"name": f"{name} ({n_drawn(len(rows.bars))})", "legendgroup": "bars"}
-    style.add_trace(figure, bars, line=style.line_of(style.FAINT, 1), **bar, **own)
+    style.add_trace(figure, bars, line=style.line_of(style.FAINT, 1), **bar, **legend)
     size = 8 if len(rows.frames) <= 100 else 5
     for target, of_target, colour, symbol in style.marks_of(rows):
         shown = of_target & drawn
@@ -97,5 +97,5 @@ def _add_points(
             customdata=rows.frame[shown],
             legendgroup=target,
             name=f"Target {target} (n = {of_target.sum():,})",
-            **own,
+            **legend,
         )

@@ -225,8 +225,8 @@ def _add_method(figure: go.Figure, row: int, panel: FramePanel, method: Method) 
     the 2D set may agree to a pixel of the screen, and one symbol hid the other.
     """
     steps = np.diff(np.unique(panel.frames))
-    at = [*panel.values].index(method) - 0.5 * (len(panel.values) - 1)
-    beside = BESIDE * (steps.min() if len(steps) else 1) * at
+    step = [*panel.values].index(method) - 0.5 * (len(panel.values) - 1)
+    beside = BESIDE * (steps.min() if len(steps) else 1) * step
     points = np.column_stack([panel.frames + beside, panel.values[method]])
     size, name = SIZES[method] - (2 if len(panel.frames) > 100 else 0), METHOD_NAMES[method]
     for kind, of_kind in panel.kinds.items():
@@ -252,12 +252,12 @@ def _add_method(figure: go.Figure, row: int, panel: FramePanel, method: Method) 
 def _add_labels(figure: go.Figure, row: int, panel: FramePanel) -> None:
     """Label the outlying frames above their highest symbol, worst first, without overlap."""
     values = panel.values[panel.labelled]
-    at = np.flatnonzero(np.isin(panel.frames, panel.outliers) & np.isfinite(values))
-    if not len(at):
+    rows = np.flatnonzero(np.isin(panel.frames, panel.outliers) & np.isfinite(values))
+    if not len(rows):
         return
-    at = at[np.argsort(-values[at], kind="stable")]
-    heights = np.nanmax([own[at] for own in panel.values.values()], axis=0)
-    across = panel.frames[at] / max(float(np.ptp(panel.frames)), 1.0)
+    rows = rows[np.argsort(-values[rows], kind="stable")]
+    heights = np.nanmax([errors[rows] for errors in panel.values.values()], axis=0)
+    across = panel.frames[rows] / max(float(np.ptp(panel.frames)), 1.0)
     up, top = heights, panel.known.max() or 1.0
     if panel.is_log:  # in decades
         up, top = np.log10(np.maximum(heights, 1e-300)), np.log10(panel.known.max() / panel.lowest)
@@ -269,8 +269,8 @@ def _add_labels(figure: go.Figure, row: int, panel: FramePanel) -> None:
             kept.append(i)
     add_trace(
         figure,
-        np.column_stack([panel.frames[at], heights])[kept],
-        text=[f"<b>{frame}</b>" for frame in panel.frames[at[kept]]],
+        np.column_stack([panel.frames[rows], heights])[kept],
+        text=[f"<b>{frame}</b>" for frame in panel.frames[rows[kept]]],
         textposition="top center",
         textfont={"size": 14},
         showlegend=False,

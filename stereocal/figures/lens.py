@@ -27,14 +27,14 @@ LONGEST_ARROW = 0.9
 
 def plot_draws(lens: LensCalibration) -> go.Figure:
     """Histogram of each parameter over the draws, with median and standard error."""
-    free = [at for at in range(len(PARAMETERS)) if lens.settings.free[at]]
+    free = [k for k in range(len(PARAMETERS)) if lens.settings.free[k]]
     rows = -(-len(free) // COLUMNS)
     spacing = {"horizontal_spacing": 0.06, "vertical_spacing": 0.34 / rows}
     figure = blank(60 + 190 * rows, rows, COLUMNS, **spacing)
     shapes = []
-    for number, at in enumerate(free):
-        value, sigma = float(lens.values[at]), float(lens.standard_errors[at])
-        _add_draws(figure, lens, at, number)
+    for number, k in enumerate(free):
+        value, sigma = float(lens.values[k]), float(lens.standard_errors[k])
+        _add_draws(figure, lens, k, number)
         suffix = str(number + 1) if number else ""
         height = {"xref": f"x{suffix}", "yref": f"y{suffix} domain", "y0": 0, "y1": 1}
         band = {"type": "rect", "x0": value - sigma, "x1": value + sigma, "layer": "below"}
@@ -49,13 +49,13 @@ def plot_draws(lens: LensCalibration) -> go.Figure:
     return figure
 
 
-def _add_draws(figure: go.Figure, lens: LensCalibration, at: int, number: int) -> None:
+def _add_draws(figure: go.Figure, lens: LensCalibration, k: int, number: int) -> None:
     place = {"row": number // COLUMNS + 1, "col": number % COLUMNS + 1}
-    unit, name = " px" if at < 4 else "", lens.settings.parameters[at]
-    value, sigma = float(lens.values[at]), float(lens.standard_errors[at])
-    low, high = float(np.min(lens.draws[:, at])), float(np.max(lens.draws[:, at]))
+    unit, name = " px" if k < 4 else "", lens.settings.parameters[k]
+    value, sigma = float(lens.values[k]), float(lens.standard_errors[k])
+    low, high = float(np.min(lens.draws[:, k])), float(np.max(lens.draws[:, k]))
     figure.add_histogram(
-        x=lens.draws[:, at],
+        x=lens.draws[:, k],
         marker_color=BLUE,
         showlegend=number == 0,
         name=f"Results of the draws (n = {len(lens.draws):,})",
@@ -76,16 +76,16 @@ def describe_draws(lens: LensCalibration) -> str:
     settings = lens.settings
     widest = lens.spread[:2].max() / lens.values[0]
     every = zip(settings.parameters, lens.values, lens.standard_errors, strict=True)
-    found = [
-        f"{name} {with_error(float(value), float(sigma))}{' px' if at < 4 else ''}"
-        for at, (name, value, sigma) in enumerate(every)
-        if settings.free[at]
+    estimates = [
+        f"{name} {with_error(float(value), float(sigma))}{' px' if k < 4 else ''}"
+        for k, (name, value, sigma) in enumerate(every)
+        if settings.free[k]
     ]
     return (
         f"{settings.repeats} calibrations, each with {lens.per_draw} of {len(lens.search.views)} "
         f"photographs; the focal lengths spread by {100 * widest:.3f} %. Median and standard "
-        f"error: {', '.join(found)}. The line is the median, the band one standard error, which "
-        "differs from the spread of the results because they share photographs."
+        f"error: {', '.join(estimates)}. The line is the median, the band one standard error, "
+        "which differs from the spread of the results because they share photographs."
     )
 
 
@@ -101,12 +101,12 @@ def plot_view_errors(lens: LensCalibration) -> go.Figure:
         if not len(chosen):
             continue
         figure.add_bar(
-            x=[names[at] for at in chosen],
+            x=[names[k] for k in chosen],
             y=lens.view_errors[chosen],
             name=f"{title} (n = {len(chosen):,})",
             marker={"color": colour, "pattern_shape": pattern},
             showlegend=True,
-            customdata=[len(lens.search.views[at].ids) for at in chosen],
+            customdata=[len(lens.search.views[k].ids) for k in chosen],
             hovertemplate="%{x}<br>%{y:.3f} px over %{customdata} corners<extra></extra>",
         )
     middle, dashed = float(np.median(lens.view_errors)), line_of(width=1.5, dash="dash")
@@ -164,7 +164,7 @@ def plot_misfit(misfit: Misfit, narrow: bool = False) -> go.Figure:
 
 
 def describe_misfit(misfit: Misfit) -> str:
-    cells, apart = np.sum([[own.known.sum(), own.apart.sum()] for own in misfit.fields], axis=0)
+    cells, apart = np.sum([[side.known.sum(), side.apart.sum()] for side in misfit.fields], axis=0)
     largest = np.nanmax([0.0, *(field.largest_px for field in misfit.fields)])
     what = "Noise explains them: they accuse no lens."
     if misfit.is_sure:
@@ -188,11 +188,11 @@ def _plot(
 ) -> go.Figure:
     rows, columns = (len(fields), 1) if narrow else (1, len(fields))
     figure = blank(100 + 290 * rows if narrow else 450, rows, columns, horizontal_spacing=0.1)
-    scale, largest = arrow_scale(fields), np.nanmax([0.0, *(own.largest_px for own in fields)])
+    scale, largest = arrow_scale(fields), np.nanmax([0.0, *(field.largest_px for field in fields)])
     shown_px = _round_below(largest) if largest else 0.0
-    told = f"; an arrow over {scale * shown_px:g} px is {shown_px:g} px" if shown_px else ""
-    for at, field in enumerate(fields):
-        place = {"row": at + 1, "col": 1} if narrow else {"row": 1, "col": at + 1}
+    scale_text = f"; an arrow over {scale * shown_px:g} px is {shown_px:g} px" if shown_px else ""
+    for k, field in enumerate(fields):
+        place = {"row": k + 1, "col": 1} if narrow else {"row": 1, "col": k + 1}
         figure.add_scattergl(
             x=field.points[:, 0],
             y=field.points[:, 1],
@@ -201,7 +201,7 @@ def _plot(
             marker={"size": 3, "color": style.FAINT},
             name=f"{what} (n = {len(field.points):,})",
             legendgroup="points",
-            showlegend=at == 0,
+            showlegend=k == 0,
             **place,
         )
         for apart in (False, True):
@@ -210,7 +210,7 @@ def _plot(
         width, height = field.image_size
         edge = {"type": "rect", "x0": -0.5, "y0": -0.5, "x1": width - 0.5, "y1": height - 0.5}
         figure.add_shape(edge, line={"color": style.NEUTRAL, "width": 1.5}, **place)
-        x, y = ({"title_text": title, "nticks": 6} for title in (titles[at] + told, "v (px)"))
+        x, y = ({"title_text": title, "nticks": 6} for title in (titles[k] + scale_text, "v (px)"))
         style.set_image_axes(figure, field.image_size, 0.02 * width, x, y, **place)
     return figure
 

@@ -160,8 +160,8 @@ def plot_pair_errors(nearest: FloatArray, threshold_px: float) -> go.Figure:
         add_trace(figure, steps, hover, line=line, **named)
     if threshold_px > 0:
         text = f"<b>{rounded(threshold_px, 3)} px</b>"
-        at = {"x": np.log10(threshold_px), "yanchor": "top", "font": {"size": 14}}
-        figure.add_vline(x=threshold_px, line=style.DASHED, annotation={"text": text, **at})
+        place = {"x": np.log10(threshold_px), "yanchor": "top", "font": {"size": 14}}
+        figure.add_vline(x=threshold_px, line=style.DASHED, annotation={"text": text, **place})
     scale = {"type": "log", "range": list(ends), "dtick": 1 if np.ptp(ends) > 2 else None}
     figure.update_xaxes(title_text="Reprojection error (px)", **scale)
     figure.update_yaxes(title_text="Points of the primary", rangemode="tozero")

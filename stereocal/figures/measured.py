@@ -112,7 +112,9 @@ class PointCloud:
 def formats(table: pd.DataFrame) -> dict[str, str]:
     """The format of each column of pairs or points that is a measured number."""
     pixels = {name: "%.2f" for name in map(str, table) if name[:2] in ("u_", "v_")}
-    return {name: own for name, own in (FORMATS | pixels).items() if name in table}
+    return {
+        name: number_format for name, number_format in (FORMATS | pixels).items() if name in table
+    }
 
 
 def plot_points(
@@ -201,10 +203,10 @@ def _add_points(
     scale: Mapping[str, Any],
 ) -> None:
     """The points inside and outside the volume of the bars, with one colour bar."""
-    about = cloud.points[["frame", "error_px", "x", "y", "z"]].to_numpy(dtype=np.float64)
+    hover_values = cloud.points[["frame", "error_px", "x", "y", "z"]].to_numpy(dtype=np.float64)
     place = ", ".join(
-        f"{axis} %{{customdata[{at}]:.4~r}} m{words}"
-        for at, (axis, words) in enumerate(zip("xyz", cloud.scene.words, strict=True), start=2)
+        f"{axis} %{{customdata[{k}]:.4~r}} m{words}"
+        for k, (axis, words) in enumerate(zip("xyz", cloud.scene.words, strict=True), start=2)
     )
     outside = cloud.outside[rows]
     kinds = (
@@ -215,13 +217,13 @@ def _add_points(
     for name, some, symbol in kinds:
         if not len(some):
             continue
-        own = {"size": 4 if len(rows) <= 200 else 2, "color": values[some], "symbol": symbol}
+        own_marker = {"size": 4 if len(rows) <= 200 else 2, "color": values[some], "symbol": symbol}
         add_trace(
             figure,
             cloud.xyz[some],
             f"frame %{{customdata[0]:d}}, error %{{customdata[1]:.3~r}} px<br>{place}",
-            marker={**scale, **own, "showscale": bar},
-            customdata=about[some],
+            marker={**scale, **own_marker, "showscale": bar},
+            customdata=hover_values[some],
             name=f"{name} (n = {len(some):,})",
         )
         bar = False

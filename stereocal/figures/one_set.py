@@ -52,8 +52,8 @@ def disagreement_table(inputs: Sequence[Input]) -> pd.DataFrame:
         stated, estimated = ", ".join(f"{value:g}" for value in item.stated), "held as stated"
         if sigma.all():
             stated = in_digits(item.stated, sigma)
-            found = f"{in_digits(item.estimate, sigma)} ± {in_digits(sigma, sigma)}"
-            estimated = f"{found} {item.unit}".rstrip()
+            estimate = f"{in_digits(item.estimate, sigma)} ± {in_digits(sigma, sigma)}"
+            estimated = f"{estimate} {item.unit}".rstrip()
         rows[item.title] = {
             "Stated": f"{stated} {item.unit}".rstrip(),
             "Estimated": estimated,

@@ -28,26 +28,26 @@ HOVER = "%{x:.3~r} m<br>%{y:.2~r} %"
 NO_BASELINE = "No other baseline could be tried: the cameras would lose their common view."
 
 
-def plot_plan_map(found: PlanForecast, quantity: Quantity = "distance") -> go.Figure:
+def plot_plan_map(forecast: PlanForecast, quantity: Quantity = "distance") -> go.Figure:
     """Errors in the volume, from above and from the side, with bars as they may be placed."""
-    result, frames = found.fit.result, found.plan.frames
+    result, frames = forecast.fit.result, forecast.plan.frames
     few = {name: getattr(result, name)[:frames] for name in ("points_m", "outlying", "frame_of")}
     shown = replace(result, **few)
-    return plot_accuracy(found.fit.maps, shown, quantity)
+    return plot_accuracy(forecast.fit.maps, shown, quantity)
 
 
-def describe_plan_map(found: PlanForecast, quantity: Quantity = "distance") -> str:
+def describe_plan_map(forecast: PlanForecast, quantity: Quantity = "distance") -> str:
     """As `describe_accuracy`."""
-    return describe_accuracy(found.fit.maps, quantity)
+    return describe_accuracy(forecast.fit.maps, quantity)
 
 
 def plot_plan_depths(plans: Sequence[PlanForecast]) -> go.Figure:
     """What 95 % of lengths are within against depth, a line for each of up to three plans."""
     figure = blank(HEIGHT)
-    for found, (colour, dash, symbol) in zip(plans, PLAN_STYLES, strict=False):
-        own = found.fit.by_depth
-        name = found.plan.name if len(plans) > 1 else "95 % of lengths"
-        points = np.column_stack([own.depths_m, 100 * own.length_p95])
+    for forecast, (colour, dash, symbol) in zip(plans, PLAN_STYLES, strict=False):
+        by_depth = forecast.fit.by_depth
+        name = forecast.plan.name if len(plans) > 1 else "95 % of lengths"
+        points = np.column_stack([by_depth.depths_m, 100 * by_depth.length_p95])
         style = {"line": line_of(colour, 2, dash), "marker": {"symbol": symbol, "size": 8}}
         add_trace(figure, points, f"{HOVER}<extra>%{{fullData.name}}</extra>", name=name, **style)
     figure.update_layout(showlegend=len(plans) > 1)
@@ -59,20 +59,20 @@ def plot_plan_depths(plans: Sequence[PlanForecast]) -> go.Figure:
 def describe_plan_depths(plans: Sequence[PlanForecast]) -> str:
     """The errors at the least and the largest depth of each plan."""
     parts = []
-    for found in plans:
-        depths, length = found.fit.by_depth.depths_m, found.fit.by_depth.length_p95
+    for forecast in plans:
+        depths, length = forecast.fit.by_depth.depths_m, forecast.fit.by_depth.length_p95
         known = np.flatnonzero(np.isfinite(length))
         first, last = known[0], known[-1]
         parts.append(
-            f"{found.plan.name}: {percent(length[first])} % at {rounded(depths[first], 3)} m, "
+            f"{forecast.plan.name}: {percent(length[first])} % at {rounded(depths[first], 3)} m, "
             f"{percent(length[last])} % at {rounded(depths[last], 3)} m"
         )
     return f"What 95 % of lengths are within, by depth, of the refined set. {'; '.join(parts)}."
 
 
-def plot_plan_baselines(found: PlanForecast) -> go.Figure:
+def plot_plan_baselines(forecast: PlanForecast) -> go.Figure:
     """What 95 % of lengths in the volume are within, against the baseline."""
-    advice, planned = found.advice, found.plan.baseline_m
+    advice, planned = forecast.advice, forecast.plan.baseline_m
     known = np.isfinite(advice.baseline_errors)
     if known.sum() < 2:
         return sentence_only(NO_BASELINE)
@@ -82,8 +82,8 @@ def plot_plan_baselines(found: PlanForecast) -> go.Figure:
     add_trace(figure, others, HOVER, name="other baselines", line=line_of(), marker={"size": 8})
     marker = {"size": 13, "symbol": "diamond", "color": PLAN_STYLES[0][0]}
     text = {"text": ["planned"], "textposition": "top right", "cliponaxis": False}
-    at = np.array([[planned, 100 * found.fit.length_p95]])
-    add_trace(figure, at, f"planned: {HOVER}", name="planned", marker=marker, **text)
+    point = np.array([[planned, 100 * forecast.fit.length_p95]])
+    add_trace(figure, point, f"planned: {HOVER}", name="planned", marker=marker, **text)
     figure.update_layout(showlegend=False)
     ticks = {"tickvals": baselines, "ticktext": [f"{float(f'{b:.2g}'):g}" for b in baselines]}
     figure.update_xaxes(title_text="Baseline (m)", type="log", **ticks)
@@ -91,66 +91,70 @@ def plot_plan_baselines(found: PlanForecast) -> go.Figure:
     return figure
 
 
-def describe_plan_baselines(found: PlanForecast) -> str:
+def describe_plan_baselines(forecast: PlanForecast) -> str:
     """The errors with the planned and with the best baseline."""
-    advice = found.advice
+    advice = forecast.advice
     known = np.flatnonzero(np.isfinite(advice.baseline_errors))
     if len(known) < 2:
         return NO_BASELINE
     best = known[int(np.argmin(advice.baseline_errors[known]))]
     return (
         "What 95 % of lengths are within, by baseline, the cameras aimed at the same place: "
-        f"{percent(found.fit.length_p95)} % with {rounded(found.plan.baseline_m, 3)} m as "
+        f"{percent(forecast.fit.length_p95)} % with {rounded(forecast.plan.baseline_m, 3)} m as "
         f"planned, least with {rounded(advice.baselines_m[best], 3)} m, "
         f"{percent(advice.baseline_errors[best])} %. A baseline is not tried where less than 60 % "
         "of the common view would be left."
     )
 
 
-def plan_report(found: PlanForecast) -> str:
+def plan_report(forecast: PlanForecast) -> str:
     """The text of the file."""
     sections = {
-        "What would help most": html_list(found.advice.sentences),
-        "Errors by place": html_figure(plot_plan_map(found), describe_plan_map(found)),
-        "Errors by depth": html_figure(plot_plan_depths([found]), describe_plan_depths([found])),
-        "Errors by baseline": html_figure(
-            plot_plan_baselines(found), describe_plan_baselines(found)
+        "What would help most": html_list(forecast.advice.sentences),
+        "Errors by place": html_figure(plot_plan_map(forecast), describe_plan_map(forecast)),
+        "Errors by depth": html_figure(
+            plot_plan_depths([forecast]), describe_plan_depths([forecast])
         ),
-        "What the files will do": html_table(plan_table(found)),
-        "How it was computed": paragraphs(how_computed(found)),
-        "The plan": html_table(_contents(found.plan)),
+        "Errors by baseline": html_figure(
+            plot_plan_baselines(forecast), describe_plan_baselines(forecast)
+        ),
+        "What the files will do": html_table(plan_table(forecast)),
+        "How it was computed": paragraphs(how_computed(forecast)),
+        "The plan": html_table(_contents(forecast.plan)),
     }
-    return html_page(f"Forecast of the plan {found.plan.name}", plan_answer(found), sections)
+    return html_page(f"Forecast of the plan {forecast.plan.name}", plan_answer(forecast), sections)
 
 
-def how_computed(found: PlanForecast) -> str:
+def how_computed(forecast: PlanForecast) -> str:
     """What was drawn and simulated, in words."""
-    own, rigs = found.plan.uncertainty, found.rigs.count
-    failed = f" {found.rigs.failed} of them could not be calibrated." if found.rigs.failed else ""
+    sigmas, rigs = forecast.plan.uncertainty, forecast.rigs.count
+    failed = (
+        f" {forecast.rigs.failed} of them could not be calibrated." if forecast.rigs.failed else ""
+    )
     return (
         f"{rigs} rigs were drawn, whose focal lengths, principal points, baseline and bar differ "
-        f"from the plan as it says; on each a recording of {found.plan.frames} bars was simulated "
-        f"and calibrated, and the files were judged on fresh bars.{failed} Intervals hold 95 % of "
-        "the rigs. Errors by place are those to be expected of the refined set. Length errors are "
-        "relative to true lengths, so the error of the bar itself, "
-        f"{percent(own.bar_m / found.plan.bar_m)} %, is in them. Computed by "
-        f"stereocal {__version__} with the seed {found.seed}."
+        f"from the plan as it says; on each a recording of {forecast.plan.frames} bars was "
+        f"simulated and calibrated, and the files were judged on fresh bars.{failed} Intervals "
+        "hold 95 % of the rigs. Errors by place are those to be expected of the refined set. Length "
+        "errors are relative to true lengths, so the error of the bar itself, "
+        f"{percent(sigmas.bar_m / forecast.plan.bar_m)} %, is in them. Computed by "
+        f"stereocal {__version__} with the seed {forecast.seed}."
     )
 
 
 def _contents(plan: Plan) -> pd.DataFrame:
-    own, pose = plan.uncertainty, plan.stated_pose
+    sigmas, pose = plan.uncertainty, plan.stated_pose
     lines = {
         "Primary camera": plan.primary.in_words,
         "Secondary camera": plan.secondary.in_words,
-        "Baseline": f"{rounded(plan.baseline_m, 4)} m ± {rounded(1000 * own.baseline_m, 3)} mm",
+        "Baseline": f"{rounded(plan.baseline_m, 4)} m ± {rounded(1000 * sigmas.baseline_m, 3)} mm",
         "Volume": f"{rounded(plan.near_m, 4)} to {rounded(plan.far_m, 4)} m ahead of the primary "
         "camera",
-        "Bar": f"{rounded(plan.bar_m, 4)} m ± {rounded(1000 * own.bar_m, 3)} mm",
+        "Bar": f"{rounded(plan.bar_m, 4)} m ± {rounded(1000 * sigmas.bar_m, 3)} mm",
         "Frames": str(plan.frames),
         "Noise of a target in the image": f"{digits(plan.noise_px, 2)} px",
-        "Focal lengths known to": f"{percent(own.focal)} %",
-        "Image centres known to": f"{rounded(own.centre_px, 3)} px",
+        "Focal lengths known to": f"{percent(sigmas.focal)} %",
+        "Image centres known to": f"{rounded(sigmas.centre_px, 3)} px",
     }
     if isinstance(pose, AimedPose):
         lines["Each camera turned in by"] = f"{rounded(pose.toe_in_deg, 3)}°"

@@ -147,10 +147,12 @@ def _why_two_sets(calibration: Calibration) -> str:
 def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Pair]) -> str:
     columns = {}
     for method in in_order(summaries):
-        found = summaries[method]
+        summary = summaries[method]
         columns[METHOD_NAMES[method]] = [
             f"{math.degrees(mean):.4f} ± {math.degrees(spread):.4f}"
-            for mean, spread in zip(found.angle_means.flat, found.angle_spreads.flat, strict=True)
+            for mean, spread in zip(
+                summary.angle_means.flat, summary.angle_spreads.flat, strict=True
+            )
         ]
     rows = [
         (f"{dataset.name}: " if len(datasets) > 1 else "")
@@ -164,8 +166,8 @@ def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Pair])
 def _settings(
     settings: EvaluationSettings, summaries: Mapping[Method, MethodSummary]
 ) -> pd.DataFrame:
-    about = descriptions(EvaluationSettings)
-    lines = {about[name].title: _setting(value) for name, value in settings.to_json().items()}
+    described = descriptions(EvaluationSettings)
+    lines = {described[name].title: _setting(value) for name, value in settings.to_json().items()}
     edges = next(iter(summaries.values())).residual.correct.edges
     lines["Width of the bins (decades)"] = f"{rounded(edges[1] - edges[0], 3)}"
     return pd.DataFrame({"Value": lines}).rename_axis("Setting")

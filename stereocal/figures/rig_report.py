@@ -54,25 +54,26 @@ def plot_rig_graph(rig: RigFile) -> go.Figure:
     the pair could not be calibrated by itself."""
     names, centres = list(rig.poses), _centres(rig)[:, [0, 2]]
     pairs = rig.about.pairs
-    most = max((own.bars for own in pairs.values()), default=1)
+    most = max((pair.bars for pair in pairs.values()), default=1)
     figure = blank(HEIGHT)
-    for name, own in pairs.items():
-        if not {*own.cameras} <= {*names}:
+    for name, pair in pairs.items():
+        if not {*pair.cameras} <= {*names}:
             continue
         third = [
-            f"<br>in {each.camera}: {rounded(each.before)} px before, {rounded(each.after)} after"
-            for each in rig.about.third_camera_px
-            if {*each.pair} == {*own.cameras}
+            f"<br>in {error.camera}: {rounded(error.before)} px before, "
+            f"{rounded(error.after)} after"
+            for error in rig.about.third_camera_px
+            if {*error.pair} == {*pair.cameras}
         ]
-        one, other = (centres[names.index(camera)] for camera in own.cameras)
-        width = THINNEST + (THICKEST - THINNEST) * own.bars / most
+        first, second = (centres[names.index(camera)] for camera in pair.cameras)
+        width = THINNEST + (THICKEST - THINNEST) * pair.bars / most
         colour, dash = METHOD_COLOURS["refined"], "solid"
-        if own.failed is not None:
+        if pair.failed is not None:
             colour, dash = NEUTRAL, "dot"
         add_trace(
             figure,
-            one + np.linspace(0.0, 1.0, 9)[:, None] * (other - one),
-            f"{name}: {own.bars} bars{''.join(third[:4])}",
+            first + np.linspace(0.0, 1.0, 9)[:, None] * (second - first),
+            f"{name}: {pair.bars} bars{''.join(third[:4])}",
             # Only markers can be clicked.
             marker={"size": THICKEST, "opacity": 0.0},
             line=line_of(colour, width, dash),
@@ -92,7 +93,7 @@ def plot_rig_graph(rig: RigFile) -> go.Figure:
 
 def describe_rig_graph(rig: RigFile) -> str:
     """The rig, its loops, and the bars of each pair."""
-    pairs = [f"{name} {own.bars} bars" for name, own in rig.about.pairs.items()]
+    pairs = [f"{name} {pair.bars} bars" for name, pair in rig.about.pairs.items()]
     seen = f"Bars that two cameras see: {', '.join(pairs)}."
     return " ".join(filter(None, [rig_sentence(rig), loops_sentence(rig), seen]))
 
@@ -126,11 +127,11 @@ def plot_cameras(
 def _add_objects(figure: go.Figure, rig: RigFile, recording: Recording) -> FloatArray:
     """The object in each frame: a line from end to end, of the points that two cameras see; the
     middle of all (3,)."""
-    own, first = recording.of_cameras(rig.names), rig.names[0]
+    of_rig, first = recording.of_cameras(rig.names), rig.names[0]
     late = {name: rig.shift(first, name) for name in rig.names[1:]}
-    own = own.shifted({name: offset for name, offset in late.items() if offset.is_shift})
-    frames, images = own.where(own.usable).images()
-    images = images[:, own.object.longest]
+    of_rig = of_rig.shifted({name: offset for name, offset in late.items() if offset.is_shift})
+    frames, images = of_rig.where(of_rig.usable).images()
+    images = images[:, of_rig.object.longest]
     seen = np.flatnonzero((np.isfinite(images[..., 0]).sum(axis=2) >= 2).all(axis=1))
     shown = seen[evenly_drawn(len(seen))]  # before the fit: a page draws this each time
     fitter, pixels = ViewFitter(rig), images[shown].reshape(-1, *images.shape[2:])
@@ -201,14 +202,14 @@ def camera_table(rig: RigFile) -> pd.DataFrame:
     rows = {}
     errors = rig.about.image_errors_px
     for name, pose in rig.poses.items():
-        own = rig.standard_errors[name]
-        turn = np.degrees([own[f"turn_{axis}"] for axis in "xyz"])
-        shift = [1000 * own[axis] for axis in "xyz"]
+        sigmas = rig.standard_errors[name]
+        turn = np.degrees([sigmas[f"turn_{axis}"] for axis in "xyz"])
+        shift = [1000 * sigmas[axis] for axis in "xyz"]
         rows[name] = {
             "position, m": ", ".join(f"{value:.3f}" for value in pose.inverse().T),
             "rotation ±, °": ", ".join(map(rounded, turn)),
             "position ±, mm": ", ".join(map(rounded, shift)),
-            "focal length, px": f"{rig.cameras[name].K[0, 0]:.1f} ± {rounded(own['fx'])}",
+            "focal length, px": f"{rig.cameras[name].K[0, 0]:.1f} ± {rounded(sigmas['fx'])}",
             "image error, px": "unknown" if (px := errors.get(name)) is None else digits(px, 2),
         }
     return pd.DataFrame(rows).T.rename_axis("camera")

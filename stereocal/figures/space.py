@@ -65,8 +65,8 @@ class SceneFrame:
 
     def place(self, point: FloatArray) -> str:
         """A point (3,) of the scene in words."""
-        own = upright(point) if self.is_world else point
-        parts = zip("xyz", own, self.words, strict=True)
+        ours = upright(point) if self.is_world else point
+        parts = zip("xyz", ours, self.words, strict=True)
         return ", ".join(f"{name} {value:.3f} m{words}" for name, value, words in parts)
 
 
@@ -136,7 +136,7 @@ def add_cameras(
     centres = np.array([path[0] for _, _, path in drawn])
     # Each name inwards, so that none is cut; above or below, so that they are apart with a short
     # baseline, and not on what is between the cameras.
-    across = np.array([own.pose.inverse().T[0] for own in rig.placed.values()])
+    across = np.array([placed.pose.inverse().T[0] for placed in rig.placed.values()])
     inwards = np.where(across < across.mean(), "right", "left")
     overs = above_or_below(-centres[:, 1])
     for (name, camera, path), over, side in zip(drawn, overs, inwards, strict=True):
@@ -192,7 +192,7 @@ def outline_of(camera: Camera, pose: Pose, depth: float) -> FloatArray:
 def set_scene(figure: go.Figure, eye: Eye | None = None, scene: SceneFrame = IN_CAMERA) -> None:
     """Set equal axes in metres, and a viewpoint; without one everything is seen from behind."""
     values = [np.concatenate([trace[axis] for trace in figure.data]) for axis in "xyz"]
-    ends = np.array([[pick(each) for each in values] for pick in (np.nanmin, np.nanmax)])
+    ends = np.array([[pick(axis) for axis in values] for pick in (np.nanmin, np.nanmax)])
     box = ends + 0.02 * np.ptp(ends, axis=0).max() * np.array([[-1.0], [1.0]])
     titles = WORLD_TITLES if scene.is_world else AXIS_TITLES
     common = {**SCENE_AXIS, "nticks": 6, "tickfont": {"size": 12}}
@@ -202,8 +202,8 @@ def set_scene(figure: go.Figure, eye: Eye | None = None, scene: SceneFrame = IN_
         "camera": _view(box, eye or Eye()),
         "bgcolor": TRANSPARENT,
         **{
-            f"{axis}axis": {**common, "range": list(own), "title": {"text": title, **TITLE}}
-            for axis, title, own in zip("xyz", titles, box.T, strict=True)
+            f"{axis}axis": {**common, "range": list(ends), "title": {"text": title, **TITLE}}
+            for axis, title, ends in zip("xyz", titles, box.T, strict=True)
         },
     }
 
@@ -214,14 +214,14 @@ def _view(box: FloatArray, eye: Eye) -> dict[str, dict[str, float]]:
     middle, unit = box.mean(axis=0), float(np.cbrt(np.prod(np.ptp(box, axis=0))))
     up = upright(eye.up)
     if eye.at is not None and eye.towards is not None:
-        at, towards = upright(eye.at), upright(eye.towards)
+        place, towards = upright(eye.at), upright(eye.towards)
     else:
         seen, closest_m = box, CLOSEST * float(np.linalg.norm(np.ptp(box, axis=0)))
         if eye.whole is not None:
             seen = np.array([pick(upright(eye.whole), axis=0) for pick in (np.min, np.max)])
-        at, towards = _seen_whole(seen, upright(eye.direction), up, closest_m, eye.shape)
-    points = {"eye": (at - middle) / unit, "up": up, "center": (towards - middle) / unit}
-    return {name: dict(zip("xyz", own.tolist(), strict=True)) for name, own in points.items()}
+        place, towards = _seen_whole(seen, upright(eye.direction), up, closest_m, eye.shape)
+    points = {"eye": (place - middle) / unit, "up": up, "center": (towards - middle) / unit}
+    return {name: dict(zip("xyz", point.tolist(), strict=True)) for name, point in points.items()}
 
 
 def _seen_whole(

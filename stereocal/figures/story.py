@@ -91,13 +91,13 @@ def plot_story_lengths(story: Story) -> go.Figure:
     """The length error of each held-out bar, a row for each set, on one axis in percent."""
     figure = blank(HEIGHT)
     for row, (method, name) in enumerate(ROWS.items()):
-        found = story.sets[method]
+        figures = story.sets[method]
         # Scattered about the row by the golden ratio, in the order of the frames.
-        scatter = 0.5 * (np.arange(len(found.length_errors)) * 0.6180339887 % 1.0) - 0.42
-        dots = np.column_stack([100 * np.array(found.length_errors), scatter - row])
+        scatter = 0.5 * (np.arange(len(figures.length_errors)) * 0.6180339887 % 1.0) - 0.42
+        dots = np.column_stack([100 * np.array(figures.length_errors), scatter - row])
         marker = style.marker_of(method, 5, opacity=0.7)
         add_trace(figure, dots, "%{x:.2f} %", marker=marker, name=name, showlegend=False)
-        text = f"{name}: <b>{rounded(100 * found.length_error)} %</b>"
+        text = f"{name}: <b>{rounded(100 * figures.length_error)} %</b>"
         left = {"x": 0, "xref": "paper", "xanchor": "left", "yanchor": "bottom"}
         figure.add_annotation(text=text, y=0.13 - row, **left, **SMALL)
         _line(figure, np.array([[0.0, -row - 0.45], [0.0, -row + 0.11]]), width=1.5)
@@ -128,9 +128,9 @@ def describe_story_lengths(story: Story) -> str:
 def plot_story_lines(story: Story) -> go.Figure:
     """The epipolar line of one held-out point with each set, about its measured partner."""
     figure, names = blank(HEIGHT), []
-    for (method, found), dash in zip(story.sets.items(), DASHES, strict=True):
-        start, along = np.array(found.line_px)
-        name = f"{METHOD_NAMES[method]}: {rounded(found.line_distance_px)} px"
+    for (method, figures), dash in zip(story.sets.items(), DASHES, strict=True):
+        start, along = np.array(figures.line_px)
+        name = f"{METHOD_NAMES[method]}: {rounded(figures.line_distance_px)} px"
         names.append(f'<span style="color:{METHOD_COLOURS[method]}">■</span> {name}')
         ends = start + np.outer([-4 * REACH_PX, 4 * REACH_PX], along)
         _line(figure, ends, METHOD_COLOURS[method], 3, dash, name)
@@ -154,8 +154,8 @@ def describe_story_lines(story: Story) -> str:
     """The distances of the lines, and the mean reprojection errors of the sets."""
     away, means = (
         ", ".join(
-            f"{METHOD_NAMES[method]} {rounded(getattr(found, figure))} px"
-            for method, found in story.sets.items()
+            f"{METHOD_NAMES[method]} {rounded(getattr(figures, figure))} px"
+            for method, figures in story.sets.items()
         )
         for figure in ("line_distance_px", "reprojection_px")
     )
@@ -189,8 +189,8 @@ def plot_two_rays(story: Story) -> go.Figure:
     _line(figure, ON_RAYS, METHOD_COLOURS["3d"], 4)
     square = {"symbol": "square", "color": NEUTRAL, "size": 14}
     disc = {"symbol": "circle", "color": METHOD_COLOURS["3d"], "size": 10}
-    for at, marker in ((cameras, square), (middle[None], disc)):
-        add_trace(figure, at, marker=marker, showlegend=False)
+    for points, marker in ((cameras, square), (middle[None], disc)):
+        add_trace(figure, points, marker=marker, showlegend=False)
     two, three = _gaps_mm(story)
     gap = f"gap {two} mm with the 2D set,<br>{three} mm with the 3D set;"
     figure.add_annotation(x=5.0, y=7.2, text=f"{gap}<br>its middle is the 3D point", **SMALL)

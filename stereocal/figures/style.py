@@ -146,9 +146,9 @@ def upright(points: npt.ArrayLike) -> FloatArray:
     return np.stack([x, z, -y], axis=-1)
 
 
-def axis_of(title: str | None = None, /, **own: Any) -> dict[str, Any]:
+def axis_of(title: str | None = None, /, **settings: Any) -> dict[str, Any]:
     """An axis in the common style, for a layout that is given as a whole."""
-    return {**AXIS, "title": {**AXIS["title"], "text": title}, **own}
+    return {**AXIS, "title": {**AXIS["title"], "text": title}, **settings}
 
 
 def set_image_axes(
@@ -185,8 +185,8 @@ DASHED = line_of(dash="dash")
 
 def marker_of(method: Method, size: float, **more: Any) -> dict[str, Any]:
     """The symbol of a method."""
-    own = {"color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method], "size": size}
-    return own | more
+    marker = {"color": METHOD_COLOURS[method], "symbol": METHOD_SYMBOLS[method], "size": size}
+    return marker | more
 
 
 def sentence_only(text: str) -> go.Figure:

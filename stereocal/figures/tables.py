@@ -64,19 +64,19 @@ def errors_table(calibration: Calibration) -> pd.DataFrame:
 def angles_table(calibration: Calibration) -> pd.DataFrame:
     """Angles, baseline and cost of each set, and how its computation ended."""
     every: dict[Method, tuple[MethodResult | RefinedResult, int]]
-    every = {name: (own, own.evaluations) for name, own in calibration.methods.items()}
+    every = {name: (result, result.evaluations) for name, result in calibration.methods.items()}
     if (refined := calibration.refined) is not None:
         every["refined"] = refined, refined.steps
     columns = {}
-    for name, (found, evaluations) in every.items():
-        angles = zip(ANGLE_TITLES.values(), np.degrees(found.pose.angles), strict=True)
+    for name, (result, evaluations) in every.items():
+        angles = zip(ANGLE_TITLES.values(), np.degrees(result.pose.angles), strict=True)
         columns[METHOD_NAMES[name]] = {
             **{title: f"{degrees:.4f}" for title, degrees in angles},
-            "Baseline (m)": f"{found.pose.baseline:.4f}",
-            "Cost": f"{digits(found.cost)} {COST_UNITS[name]}".strip(),
+            "Baseline (m)": f"{result.pose.baseline:.4f}",
+            "Cost": f"{digits(result.cost)} {COST_UNITS[name]}".strip(),
             "Evaluations of the cost": f"{evaluations}",
-            "Time (ms)": digits(1000 * found.seconds, 2),
-            "Stopped because": found.stop_reason,
+            "Time (ms)": digits(1000 * result.seconds, 2),
+            "Stopped because": result.stop_reason,
         }
     return pd.DataFrame(columns).rename_axis("Parameters")
 
@@ -110,16 +110,18 @@ def refined_table(result: RefinedResult) -> pd.DataFrame:
 
 def contents_table(dataset: Pair) -> pd.DataFrame:
     """The contents of a data set, one row per quantity."""
-    rows, own = dataset.correspondences, dataset.bar_distances_m
+    rows, distances_m = dataset.correspondences, dataset.bar_distances_m
     frames, of_object = rows.frames, rows.rigid_object is not None
     single = 0 if of_object else len(frames) - len(rows.bars)
     serving = f" ({single:,} with one target serve the 2D method only)" if single else ""
     baseline = f"{dataset.baseline_m:g} m"
     if dataset.baseline_is_free:
         baseline = f"{rounded(dataset.baseline_m, 4)} m, found from the known lengths"
-    distance = f"{own[0] if len(own) else dataset.target_distance_m:g} m"
-    if len(own) and np.ptp(own) > 0:
-        distance = f"{own.min():g} to {own.max():g} m{'' if of_object else ', by frame'}"
+    distance = f"{distances_m[0] if len(distances_m) else dataset.target_distance_m:g} m"
+    if len(distances_m) and np.ptp(distances_m) > 0:
+        distance = (
+            f"{distances_m.min():g} to {distances_m.max():g} m{'' if of_object else ', by frame'}"
+        )
     lines = {
         "Frames": f"{len(frames):,} (numbers {frames[0]} to {frames[-1]})",
         "Pairs of points": f"{len(rows):,}",
@@ -144,10 +146,10 @@ def forecast_table(
         thresholds: of the files, px: a file has one, and the forecast has no other.
     """
     columns = {}
-    for method, own in entries.items():
+    for method, figures in entries.items():
         in_file = thresholds.get(method)
         columns[METHOD_NAMES[method]] = {
-            row: _forecast(stated_in(own, name), name)
+            row: _forecast(stated_in(figures, name), name)
             for row, name in FORECAST_ROWS.items()
             if row != THRESHOLD_ROW
         } | {THRESHOLD_ROW: "" if in_file is None else digits(in_file, 2)}
@@ -155,15 +157,15 @@ def forecast_table(
     return pd.DataFrame(columns).loc[list(FORECAST_ROWS)].rename_axis(title)
 
 
-def plan_table(found: PlanForecast) -> pd.DataFrame:
+def plan_table(forecast: PlanForecast) -> pd.DataFrame:
     """What each file of a planned field day will do; a row for each figure."""
     columns = {
         METHOD_NAMES[method]: {
-            row: _forecast(found.estimate(method, name), name)
+            row: _forecast(forecast.estimate(method, name), name)
             for row, name in FORECAST_ROWS.items()
             if not name.endswith("_3d")  # of length errors the one that the headline says
         }
-        | {METRIC_ROW: _forecast(found.metric_p95(method), "")}
+        | {METRIC_ROW: _forecast(forecast.metric_p95(method), "")}
         for method in FILE_METHODS
     }
     return pd.DataFrame(columns).rename_axis("Mean over field days (95 % of them)")
@@ -181,21 +183,21 @@ def validation_table(summaries: Mapping[Method, MethodSummary]) -> pd.DataFrame:
     standing = {quantity: standings(summaries, quantity) for quantity in COLUMNS}
     columns = {}
     for method in in_order(summaries):
-        own, overlap = summaries[method], "Overlap of correct and wrong pairs (FCP)"
-        residual, matching, lengths = own.residual, own.reprojection, own.reconstruction
+        summary, overlap = summaries[method], "Overlap of correct and wrong pairs (FCP)"
+        residual, matching, lengths = summary.residual, summary.reprojection, summary.reconstruction
         bars, behind = lengths.pdf, f"{matching.correct.nans} and {matching.wrong.nans}"
         of_residual, of_matching, of_lengths = (standing[name].get(method, "") for name in COLUMNS)
         columns[METHOD_NAMES[method]] = {
-            f"{overlap}, residual (%)": _with_interval(own.main("residual"), of_residual),
+            f"{overlap}, residual (%)": _with_interval(summary.main("residual"), of_residual),
             f"{overlap}, reprojection error (%)": _with_interval(
-                own.main("reprojection"), of_matching
+                summary.main("reprojection"), of_matching
             ),
             "Recommended threshold, residual (no unit)": digits(residual.threshold),
             "Recommended threshold, reprojection error (px)": digits(matching.threshold),
             "Correct pairs lost at that threshold (%)": percent(matching.correct_lost),
             "Wrong pairs accepted at that threshold (%)": percent(matching.wrong_let_in),
             "3D error of the bars, median (%)": _with_interval(
-                own.main("reconstruction"), of_lengths
+                summary.main("reconstruction"), of_lengths
             ),
             "95 % of bars within (%)": percent(lengths.p95),
             "3D error of the bars, mean (%)": percent(lengths.mean),

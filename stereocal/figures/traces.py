@@ -56,7 +56,9 @@ def plot_traces(calibration: Calibration) -> go.Figure:
     steps = {"type": "log", "title_text": "Step Δ (rad)", "exponentformat": "power", "dtick": 1}
     figure.update_yaxes(row=3, col=1, **steps)
     figure.update_yaxes(row=4, col=1, title_text="Acceptance ratio", range=[-0.03, 1.03])
-    counts = ", ".join(f"{method.upper()}: n = {len(own.cost):,}" for method, own in traces.items())
+    counts = ", ".join(
+        f"{method.upper()}: n = {len(trace.cost):,}" for method, trace in traces.items()
+    )
     figure.update_xaxes(row=4, col=1, title_text=f"Move ({counts})", rangemode="tozero")
     return figure
 
@@ -80,5 +82,5 @@ def drawn_moves(moves: int) -> IntArray:
 
 
 def _traces(calibration: Calibration) -> dict[Method, Trace]:
-    found = ((method, calibration.methods[method].trace) for method in SEARCHES)
-    return {method: trace for method, trace in found if trace is not None and len(trace.cost)}
+    traces = ((method, calibration.methods[method].trace) for method in SEARCHES)
+    return {method: trace for method, trace in traces if trace is not None and len(trace.cost)}

@@ -72,7 +72,7 @@ class FrameView:
     @cached_property
     def rays(self) -> list[FloatArray]:
         """(n, 2) for each camera: undistorted, normalised."""
-        return [own.undistort(px) for own, px in zip(self.cameras, self.pixels, strict=True)]
+        return [lens.undistort(px) for lens, px in zip(self.cameras, self.pixels, strict=True)]
 
     @cached_property
     def distances_px(self) -> FloatArray:
@@ -84,14 +84,14 @@ class FrameView:
         """(n, 2, 3): the ends of the shortest segment between the rays, in the primary's frame."""
         primary_from_secondary = self.rig.pose.inverse()
         centre = primary_from_secondary.T
-        found = []
+        points_m = []
         for first, second in zip(*self.rays, strict=True):
             d = np.append(first, 1.0)
             e = primary_from_secondary.R @ np.append(second, 1.0)
             # Least squares of s d - (centre + r e).
             (s, r), *_ = np.linalg.lstsq(np.column_stack([d, -e]), centre, rcond=None)
-            found.append([s * d, centre + r * e])
-        return np.array(found)
+            points_m.append([s * d, centre + r * e])
+        return np.array(points_m)
 
     @cached_property
     def gaps_m(self) -> FloatArray:
@@ -108,8 +108,8 @@ class FrameView:
     def stated_m(self) -> float | None:
         """The measured length of the bar; None with one target."""
         rows = self.dataset.correspondences
-        at = np.flatnonzero(rows.frame[rows.bars[:, 0]] == self.frame)
-        return float(self.dataset.bar_distances_m[at[0]]) if len(at) else None
+        bars = np.flatnonzero(rows.frame[rows.bars[:, 0]] == self.frame)
+        return float(self.dataset.bar_distances_m[bars[0]]) if len(bars) else None
 
     def line(self, camera: int, target: int) -> FloatArray:
         """(m, 2): the epipolar line of a target's partner in the image as recorded, in pixels.
@@ -119,13 +119,13 @@ class FrameView:
         E = self.rig.pose.essential
         partner = np.append(self.rays[1 - camera][target], 1.0)
         a, b, c = E @ partner if camera == 1 else partner @ E
-        own = self.cameras[camera]
-        width, height = own.image_size
+        lens = self.cameras[camera]
+        width, height = lens.image_size
         corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
-        if own.is_fisheye:  # its image is far from a rectangle on the plane z = 1
+        if lens.is_fisheye:  # its image is far from a rectangle on the plane z = 1
             border = np.tan(LARGEST_ANGLE) * np.array([[-1.0, -1.0], [1.0, 1.0]])
         else:
-            border = own.undistort(corners * (1 - 1e-3) + 5e-4 * np.array([width, height]))
+            border = lens.undistort(corners * (1 - 1e-3) + 5e-4 * np.array([width, height]))
         foot = -c * np.array([a, b]) / (a * a + b * b)
         along = np.array([-b, a]) / np.hypot(a, b)
         reach, away = (border - foot) @ along, np.hypot(1.0, np.linalg.norm(foot))
@@ -134,8 +134,8 @@ class FrameView:
         steps = np.union1d(steps, (self.rays[camera][target] - foot) @ along)
         points = foot + steps[:, None] * along
         inside = ((points >= border.min(axis=0)) & (points <= border.max(axis=0))).all(axis=1)
-        pixels = own.distort(points[inside & own.uses(points)])
-        if own.is_fisheye:
+        pixels = lens.distort(points[inside & lens.uses(points)])
+        if lens.is_fisheye:
             pixels[~((pixels >= 0) & (pixels <= corners[2])).all(axis=1)] = np.nan
         return pixels
 
@@ -187,7 +187,9 @@ def plot_image(
     The close-ups have the same size with every set.
     """
     view = views[method]
-    half = 1.4 * max(SMALLEST_WINDOW_PX, *(float(own.distances_px.max()) for own in views.values()))
+    half = 1.4 * max(
+        SMALLEST_WINDOW_PX, *(float(view.distances_px.max()) for view in views.values())
+    )
     width, height = view.cameras[camera].image_size
     boxes = [(-0.5, -0.5, width - 0.5, height - 0.5)]
     boxes += [(u - half, v - half, u + half, v + half) for u, v in view.pixels[camera]]
@@ -195,20 +197,20 @@ def plot_image(
     traces: list[dict[str, Any]] = []
     layout: dict[str, Any] = {**style.LAYOUT, "height": HEIGHT, "showlegend": False, "images": []}
     layout["margin"] = {**style.LAYOUT["margin"], "r": 16}
-    for at, (box, (across, down)) in enumerate(zip(boxes, DOMAINS, strict=False)):
-        number, ticks = "" if at == 0 else f"{at + 1}", "outside" if at == 0 else ""
+    for k, (box, (across, down)) in enumerate(zip(boxes, DOMAINS, strict=False)):
+        number, ticks = "" if k == 0 else f"{k + 1}", "outside" if k == 0 else ""
         if photograph is not None:
             layout["images"] += style.photograph_behind(photograph, box, number)
         axes = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
-        traces += [{**axes, **trace} for trace in _lines(view, camera, is_whole=at == 0)]
-        title = "" if at == 0 else f"{view.letters[at - 1]} ± {rounded(half)} px"
+        traces += [{**axes, **trace} for trace in _lines(view, camera, is_whole=k == 0)]
+        title = "" if k == 0 else f"{view.letters[k - 1]} ± {rounded(half)} px"
         left, top, right, bottom = box
         common = {"showgrid": False, "nticks": 4, "constrain": "domain", "mirror": True}
-        common |= {"showticklabels": at == 0, "ticks": ticks}
+        common |= {"showticklabels": k == 0, "ticks": ticks}
         x = {"domain": across, "anchor": f"y{number}", "range": [left, right]}
         y = {"domain": down, "anchor": f"x{number}", "range": [bottom, top]}
         layout[f"xaxis{number}"] = style.axis_of(title, **common, **x)
-        if at:  # no labels of ticks hold it off the frame
+        if k:  # no labels of ticks hold it off the frame
             layout[f"xaxis{number}"]["title"]["standoff"] = 16
         layout[f"yaxis{number}"] = style.axis_of(**common, **y, scaleanchor=f"x{number}")
     return go.Figure(traces, layout)
@@ -217,11 +219,11 @@ def plot_image(
 def _lines(view: FrameView, camera: int, is_whole: bool) -> list[dict[str, Any]]:
     """The targets of an image with their epipolar lines; in the whole image, those at its edge and
     their letters are not cut."""
-    found: list[dict[str, Any]] = []
+    traces: list[dict[str, Any]] = []
     line = style.line_of(style.METHOD_COLOURS[view.method], 2 if is_whole else 3)
     for target, letter in enumerate(view.letters):
         name = f"epipolar line of {letter}"
-        found.append(style.scatter(view.line(camera, target), "name", line=line, name=name))
+        traces.append(style.scatter(view.line(camera, target), "name", line=line, name=name))
         drawn_as = letter if letter in style.TARGET_COLOURS else "AB"[target]
         marker = {
             "color": style.TARGET_COLOURS[drawn_as],
@@ -234,9 +236,9 @@ def _lines(view: FrameView, camera: int, is_whole: bool) -> list[dict[str, Any]]
             f"{view.distances_px[target, camera]:.2f} px from its line"
         )
         text = {"text": [letter], "textposition": "top right", "textfont": {"size": 16}}
-        at = view.pixels[camera][[target]]
-        found.append(style.scatter(at, hover, marker=marker, cliponaxis=not is_whole, **text))
-    return found
+        pixel = view.pixels[camera][[target]]
+        traces.append(style.scatter(pixel, hover, marker=marker, cliponaxis=not is_whole, **text))
+    return traces
 
 
 def plot_gap(views: Views, method: Method) -> go.Figure:
@@ -247,7 +249,7 @@ def plot_gap(views: Views, method: Method) -> go.Figure:
     view, target = views[method], _widest(views)
     ends = view.nearest_m[target]
     middle = ends.mean(axis=0)
-    reach = 1.5 * max(SMALLEST_WINDOW_M, *(float(each.gaps_m[target]) for each in views.values()))
+    reach = 1.5 * max(SMALLEST_WINDOW_M, *(float(view.gaps_m[target]) for view in views.values()))
     centres = np.zeros(3), view.rig.pose.inverse().T
     figure = style.blank(HEIGHT)
     for name, centre, end, dash in zip(CAMERAS, centres, ends, ("solid", "dash"), strict=True):
@@ -285,11 +287,11 @@ def describe_gap(views: Views, method: Method) -> str:
 def describe_image(views: Views, method: Method, camera: int) -> str:
     """How far the points of an image are from their lines."""
     distances = views[method].distances_px[:, camera]
-    found = " and ".join(
+    parts = " and ".join(
         f"{letter} {rounded(px)} px"
         for letter, px in zip(views[method].letters, distances, strict=True)
     )
-    return f"Distance from the epipolar line: {found}."
+    return f"Distance from the epipolar line: {parts}."
 
 
 def describe_two_sets(views: Views) -> str:

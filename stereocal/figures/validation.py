@@ -66,9 +66,9 @@ class Panel:
     @property
     def curves(self) -> tuple[tuple[str, Pdf, str], ...]:
         """What each PDF is of, the PDF, and its colour."""
-        if found := self.matching:
-            correct = ("correct", found.correct, CORRECT_COLOUR)
-            return correct, ("wrong", found.wrong, WRONG_COLOUR)
+        if distributions := self.matching:
+            correct = ("correct", distributions.correct, CORRECT_COLOUR)
+            return correct, ("wrong", distributions.wrong, WRONG_COLOUR)
         return ((self.method, self.summary.reconstruction.pdf, METHOD_COLOURS[self.method]),)
 
     @property
@@ -94,22 +94,25 @@ class Panel:
     @property
     def figure(self) -> tuple[str, str] | None:
         """Its value, and the interval if there is one; None if no bar could be measured."""
-        own = self.summary.main(self.quantity)
-        if not np.isfinite(own.value):
+        estimate = self.summary.main(self.quantity)
+        if not np.isfinite(estimate.value):
             return None
-        return f"{percent(own.value)} %", f" ({interval(own)})" * self.summary.has_intervals
+        return (
+            f"{percent(estimate.value)} %",
+            f" ({interval(estimate)})" * self.summary.has_intervals,
+        )
 
     @property
     def title(self) -> list[str]:
         """The lines above the panel: its figure, what was counted, and values not in the PDF."""
-        found, lengths = self.matching, self.summary.reconstruction
+        distributions, lengths = self.matching, self.summary.reconstruction
         line, counted = "no bar could be measured", f"n = {lengths.pdf.n:,}"
         if self.figure:
             value, among = self.figure
-            line = f"{'FCP' if found else 'median'} <b>{value}</b>{among}"
+            line = f"{'FCP' if distributions else 'median'} <b>{value}</b>{among}"
             counted = f"95 % within {percent(lengths.p95)} %, {counted}"
-        if found:
-            counted = f"n = {found.correct.n:,} correct, {found.wrong.n:,} wrong"
+        if distributions:
+            counted = f"n = {distributions.correct.n:,} correct, {distributions.wrong.n:,} wrong"
         mark = self.standing and f"<b>{self.standing}</b>"
         return [*filter(None, [line, mark, counted, ", ".join(self.notes)])]
 
@@ -122,14 +125,14 @@ class Panel:
     @property
     def words(self) -> str:
         """The panel in words."""
-        found, lengths, text = self.matching, self.summary.reconstruction, "none"
+        distributions, lengths, text = self.matching, self.summary.reconstruction, "none"
         if self.figure:
             value = "".join(self.figure)
             text = f"{value} and {percent(lengths.p95)} %, n = {lengths.pdf.n:,}"
-            if found:
+            if distributions:
                 text = (
                     f"{value} with the threshold at {self.line_text}, n = "
-                    f"{found.correct.n:,} correct and {found.wrong.n:,} wrong pairs"
+                    f"{distributions.correct.n:,} correct and {distributions.wrong.n:,} wrong pairs"
                 )
         return ", ".join([text, *self.notes])
 
@@ -187,15 +190,15 @@ def columns_of(
     """The panels of each quantity, a row for each method."""
     if unknown := [name for name in names if name not in COLUMNS]:
         raise StereocalError(f'The column "{unknown[0]}" is not known: {", ".join(COLUMNS)}.')
-    found = []
+    columns = []
     for column, name in enumerate(names):
         marks, panels = standings(summaries, name), []
         for row, method in enumerate(in_order(summaries)):
             number = len(names) * row + column
             standing, axis = marks.get(method, ""), str(number + 1) if number else ""
             panels.append(Panel(method, name, summaries[method], standing, row, column, axis))
-        found.append(PanelColumn(panels))
-    return found
+        columns.append(PanelColumn(panels))
+    return columns
 
 
 def drawn_bins(pdf: Pdf) -> slice:
@@ -209,16 +212,16 @@ def drawn_bins(pdf: Pdf) -> slice:
 def standings(summaries: Mapping[Method, MethodSummary], quantity: str) -> dict[Method, Standing]:
     """`best`, or `no clear winner` where 95 % intervals overlap that of the lowest; others are not
     in it, and none is where there are too few runs for intervals."""
-    estimates = {method: own.main(quantity) for method, own in summaries.items()}
+    estimates = {method: summary.main(quantity) for method, summary in summaries.items()}
     lowest = estimates[best_methods(summaries)[quantity]]
     # NaN, where no bar could be measured, is not below anything.
-    near = [method for method, own in estimates.items() if own.low <= lowest.high]
+    near = [method for method, estimate in estimates.items() if estimate.low <= lowest.high]
     return dict.fromkeys(near, "no clear winner" if len(near) > 1 else "best")
 
 
 def note_on_intervals(summaries: Mapping[Method, MethodSummary]) -> str:
     """What stands in brackets, or why nothing does."""
-    if all(own.has_intervals for own in summaries.values()):
+    if all(summary.has_intervals for summary in summaries.values()):
         return "In brackets: 95 % intervals; no clear winner: they overlap."
     return f"Fewer than {FEWEST_RUNS} runs: no intervals yet, and no method is marked best."
 
@@ -319,14 +322,14 @@ def _axes(
         minor={"ticks": "outside", "ticklen": 2, "dtick": "D1"},
     )
     title = f"<b>{METHOD_NAMES[panel.method]}</b><br>{shares}" if first else None
-    own = {
+    y_axis = {
         "domain": up,
         "anchor": f"x{panel.axis}",
         "range": [0, 1.22 * column.most],
         "nticks": 5,
         **QUICK,
     }
-    return {f"xaxis{panel.axis}": x, f"yaxis{panel.axis}": style.axis_of(title, **own)}
+    return {f"xaxis{panel.axis}": x, f"yaxis{panel.axis}": style.axis_of(title, **y_axis)}
 
 
 def _title(panel: Panel) -> dict[str, Any]:
@@ -383,8 +386,8 @@ def _area(kind: str, colour: str, **line: Any) -> dict[str, Any]:
     if kind == "wrong":
         fill = {"fillcolor": WRONG_COLOUR, "fillpattern": HATCH}
         return {"fill": "tozeroy", "line": {"color": colour, "dash": "dot", **line}, **fill}
-    own = {"color": colour, "dash": "solid", **line}
-    return {"fill": "tozeroy", "line": own, "fillcolor": style.FILLS[kind]}
+    outline = {"color": colour, "dash": "solid", **line}
+    return {"fill": "tozeroy", "line": outline, "fillcolor": style.FILLS[kind]}
 
 
 def _key(columns: Sequence[str], framed: bool) -> list[dict[str, Any]]:

@@ -169,21 +169,21 @@ class CalibrationRun(TableAnswer, Calibration):
 
     def to_dataframe(self) -> pd.DataFrame:
         """Errors on all frames not left out, and poses; a row a method, lengths as fractions."""
-        poses = {name: found.pose for name, found in self.methods.items()}
+        poses = {name: result.pose for name, result in self.methods.items()}
         if self.refined is not None:
             poses["refined"] = self.refined.pose
         rows = {
             name: {
-                "mean_reprojection_px": own.mean_reprojection_px,
-                "mean_length_error": own.mean_length,
-                "p95_length_error": own.p95_length,
+                "mean_reprojection_px": errors.mean_reprojection_px,
+                "mean_length_error": errors.mean_length,
+                "p95_length_error": errors.p95_length,
                 "baseline_m": poses[name].baseline,
                 **{
                     f"{angle}_deg": float(np.degrees(value))
                     for angle, value in poses[name].angles._asdict().items()
                 },
             }
-            for name, own in self.errors.items()
+            for name, errors in self.errors.items()
         }
         return pd.DataFrame(rows).T.rename_axis("method")
 
@@ -290,7 +290,7 @@ class Validation(TableAnswer):
     def by_dataset(self) -> dict[str, dict[Method, MethodSummary]]:
         """The figures of each data set, by its name."""
         of_each = summarise_all(list(self.evaluation.names), self.evaluation.runs)[1]
-        return {name: dict(own) for name, own in of_each.items()}
+        return {name: dict(summaries) for name, summaries in of_each.items()}
 
     @property
     def summaries(self) -> dict[Method, MethodSummary]:
@@ -300,16 +300,16 @@ class Validation(TableAnswer):
     @property
     def answer(self) -> list[str]:
         runs, sets = sum(map(len, self.evaluation.runs)), len(self.evaluation.names)
-        told = f"{count(runs, 'run')} of {count(sets, 'data set')}."
-        return [told, validation_answer(self.summaries)]
+        counts = f"{count(runs, 'run')} of {count(sets, 'data set')}."
+        return [counts, validation_answer(self.summaries)]
 
     def to_dataframe(self) -> pd.DataFrame:
         """A row a method, all data sets pooled, then a row a data set and method."""
         every = {"all": self.summaries, **(self.by_dataset if len(self.by_dataset) > 1 else {})}
         rows = {
-            (name, method): _flat(found.to_json())
-            for name, own in every.items()
-            for method, found in own.items()
+            (name, method): _flat(figures.to_json())
+            for name, methods in every.items()
+            for method, figures in methods.items()
         }
         return pd.DataFrame(rows).T.rename_axis(["data set", "method"])
 
@@ -324,12 +324,12 @@ class Validation(TableAnswer):
 
 def _flat(figures: dict[str, Any]) -> dict[str, Any]:
     """Figures with their intervals in columns of their own."""
-    found: dict[str, Any] = {}
+    flat: dict[str, Any] = {}
     for name, value in figures.items():
         name = name.removesuffix("_interval")
         parts = value.items() if isinstance(value, dict) else [("value", value)]
-        found |= {name if part == "value" else f"{name}_{part}": own for part, own in parts}
-    return found
+        flat |= {name if part == "value" else f"{name}_{part}": figure for part, figure in parts}
+    return flat
 
 
 @checked
@@ -363,9 +363,9 @@ def evaluate(
         check_stated(refined or RefineSettings(), pair.recording)
     kept = [PairRun(pair, asked.calibration).screening.dataset for pair in pairs]
     with engine() if executor is None else nullcontext(executor) as workers:
-        found = evaluate_runs(kept, asked, workers)
+        runs_done = evaluate_runs(kept, asked, workers)
     return Validation(
-        Evaluation(found, asked, unique_names(pairs), [pair.sha256 for pair in pairs])
+        Evaluation(runs_done, asked, unique_names(pairs), [pair.sha256 for pair in pairs])
     )
 
 

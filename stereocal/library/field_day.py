@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 @checked
 def sample(name: str) -> Path:
     """The folder of sample data, to read and to copy; `stereocal sample --help` lists them."""
-    known = {each.name: each for each in (ROOT / "sample_data").iterdir() if each.is_dir()}
+    known = {folder.name: folder for folder in (ROOT / "sample_data").iterdir() if folder.is_dir()}
     if name not in known:
         raise StereocalError(f'There is no sample "{name}": there are {", ".join(sorted(known))}.')
     return known[name]
@@ -87,8 +87,8 @@ def plan(
         rigs: drawn from the plan and its uncertainties; None: 128, fewer for many frames.
     """
     with engine() as workers:
-        found = forecast(read_plan(path, lens_model), workers, seed, rigs)
-    return answering(Plan, found)
+        planned = forecast(read_plan(path, lens_model), workers, seed, rigs)
+    return answering(Plan, planned)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,8 +115,8 @@ def sync(recording: str | Path | Recording, lens_model: LensModel | None = None)
     """
     if isinstance(recording, str | Path):
         recording = read_recording(recording, lens_model, as_counted=True)
-    found = bring_into_step(recording)
-    return answering(InStep, found)
+    in_step = bring_into_step(recording)
+    return answering(InStep, in_step)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -161,10 +161,10 @@ def intrinsics(
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store, engine() as workers:
         sources = with_frames(map(Path, several), Path(store))
         files = photographs_of(sources, Path(store))
-        found = calibrate_lens(
+        lens = calibrate_lens(
             find_boards(files, board, workers), settings or LensSettings(), workers
         )
-    return answering(Lens, found)
+    return answering(Lens, lens)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -214,5 +214,5 @@ def check(
             raise StereocalError("A rig is checked with a recording of its cameras.")
         return new
 
-    found = with_new(parameters, images, recording).check(Smallest.of(turn_deg, baseline_change))
-    return answering(Check, found)
+    check = with_new(parameters, images, recording).check(Smallest.of(turn_deg, baseline_change))
+    return answering(Check, check)

@@ -43,9 +43,9 @@ class _Table(TableAnswer, pd.DataFrame):
     @classmethod
     def of(cls, table: pd.DataFrame, report: Report) -> Self:
         """The table with its report."""
-        found = cls(table)
-        found.report = report
-        return found
+        result = cls(table)
+        result.report = report
+        return result
 
     @property
     def _constructor(self) -> type[pd.DataFrame]:
@@ -56,10 +56,10 @@ class _Table(TableAnswer, pd.DataFrame):
         return [*self.report.sentences, *(f"Note: {note}" for note in self.report.notes)]
 
     def __deepcopy__(self, memo: Any = None) -> Self:
-        found = type(self)(pd.DataFrame(self).copy())
+        copied = type(self)(pd.DataFrame(self).copy())
         for name in self._metadata:
-            setattr(found, name, copy.deepcopy(getattr(self, name), memo))
-        return found
+            setattr(copied, name, copy.deepcopy(getattr(self, name), memo))
+        return copied
 
     def to_dataframe(self) -> pd.DataFrame:
         """The plain table."""
@@ -73,8 +73,8 @@ class Pairs(_Table):
     def plot(self) -> go.Figure:  # type: ignore[override]
         """The errors of the pairs, and of their second-best partners, with the threshold."""
         errors = self.to_dataframe().reindex(columns=["error_px", "runner_up_px"])
-        about = errors.to_numpy(dtype=np.float64), self.report.threshold_px
-        return draw("matches.plot_pair_errors", *about)
+        inputs = errors.to_numpy(dtype=np.float64), self.report.threshold_px
+        return draw("matches.plot_pair_errors", *inputs)
 
 
 class Points(_Table):
@@ -135,7 +135,7 @@ def match(
     apart = two and rig.pair(*rig.placed).start_frame and len(first) and len(last)
     if two and not apart and not len(np.intersect1d(first, last)):
         further = further_names(*map(tuple, tables.values()))
-        columns = [*PAIR_COLUMNS, *(name for own in further for name in own.values())]
+        columns = [*PAIR_COLUMNS, *(name for names in further for name in names.values())]
         return Pairs.of(pd.DataFrame(columns=columns), NOTHING)
     limit = None if threshold_px == "auto" else threshold_px
     rows: list[pd.DataFrame] = []
@@ -167,12 +167,12 @@ def reconstruct(
         StereocalError: a column is missing, or a point outside its image.
     """
     if not len(pairs):
-        found, report = pd.DataFrame(columns=[*POINT_COLUMNS]), Report(0, ["No points."])
+        measured, report = pd.DataFrame(columns=[*POINT_COLUMNS]), Report(0, ["No points."])
     else:
         rows: list[pd.DataFrame] = []
         table = views_of(rig).table(pd.DataFrame(pairs), "the table of pairs")
         report = measure_tables(rig, table, None, world, sigma_px, passed_on=rows)
-        found = pd.concat(rows, ignore_index=True)
-    points = Points.of(found, report)
+        measured = pd.concat(rows, ignore_index=True)
+    points = Points.of(measured, report)
     points.rig, points.world = rig, world
     return points

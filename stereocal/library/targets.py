@@ -63,8 +63,8 @@ class FoundTargets(TableAnswer):
     @checked
     def plot(self, pair: CameraPair | None = None) -> go.Figure:
         """Where the points lie in the images of two cameras: of the first pair, or of one."""
-        found = recording_of(self.recording)
-        return draw("coverage.plot_coverage", found.pair(*(pair or found.pairs[0])))
+        recording = recording_of(self.recording)
+        return draw("coverage.plot_coverage", recording.pair(*(pair or recording.pairs[0])))
 
 
 @checked
@@ -86,14 +86,14 @@ def detect(
     Raises:
         StereocalError: no targets are found, or no way to pair the photographs is sure.
     """
-    told = list[str]()
+    messages = list[str]()
     with engine() as workers:
-        search = DataSetSearch(Path(path), workers, told.append, pair_by, lens_model)
-        found = search.found(parse_board(target) or parse_target(target))
-        if not found.frames:
-            return FoundTargets(search.recording(found), told)
-        whole = search.known.with_pairs(correspondences_of(found.frames))
-        return FoundTargets(pair_to_calibrate(whole), told, found.frames)
+        search = DataSetSearch(Path(path), workers, messages.append, pair_by, lens_model)
+        targets = search.found(parse_board(target) or parse_target(target))
+        if not targets.frames:
+            return FoundTargets(search.recording(targets), messages)
+        whole = search.known.with_pairs(correspondences_of(targets.frames))
+        return FoundTargets(pair_to_calibrate(whole), messages, targets.frames)
 
 
 @dataclass(frozen=True)
@@ -146,22 +146,22 @@ class DataSetSearch:
                 self.tell(f"{len(photographs)} photographs. {pairing.sentence}")
             held = self._held(target, photographs, pairing)
             search = PhotographSearch(pairing, photographs, lenses, held)
-            found = search.run(self.workers, begin, progress, tell=self.tell)
-        if found.frames and not found.pairing.motion:
-            first, second = found.cameras.values()
-            if (slip := find_slip(found.frames, (first, second))) is not None:
+            targets = search.run(self.workers, begin, progress, tell=self.tell)
+        if targets.frames and not targets.pairing.motion:
+            first, second = targets.cameras.values()
+            if (slip := find_slip(targets.frames, (first, second))) is not None:
                 self.tell(f"{slip} Take it out of the folder, and find the targets again.")
-        return found
+        return targets
 
-    def recording(self, found: Found) -> Recording:
+    def recording(self, targets: Found) -> Recording:
         """What was found, with the cameras and lengths of the data set, if there is one."""
         if not self.is_described:
-            return replace(found.recording, name=self.path.stem)
+            return replace(targets.recording, name=self.path.stem)
         names = ("name", "cameras", "baselines_m", "baseline_sigma_m", "notes")
         stated = {name: getattr(self.known, name) for name in names}
-        if found.object.board is None:
+        if targets.object.board is None:
             stated["object"] = self.known.object
-        return replace(found.recording, **stated)
+        return replace(targets.recording, **stated)
 
     def _pairing(self, photographs: Mapping[str, Path]) -> Pairing:
         """How the photographs belong together.
@@ -183,7 +183,7 @@ class DataSetSearch:
         if way is not None and proposal.way != way:
             unsure = f"no two photographs can be paired by --pair-by {way}."
         elif pairing.moments and pairing.ambiguous and way is None:
-            ways = " or ".join(f"--pair-by {each}" for each in proposal.ways)
+            ways = " or ".join(f"--pair-by {way}" for way in proposal.ways)
             unsure = f"{pairing.sentence} Or state how to pair them: {ways}."
         if unsure:
             raise StereocalError(f"{self.path}: {unsure}")
@@ -199,7 +199,7 @@ class DataSetSearch:
         if target.size:
             return target.pattern()
         names = pairing.names(self.cameras).values()
-        held = held_object([{name: photographs[name] for name in own} for own in names])
+        held = held_object([{name: photographs[name] for name in side} for side in names])
         board = held.what if held is not None else None
         if not isinstance(board, ProposedBoard):
             board = proposed_board(photographs)

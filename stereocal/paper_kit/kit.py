@@ -53,16 +53,16 @@ def table_csv(answer: PairAnswer) -> bytes:
 
 def _flat(figures: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
     """Single numbers, and the three of each interval."""
-    found: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     for name, value in figures.items():
         if _is_number(value):
-            found.setdefault(prefix + name, value)
+            numbers.setdefault(prefix + name, value)
         elif isinstance(value, Mapping):
             stem = prefix + name.removesuffix(INTERVAL)
             for end in ENDS:
                 if _is_number(value.get(end)):
-                    found[stem if end == "value" else f"{stem}_{end}"] = value[end]
-    return found
+                    numbers[stem if end == "value" else f"{stem}_{end}"] = value[end]
+    return numbers
 
 
 def _is_number(value: Any) -> bool:

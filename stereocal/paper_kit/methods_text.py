@@ -62,12 +62,12 @@ def _recording(answer: PairAnswer) -> Iterator[str]:
     dataset = answer.run.calibration.dataset
     rows = dataset.correspondences
     what, distances = "A bar with two targets", f"{count(len(rows.bars), 'bar')} with both targets"
-    if (own := rows.rigid_object) is not None:
+    if (rigid_object := rows.rigid_object) is not None:
         distances = count(len(rows.bars), "known distance")
-        what = f"A rigid object with {len(own.names)} targets, the farthest"
-        if own.board is not None:
-            kind = "chessboard" if own.board.dictionary is None else "ChArUco board"
-            what = f"A {kind} of {own.board} inner corners, the farthest"
+        what = f"A rigid object with {len(rigid_object.names)} targets, the farthest"
+        if rigid_object.board is not None:
+            kind = "chessboard" if rigid_object.board.dictionary is None else "ChArUco board"
+            what = f"A {kind} of {rigid_object.board} inner corners, the farthest"
     primary, secondary = (
         f"{width} × {height} px and a focal length of {digits(float(camera.K[0, 0]), 4)} px"
         for camera in (dataset.primary, dataset.secondary)
@@ -211,7 +211,7 @@ def _validation(answer: PairAnswer) -> Iterator[str]:
 def _held_out(answer: PairAnswer) -> Iterator[str]:
     if answer.evaluation is None:
         return
-    every, found = answer.evaluation.summaries, []
+    every, sentences = answer.evaluation.summaries, []
     for method in (method for method in ALL_METHODS if method in every):
         fcp, median = (every[method].main(name) for name in ("reprojection", "reconstruction"))
         measured = ", and no bar could be measured"
@@ -221,16 +221,20 @@ def _held_out(answer: PairAnswer) -> Iterator[str]:
                 f" and a median 3D error of {in_percent(median)}, with 95 % of bars within "
                 f"{within} %"
             )
-        found.append(f"{NAMES[method]} had an FCP of {in_percent(fcp)}{measured}")
-    yield f"On held-out frames: {'; '.join(found)} (`table.csv`)."
+        sentences.append(f"{NAMES[method]} had an FCP of {in_percent(fcp)}{measured}")
+    yield f"On held-out frames: {'; '.join(sentences)} (`table.csv`)."
 
 
 def _applied(applied: Outcome, answer: PairAnswer) -> Iterator[str]:
     """Which set matched and which measured the points of the project."""
     used, sets = applied.used, []
     for method, digest in (used["matching"], used["measuring"]):
-        own = answer.sets.get(method)
-        another = "" if own is not None and own.digest == digest else " of another calibration"
+        parameters = answer.sets.get(method)
+        another = (
+            ""
+            if parameters is not None and parameters.digest == digest
+            else " of another calibration"
+        )
         sets.append(NAMES[method] + another)
     names = " and ".join(f"`{label}`" for label in used["points"])
     below = rounded(applied.threshold_px, 4)
@@ -240,8 +244,8 @@ def _applied(applied: Outcome, answer: PairAnswer) -> Iterator[str]:
 
 def _recommended(answer: PairAnswer) -> Iterator[str]:
     """Which set is recommended for what; no points of the project were matched."""
-    found = answer.recommendation
-    match, measure, let_in = found.match, found.measure, ""
+    recommendation = answer.recommendation
+    match, measure, let_in = recommendation.match, recommendation.measure, ""
     held_out, forecast = match.wrong_let_in.held_out, match.wrong_let_in.forecast
     where, share = "on held-out frames", held_out
     if held_out is None and forecast is not None:
@@ -254,10 +258,10 @@ def _recommended(answer: PairAnswer) -> Iterator[str]:
 
 def _lengths(answer: PairAnswer) -> Iterator[str]:
     """How well lengths in metres are known, and what of that is the bar."""
-    found = answer.recommendation
+    recommendation = answer.recommendation
     metric, scatter = (
-        own.best(found.forecast_holds)
-        for own in (found.measure.metric_p95, found.measure.length_p95)
+        estimate.best(recommendation.forecast_holds)
+        for estimate in (recommendation.measure.metric_p95, recommendation.measure.length_p95)
     )
     if metric is not None and scatter is not None:
         known = bar_known(answer.run.calibration, answer.run.forecast)

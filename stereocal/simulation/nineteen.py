@@ -86,7 +86,7 @@ def _simulate_one(
     nominal = Nominal(*lenses, baseline_m, bar_m)
     dataset = observe(scene, rng, NOISE_PX, name, nominal, notes)
     rows = dataset.correspondences
-    primary, secondary = (each.round(PIXEL_DECIMALS) for each in (rows.primary, rows.secondary))
+    primary, secondary = (pixels.round(PIXEL_DECIMALS) for pixels in (rows.primary, rows.secondary))
     rounded = replace(rows, primary=primary, secondary=secondary)
     dataset = dataset.changed(correspondences=rounded, baseline_sigma_m=BASELINE_SIGMA_M)
     return scene, dataset.changed(target_distance_sigma_m=BAR_SIGMA_M)

@@ -91,14 +91,14 @@ def recording_of(
         pixels: of each camera (frames, targets, 2); NaN where it does not see a target.
     """
     images = np.stack(pixels)
-    camera, frame, target = at = np.nonzero(np.isfinite(images[..., 0]))
+    camera, frame, target = seen = np.nonzero(np.isfinite(images[..., 0]))
     unknown = np.full(len(frame), np.nan)
-    return Recording(name, cameras, held, frame, camera, target, images[at], unknown)
+    return Recording(name, cameras, held, frame, camera, target, images[seen], unknown)
 
 
-def looking(centre: FloatArray, at: FloatArray) -> Pose:
+def looking(centre: FloatArray, target: FloatArray) -> Pose:
     """`camera_from_world` of a level camera at a place, which looks at another; y points down."""
-    forward = (at - centre) / np.linalg.norm(at - centre)
+    forward = (target - centre) / np.linalg.norm(target - centre)
     right = np.cross([0.0, 1.0, 0.0], forward)
     right /= np.linalg.norm(right)
     R = np.array([right, np.cross(forward, right), forward])

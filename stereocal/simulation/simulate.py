@@ -119,15 +119,15 @@ def place_bars(
     """
     if frames < 1:
         raise StereocalError(f"The number of frames is {frames}: it must be at least 1.")
-    found = np.empty((0, 2, 3))
+    bars = np.empty((0, 2, 3))
     for _ in range(MAXIMUM_ROUNDS):
         scene = Scene(rig, _random_bars(rig.primary, rng, 8 * frames, length_m, depths_m))
-        found = np.concatenate([found, scene.ends_m[scene.in_view(depths_m, margin_px)]])
-        if len(found) >= frames:
-            return Scene(rig, found[:frames])
+        bars = np.concatenate([bars, scene.ends_m[scene.in_view(depths_m, margin_px)]])
+        if len(bars) >= frames:
+            return Scene(rig, bars[:frames])
     raise StereocalError(
         f"The cameras share too little view from {depths_m[0]:g} to {depths_m[1]:g} m for a bar of "
-        f"{length_m:g} m: {len(found)} of {frames} frames found. Turn them towards each other."
+        f"{length_m:g} m: {len(bars)} of {frames} frames found. Turn them towards each other."
     )
 
 

@@ -15,9 +15,9 @@ MOST_ROWS = 8
 """Of the table in a notebook."""
 
 
-def answering(kind: type[Kind], found: Any) -> Kind:
+def answering(kind: type[Kind], answer: Any) -> Kind:
     """A result as one of a kind that says its answer, and has no fields of its own."""
-    return kind(*(getattr(found, field.name) for field in fields(found)))
+    return kind(*(getattr(answer, field.name) for field in fields(answer)))
 
 
 class Answer:

@@ -62,9 +62,9 @@ def checked(function: Callable[Taken, Result]) -> Callable[Taken, Result]:
             raise StereocalError(f"{function.__name__}: {error}; it takes {known}.") from None
         for name, hint in _hints(function).items():
             if name in given and not _fits(given[name], hint):
-                told = f"{name} must be {_in_words(hint)}, not {_of_what(given[name])}."
+                mistake = f"{name} must be {_in_words(hint)}, not {_of_what(given[name])}."
                 ways = _ways(hint, given[name])
-                raise StereocalError(" ".join([f"{function.__name__}: {told}", *ways]))
+                raise StereocalError(" ".join([f"{function.__name__}: {mistake}", *ways]))
         return function(*arguments, **named)
 
     return call
@@ -73,16 +73,18 @@ def checked(function: Callable[Taken, Result]) -> Callable[Taken, Result]:
 @cache
 def _hints(function: Callable[..., Any]) -> dict[str, Any]:
     """The types of the arguments; that of the result may be known to type checkers only."""
-    own = {name: hint for name, hint in function.__annotations__.items() if name != "return"}
+    annotations = {
+        name: hint for name, hint in function.__annotations__.items() if name != "return"
+    }
     module = vars(sys.modules[function.__module__])
-    return get_type_hints(SimpleNamespace(__annotations__=own), module)
+    return get_type_hints(SimpleNamespace(__annotations__=annotations), module)
 
 
 def _fits(value: Any, hint: Any) -> bool:
     """Whether a value is of the type; one that is not known here is not checked."""
     origin, within = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
-        return any(_fits(value, each) for each in within)
+        return any(_fits(value, kind) for kind in within)
     if origin is Literal:
         return isinstance(value, str) and value in within
     if origin is Mapping:
@@ -111,15 +113,15 @@ def _all_fit(values: Iterable[Any], hint: Any) -> bool:
 def _alternatives(hint: Any) -> list[Any]:
     """The types that an annotation allows; words are types of their own."""
     if get_origin(hint) in (Union, UnionType):
-        return [kind for each in get_args(hint) for kind in _alternatives(each)]
+        return [kind for alternative in get_args(hint) for kind in _alternatives(alternative)]
     return [Literal[word] for word in get_args(hint)] if get_origin(hint) is Literal else [hint]
 
 
 def _in_words(hint: Any) -> str:
     """A type as in the source, without the modules."""
     words = [
-        repr(*get_args(each)) if get_origin(each) is Literal else inspect.formatannotation(each)
-        for each in _alternatives(hint)
+        repr(*get_args(kind)) if get_origin(kind) is Literal else inspect.formatannotation(kind)
+        for kind in _alternatives(hint)
     ]
     return re.sub(r"[\w.]+\.(?=\w)", "", " | ".join(words)).replace("NoneType", "None")
 
@@ -131,14 +133,14 @@ def _of_what(value: Any) -> str:
     name = type(value).__name__
     if not isinstance(value, list | tuple | dict):
         return name
-    each = value.values() if isinstance(value, dict) else value
-    return f"{name} of {' and '.join(sorted({type(own).__name__ for own in each})) or 'nothing'}"
+    items = value.values() if isinstance(value, dict) else value
+    return f"{name} of {' and '.join(sorted({type(item).__name__ for item in items})) or 'nothing'}"
 
 
 def _ways(hint: Any, value: Any) -> list[str]:
     """How to get what is meant."""
-    within = [get_args(each)[0] for each in _alternatives(hint) if get_origin(each) is Sequence]
-    if any(_fits(value, each) for each in within):
+    within = [get_args(kind)[0] for kind in _alternatives(hint) if get_origin(kind) is Sequence]
+    if any(_fits(value, kind) for kind in within):
         return ["Put it into a list."]
     given = type(value).__name__
     words = re.findall(r"\w+", _in_words(hint))

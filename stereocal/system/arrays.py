@@ -17,13 +17,13 @@ LARGEST = 1e100
 
 def read_arrays(content: bytes, source: str) -> dict[str, Array]:
     """The arrays by name, as from `numpy.load`, within the limits for zip files."""
-    found = {}
+    arrays = {}
     for name, packed in unzip(content, source, lambda name: name.endswith(".npy")).items():
         try:
-            found[name.removesuffix(".npy")] = _array(packed)
+            arrays[name.removesuffix(".npy")] = _array(packed)
         except Exception as error:  # NumPy's parser of headers may raise anything
             raise StereocalError(f"{source}: {name} is damaged.") from error
-    return found
+    return arrays
 
 
 def _array(packed: bytes) -> Array:

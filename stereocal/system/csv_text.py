@@ -19,11 +19,11 @@ _SIGNS = re.compile(r"[=+\-@]+")
 def csv_text(table: pd.DataFrame, **options: Any) -> str:
     """The table without its index; `options` are those of pandas."""
     safe = table.rename(columns=lambda name: quoted(str(name)))
-    for at in [at for at, dtype in enumerate(safe.dtypes) if dtype.kind not in "biufcM"]:
-        cells = safe.iloc[:, at].to_numpy(dtype=object).tolist()
-        if any(isinstance(each, str) and _RUN.match(each) for each in cells):
-            own = [quoted(each) if isinstance(each, str) else each for each in cells]
-            safe.isetitem(at, np.array(own, dtype=object))
+    for k in [k for k, dtype in enumerate(safe.dtypes) if dtype.kind not in "biufcM"]:
+        cells = safe.iloc[:, k].to_numpy(dtype=object).tolist()
+        if any(isinstance(cell, str) and _RUN.match(cell) for cell in cells):
+            quoted_cells = [quoted(cell) if isinstance(cell, str) else cell for cell in cells]
+            safe.isetitem(k, np.array(quoted_cells, dtype=object))
     return str(safe.to_csv(index=False, lineterminator="\n", **options))
 
 

@@ -63,10 +63,10 @@ def dialect_of(lines: Sequence[str]) -> Dialect:
     stated = _SEPARATOR.fullmatch(lines[above].strip("\ufeff\r\n")) if lines else None
     if stated is not None and len(lines) > above + 1:
         above += 1
-    own = lines[above : above + HEAD_LINES]
-    tried = stated[1] if stated else [sign for sign in DELIMITERS if any(sign in k for k in own)]
-    found = [_tried(Dialect(sign, above), own) for sign in tried or ","]
-    return max(found, key=lambda each: each[0])[1]
+    head = lines[above : above + HEAD_LINES]
+    tried = stated[1] if stated else [sign for sign in DELIMITERS if any(sign in k for k in head)]
+    scored = [_tried(Dialect(sign, above), head) for sign in tried or ","]
+    return max(scored, key=lambda pair: pair[0])[1]
 
 
 def _tried(dialect: Dialect, lines: Sequence[str]) -> tuple[float, Dialect]:

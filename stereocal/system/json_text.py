@@ -30,15 +30,15 @@ def read_json(content: bytes | str, source: str) -> Any:
         )
 
     def object_of(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        entries: dict[str, Any] = {}
         for key, value in pairs:
-            if key in found:
+            if key in entries:
                 raise StereocalError(
                     f'{source}: the key "{key[:60]}" occurs twice in one object'
                     f"{_lines_of(key, text)}; keep the right one."
                 )
-            found[key] = value
-        return found
+            entries[key] = value
+        return entries
 
     try:
         return json.loads(text, object_pairs_hook=object_of)
@@ -51,10 +51,10 @@ def read_json(content: bytes | str, source: str) -> Any:
 def check_depth(text: str, source: str) -> None:
     """Check how deeply brackets outside texts are nested, before a parser recurses into them."""
     depth = 0
-    for found in TEXT_OR_BRACKET.finditer(text):
-        depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(found[0], 0)
+    for match in TEXT_OR_BRACKET.finditer(text):
+        depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(match[0], 0)
         if depth > DEEPEST:
-            line = text.count("\n", 0, found.start()) + 1
+            line = text.count("\n", 0, match.start()) + 1
             raise StereocalError(
                 f"{source}: line {line} is nested more than {DEEPEST} levels deep; it is not read."
             )

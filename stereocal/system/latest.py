@@ -166,8 +166,8 @@ def read_once(
     Args:
         arguments: of the reader, after the content; distinguished by their `repr`.
     """
-    about = (read.__module__, read.__qualname__, arguments, sorted(named.items()))
-    key = f"{hashlib.sha256(content).hexdigest()} {about!r}"
+    call = (read.__module__, read.__qualname__, arguments, sorted(named.items()))
+    key = f"{hashlib.sha256(content).hexdigest()} {call!r}"
     return once_or_refused("file", key, lambda: read(content, *arguments, **named))
 
 

@@ -30,8 +30,8 @@ def from_environment(
         environment: None: that of the process.
     """
     given = os.environ if environment is None else environment
-    found = {}
-    for name in (each.name for each in fields(cast(Any, kind))):
+    stated = {}
+    for name in (limit.name for limit in fields(cast(Any, kind))):
         variable = prefix + name.upper()
         if not (text := given.get(variable, "").strip()):
             continue
@@ -43,8 +43,8 @@ def from_environment(
             raise StereocalError(
                 f'{variable} is "{text[:40]}": it must be a number, {least:g} or above.'
             )
-        found[name] = value
-    return kind(**found)
+        stated[name] = value
+    return kind(**stated)
 
 
 @dataclass(frozen=True)

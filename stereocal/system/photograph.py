@@ -177,11 +177,11 @@ def _content_of(file: PhotographFile, name: str | None) -> tuple[bytes, str]:
 
 def _without_metadata(content: bytes) -> bytes:
     """The PNG without colour profile, EXIF and texts, which cause decoder warnings."""
-    kept, at, kind = [content[:8]], 8, b""
+    kept, start, kind = [content[:8]], 8, b""
     while kind != b"IEND":
-        length, kind = struct.unpack_from(">I4s", content, at)
-        end = at + 12 + length
+        length, kind = struct.unpack_from(">I4s", content, start)
+        end = start + 12 + length
         if kind[0] < ord("a"):
-            kept.append(content[at:end])
-        at = end
+            kept.append(content[start:end])
+        start = end
     return b"".join(kept)

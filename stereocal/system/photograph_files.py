@@ -41,50 +41,50 @@ def of_the_bar(photographs: Mapping[str, F]) -> Mapping[str, F]:
 
     Other folders of a data set may contain photographs of boards.
     """
-    own: dict[str, dict[str, F]] = {"primary": {}, "secondary": {}}
+    by_side: dict[str, dict[str, F]] = {"primary": {}, "secondary": {}}
     for name, path in photographs.items():
         folder = PurePosixPath(name).parent.name.lower()
-        if folder in own:
-            own[folder][name] = path
-    both = own["primary"] | own["secondary"]
-    return both if all(own.values()) else photographs
+        if folder in by_side:
+            by_side[folder][name] = path
+    both = by_side["primary"] | by_side["secondary"]
+    return both if all(by_side.values()) else photographs
 
 
 def photographs_in(source: Path, store: Path, progress: Progress | None = None) -> dict[str, Path]:
     """The photographs in a folder, or in a zip, unpacked into `store`."""
     if source.is_dir():
-        paths = {each.relative_to(source).as_posix(): each for each in sorted(source.rglob("*"))}
-        found = {n: path for n, path in paths.items() if is_photograph(n) and path.is_file()}
-        Limits.from_environment().check_count(len(found), str(source))
+        paths = {path.relative_to(source).as_posix(): path for path in sorted(source.rglob("*"))}
+        photographs = {n: path for n, path in paths.items() if is_photograph(n) and path.is_file()}
+        Limits.from_environment().check_count(len(photographs), str(source))
     elif source.is_file():
-        found = unpack_photographs(source, source.name, store, progress)
+        photographs = unpack_photographs(source, source.name, store, progress)
     else:
         raise StereocalError(f"{source}: there is no such folder or file.")
-    if not found:
+    if not photographs:
         raise StereocalError(
             f"{source}: there is no photograph in it (PNG, JPEG, TIFF, BMP or PGM); "
             "`detect` takes videos with --videos."
         )
-    return found
+    return photographs
 
 
 def photographs_of(sources: Iterable[Path], store: Path) -> dict[str, Path]:
     """The photographs of files, folders and zips, those unpacked into `store`; of two with one name
     the second has that of its source too."""
-    found: dict[str, Path] = {}
+    photographs: dict[str, Path] = {}
     for source in sources:
         alone = source.is_file() and source.suffix.lower() != ".zip"
-        own = {source.name: source} if alone else photographs_in(source, store)
-        for name, path in own.items():
-            found[name if name not in found else str(source / name)] = path
-    return found
+        photographs_here = {source.name: source} if alone else photographs_in(source, store)
+        for name, path in photographs_here.items():
+            photographs[name if name not in photographs else str(source / name)] = path
+    return photographs
 
 
 def unpack_photographs(
     source: Path | bytes, name: str, store: Path, progress: Progress | None = None
 ) -> dict[str, Path]:
     """Unpack the photographs of a zip into the folder `store`, one at a time, with their times."""
-    found = {}
+    photographs = {}
     with open_zip(source, name) as opened:
         names = [member for member in opened.names if is_photograph(member)]
         for done, member in enumerate(names, start=1):
@@ -96,10 +96,10 @@ def unpack_photographs(
                 path.write_bytes(content)
                 if modified is not None:
                     os.utime(path, (modified, modified))
-            found[member] = path
+            photographs[member] = path
             if progress:
                 progress(done, len(names))
-    return found
+    return photographs
 
 
 def for_worker(path: FileContent, executor: Executor) -> PhotographFile:

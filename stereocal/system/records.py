@@ -51,7 +51,7 @@ def unpack(content: bytes, kind: type[T]) -> T:
 
 def settings_of(data: Mapping[str, Any], kind: type[T], what: str = "settings") -> T:
     """As `of_plain`, for settings that a person may have written; `what` they are."""
-    names = {each.name for each in fields(cast(Any, kind))}
+    names = {part.name for part in fields(cast(Any, kind))}
     try:
         if isinstance(data, Mapping) and (unknown := sorted(set(data) - names)):
             raise ValueError(f"unknown: {', '.join(unknown)}")
@@ -65,7 +65,7 @@ def settings_of(data: Mapping[str, Any], kind: type[T], what: str = "settings") 
 def _parts_of(value: Any) -> Any:
     # By name: msgspec leaves a default to the class, where its own writer does not find it.
     if is_dataclass(value):
-        return {each.name: getattr(value, each.name) for each in fields(value)}
+        return {part.name: getattr(value, part.name) for part in fields(value)}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Mapping):

@@ -49,9 +49,13 @@ def described(
         name: in a line of settings; empty: the title.
     """
     name = name or f"{title[:1].lower()}{title[1:]}"
-    words = choices if isinstance(choices, Mapping) else {one: one.capitalize() for one in choices}
-    about = About(title, text, *between, words, option, name, default)
-    return field(default=default, metadata={_ABOUT: about})
+    words = (
+        choices
+        if isinstance(choices, Mapping)
+        else {choice: choice.capitalize() for choice in choices}
+    )
+    described = About(title, text, *between, words, option, name, default)
+    return field(default=default, metadata={_ABOUT: described})
 
 
 def joined(settings: type["Settings"]) -> Any:
@@ -61,21 +65,21 @@ def joined(settings: type["Settings"]) -> Any:
 
 def descriptions(settings: type["Settings"]) -> dict[str, About]:
     """What is said of each setting, of joined ones too, by its name."""
-    own = fields(cast(Any, settings))
-    found = {each.name: each.metadata[_ABOUT] for each in own if _ABOUT in each.metadata}
+    parts = fields(cast(Any, settings))
+    described = {part.name: part.metadata[_ABOUT] for part in parts if _ABOUT in part.metadata}
     for kind in _joined(settings).values():
-        found = descriptions(kind) | found
-    return found
+        described = descriptions(kind) | described
+    return described
 
 
 def asked(settings: type["Settings"]) -> dict[str, About]:
     """The `descriptions` of options and forms."""
-    return {name: about for name, about in descriptions(settings).items() if about.help}
+    return {name: described for name, described in descriptions(settings).items() if described.help}
 
 
 def _joined(settings: type["Settings"]) -> dict[str, type["Settings"]]:
-    own = fields(cast(Any, settings))
-    return {each.name: each.metadata[_JOINED] for each in own if _JOINED in each.metadata}
+    parts = fields(cast(Any, settings))
+    return {part.name: part.metadata[_JOINED] for part in parts if _JOINED in part.metadata}
 
 
 class Settings:
@@ -83,30 +87,33 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Raise a `StereocalError` for a setting out of its bounds or none of its choices."""
-        for name, about in descriptions(type(self)).items():
+        for name, described in descriptions(type(self)).items():
             if (value := getattr(self, name, None)) is None:
                 continue
-            if about.choices and value not in about.choices:
-                choices = " or ".join(about.choices)
+            if described.choices and value not in described.choices:
+                choices = " or ".join(described.choices)
                 raise StereocalError(f"{name} is {value!r}: it must be {choices}.")
-            if about.low < about.high and not about.low <= value <= about.high:
-                bounds = f"{about.low:g} to {about.high:g}"
+            if described.low < described.high and not described.low <= value <= described.high:
+                bounds = f"{described.low:g} to {described.high:g}"
                 raise StereocalError(f"{name} is {value}: it must be from {bounds}.")
 
     def to_json(self) -> dict[str, Any]:
         """All settings in one flat object; infinity is written as the string "inf", since JSON has
         no infinity."""
-        own: dict[str, Any] = plain(self)
+        entries: dict[str, Any] = plain(self)
         others = _joined(type(self))
         flat = [getattr(self, name).to_json() for name in others]
-        own = {name: value for name, value in own.items() if name not in others}
-        return {**{k: v for each in flat for k, v in each.items()}, **_exchanged(own, INF, "inf")}
+        entries = {name: value for name, value in entries.items() if name not in others}
+        return {
+            **{k: v for entries in flat for k, v in entries.items()},
+            **_exchanged(entries, INF, "inf"),
+        }
 
     @property
     def parts(self) -> Parts:
         """The settings by their names in words."""
         names, values = descriptions(type(self)), self.to_json()
-        return {about.name: values[key] for key, about in names.items()}
+        return {described.name: values[key] for key, described in names.items()}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
@@ -116,18 +123,18 @@ class Settings:
             StereocalError: a name is unknown, or a value is of another type or out of its bounds.
         """
         rest, others = _exchanged(dict(data), "inf", INF), {}
-        own = {each.name for each in fields(cast(Any, cls))}
+        own_names = {part.name for part in fields(cast(Any, cls))}
         for name, kind in _joined(cls).items():
-            names = kind().to_json().keys() - own
+            names = kind().to_json().keys() - own_names
             others[name] = kind.from_json({key: rest.pop(key) for key in names if key in rest})
-        found: Any = settings_of(rest, cls)
-        return cast(Self, replace(found, **others))
+        settings: Any = settings_of(rest, cls)
+        return cast(Self, replace(settings, **others))
 
 
-def _exchanged(value: Any, one: Any, other: Any) -> Any:
+def _exchanged(value: Any, old: Any, new: Any) -> Any:
     """A plain value with `other` wherever `one` is."""
     if isinstance(value, dict):
-        return {key: _exchanged(inner, one, other) for key, inner in value.items()}
+        return {key: _exchanged(inner, old, new) for key, inner in value.items()}
     if isinstance(value, list):
-        return [_exchanged(inner, one, other) for inner in value]
-    return other if value == one else value
+        return [_exchanged(inner, old, new) for inner in value]
+    return new if value == old else value

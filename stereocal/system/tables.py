@@ -60,8 +60,10 @@ class Rows:
     def problems(self) -> list[RowProblem]:
         """All invalid rows, in the order of the lines."""
         lines = self.raw.index
-        own = [RowProblem(int(lines[row]), reason) for row, reason in self.reasons.items()]
-        return sorted([*self.too_long, *own], key=lambda problem: problem.line)
+        number_problems = [
+            RowProblem(int(lines[row]), reason) for row, reason in self.reasons.items()
+        ]
+        return sorted([*self.too_long, *number_problems], key=lambda problem: problem.line)
 
     def check(self, source: str) -> None:
         """Raise a `RefusedRowsError` if rows are invalid."""
@@ -217,18 +219,18 @@ def numbers_in(
         if column.name not in raw:
             values[column.name] = np.full(len(raw), np.nan)
             continue
-        found = values[column.name] = numbers_of(raw[column.name], decimal_comma)
-        bad = ~np.isfinite(found)
+        numbers = values[column.name] = numbers_of(raw[column.name], decimal_comma)
+        bad = ~np.isfinite(numbers)
         if column.is_whole:
             with np.errstate(invalid="ignore"):
-                bad |= (found != np.round(found)) | (np.abs(found) > LARGEST_WHOLE)
+                bad |= (numbers != np.round(numbers)) | (np.abs(numbers) > LARGEST_WHOLE)
         if column.is_positive:
-            bad |= found <= 0
+            bad |= numbers <= 0
         if column.may_be_empty and bad.any():
             bad &= ~is_missing(raw[column.name], empty)
         rows = [row for row in np.flatnonzero(bad).tolist() if row not in reasons]
         for row, cell in zip(rows, raw[column.name].iloc[rows].tolist(), strict=True):
-            reasons[row] = _reason(column, str(cell).strip(), float(found[row]), empty)
+            reasons[row] = _reason(column, str(cell).strip(), float(numbers[row]), empty)
     return values, reasons
 
 
@@ -259,17 +261,17 @@ def _read(
     every: dict[str, Any] = {"header": None, **options}
     separator = r"\s+" if dialect.delimiter == " " else dialect.delimiter
     try:
-        found: Any = pd.read_csv(
+        read: Any = pd.read_csv(
             file, sep=separator, names=list(names), dtype=str, keep_default_na=False, **every
         )
-        if isinstance(found, pd.DataFrame):
-            yield found
+        if isinstance(read, pd.DataFrame):
+            yield read
             return
-        with found as chunks:
+        with read as chunks:
             yield from chunks
     except pd.errors.ParserError as error:
-        at = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
-        where = f"line {at[2]}: {at[3]} cells instead of {at[1]}" if at else error
+        match = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+        where = f"line {match[2]}: {match[3]} cells instead of {match[1]}" if match else error
         raise StereocalError(f"{source}: 1 row cannot be used: {where}.") from error
     except (OSError, UnicodeDecodeError) as error:
         raise StereocalError(f"{source}: the file cannot be read ({error}).") from error

@@ -73,15 +73,15 @@ def read_taken(file: Path | bytes, name: str, modified: float | None = None) -> 
 def time_in_name(name: str) -> tuple[float, float] | None:
     """The time in a file's name, in s since 1970, and its resolution; None if there is none."""
     stem = PurePosixPath(name.replace("\\", "/")).stem
-    if (found := IN_A_NAME.search(stem)) is not None:
+    if (match := IN_A_NAME.search(stem)) is not None:
         try:
-            moment = datetime.strptime(" ".join(found.groups()[:6]), "%Y %m %d %H %M %S")
+            moment = datetime.strptime(" ".join(match.groups()[:6]), "%Y %m %d %H %M %S")
         except ValueError:
             return None
         moment = moment.replace(tzinfo=UTC)
-        return _with_fraction(moment.timestamp(), found[7] or "")
-    if (found := EPOCH_IN_A_NAME.search(stem)) is not None:
-        return _with_fraction(float(found[1]), found[2] or "")
+        return _with_fraction(moment.timestamp(), match[7] or "")
+    if (match := EPOCH_IN_A_NAME.search(stem)) is not None:
+        return _with_fraction(float(match[1]), match[2] or "")
     return None
 
 
@@ -98,18 +98,18 @@ def _header(file: Path | bytes) -> dict[str, Any]:
         with Image.open(io.BytesIO(file) if isinstance(file, bytes) else file, formats=FORMATS) as (
             image
         ):
-            found: dict[str, Any] = {"size": image.size}
+            header: dict[str, Any] = {"size": image.size}
             if image.format == "PNG" and b"eXIf" not in (
                 file if isinstance(file, bytes) else file.read_bytes()
             ):
-                return found
+                return header
             tags = image.getexif()
-            own = tags.get_ifd(EXIF)
-            found["exif"] = {**tags, **own}
-            serial = own.get(BODY_SERIAL) or tags.get(CAMERA_SERIAL)
-            about = (tags.get(MAKE), tags.get(MODEL), serial)
-            found["body"] = " ".join(text for each in about if (text := _text(each)))
-            return found
+            exif = tags.get_ifd(EXIF)
+            header["exif"] = {**tags, **exif}
+            serial = exif.get(BODY_SERIAL) or tags.get(CAMERA_SERIAL)
+            camera_tags = (tags.get(MAKE), tags.get(MODEL), serial)
+            header["body"] = " ".join(text for tag in camera_tags if (text := _text(tag)))
+            return header
     except Exception:  # Pillow's parsers may raise anything
         return {}
 
@@ -131,11 +131,11 @@ def _exif_time(tags: Mapping[int, Any]) -> tuple[float, float, float | None] | N
 
 def _zone(text: str) -> float | None:
     """Seconds ahead of UTC in "+02:00"."""
-    found = re.fullmatch(r"([+-])(\d\d):?(\d\d)", text)
-    if found is None:
+    match = re.fullmatch(r"([+-])(\d\d):?(\d\d)", text)
+    if match is None:
         return None
-    ahead = timedelta(hours=int(found[2]), minutes=int(found[3])).total_seconds()
-    return -ahead if found[1] == "-" else ahead
+    ahead = timedelta(hours=int(match[2]), minutes=int(match[3])).total_seconds()
+    return -ahead if match[1] == "-" else ahead
 
 
 def _text(value: Any) -> str:
@@ -146,11 +146,11 @@ def _text(value: Any) -> str:
 
 def when_taken(photographs: Mapping[str, Path]) -> dict[str, Taken]:
     """When each photograph was taken, by its header, its name or its file's time."""
-    found = {}
+    times = {}
     for name, path in photographs.items():
         try:
             modified = path.stat().st_mtime
         except OSError:  # reported where the photograph is read
             modified = None
-        found[name] = read_taken(path, name, modified)
-    return found
+        times[name] = read_taken(path, name, modified)
+    return times
