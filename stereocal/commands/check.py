@@ -76,8 +76,7 @@ def _parameters(parsed: argparse.Namespace) -> tuple[Path, Parameters]:
     """
     path: Path = parsed.parameters
     if holds_rig(path):
-        names = ("sigma_px", "pair", "baseline_sigma", "distance_sigma")
-        refuse_given(parsed, WITH_RIG, *names)
+        refuse_given(parsed, WITH_RIG, "sigma_px", "pair", "baseline_sigma", "distance_sigma")
         return path, RigFile.load(path)
     rig = RigParameters.load(path)
     beside = path.with_name("parameters_refined.json")

@@ -47,8 +47,9 @@ def run(parsed: argparse.Namespace) -> None:
     search = settings_from(parsed, calibration_frames=None)
     refuse_unknown_frames(search, datasets)
     refined = refine_settings_from(parsed) if parsed.refined else None
-    splits = parsed.runs, parsed.calibration_frames, parsed.splits
-    settings = EvaluationSettings(search, *splits, refined)
+    settings = EvaluationSettings(
+        search, parsed.runs, parsed.calibration_frames, parsed.splits, refined
+    )
     pair_runs = [PairRun(dataset, settings.calibration, settings.refined) for dataset in datasets]
     screenings = [run.screening for run in pair_runs]
     kept = [screening.dataset for screening in screenings]
@@ -63,11 +64,9 @@ def run(parsed: argparse.Namespace) -> None:
     forecasts = [answer.forecast_entries if answer in calibrated else {} for answer in answers]
     only = calibrated[0] if len(calibrated) == len(pair_runs) == 1 else None
     recommended = (only.run.calibration, only.recommendation) if only else None
-    inputs = datasets, settings, screenings
-    files = {
-        "summary.json": summary_json(pooled, by_dataset, *inputs, forecasts),
-        "report.html": report_html(pooled, by_dataset, *inputs, recommended).encode(),
-    }
+    summary = summary_json(pooled, by_dataset, datasets, settings, screenings, forecasts)
+    report = report_html(pooled, by_dataset, datasets, settings, screenings, recommended)
+    files = {"summary.json": summary, "report.html": report.encode()}
     lines = [
         f"{screening.full_dataset.name}: {line}"
         for screening in screenings

@@ -37,11 +37,11 @@ OPTIONS: Options = {
 
 def run(parsed: argparse.Namespace) -> None:
     rig = _rig(parsed)
-    table = views_of(rig).table(parsed.pairs)
-    inputs = rig, table, parsed.out, world_from(parsed), parsed.sigma_px
+    table, world = views_of(rig).table(parsed.pairs), world_from(parsed)
     a_point = np.zeros((1, len(rig.placed), 2))
     with workers_from(parsed, partial(views_of(rig).fit, a_point, 1.0)) as executor:
-        measured = with_bar("pairs", partial(measure_tables, *inputs, executor=executor))
+        measure = partial(measure_tables, rig, table, parsed.out, world, parsed.sigma_px)
+        measured = with_bar("pairs", partial(measure, executor=executor))
     report(*measured.sentences, notes=measured.notes, written=[parsed.out])
 
 

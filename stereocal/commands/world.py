@@ -44,8 +44,9 @@ def run(parsed: argparse.Namespace) -> None:
     (content,) = contents([parsed.observed]).values()
     source, rate = str(parsed.observed), parsed.frame_rate
     axes = Axes(parsed.origin, parsed.x_axis, parsed.heading)
-    noise = parsed.sigma_px, parsed.survey_sigma
-    settings = WorldSettings(axes, *noise, parsed.drag, parsed.upside_down)
+    settings = WorldSettings(
+        axes, parsed.sigma_px, parsed.survey_sigma, parsed.drag, parsed.upside_down
+    )
     rig: Parameters
     if parsed.rig is not None:
         rig = RigFile.load(parsed.rig)

@@ -135,8 +135,8 @@ def how_computed(forecast: PlanForecast) -> str:
         f"{rigs} rigs were drawn, whose focal lengths, principal points, baseline and bar differ "
         f"from the plan as it says; on each a recording of {forecast.plan.frames} bars was "
         f"simulated and calibrated, and the files were judged on fresh bars.{failed} Intervals "
-        "hold 95 % of the rigs. Errors by place are those to be expected of the refined set. Length "
-        "errors are relative to true lengths, so the error of the bar itself, "
+        "hold 95 % of the rigs. Errors by place are those to be expected of the refined set. "
+        "Length errors are relative to true lengths, so the error of the bar itself, "
         f"{percent(sigmas.bar_m / forecast.plan.bar_m)} %, is in them. Computed by "
         f"stereocal {__version__} with the seed {forecast.seed}."
     )

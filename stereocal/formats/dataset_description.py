@@ -120,12 +120,12 @@ class Description:
     def _bar_and_baseline(self) -> tuple[RigidObject, dict[CameraPair, float], float | None]:
         """The lengths of format 1. What it states of a free baseline is not used."""
         free = self.entries.get("baseline_sigma_m") == FREE
-        lengths = self.length("baseline_m"), self.length("target_distance_m")
+        baseline_m, bar_m = self.length("baseline_m"), self.length("target_distance_m")
         sigma = np.inf if free else self.optional_length("baseline_sigma_m")
         bar_sigma = self.optional_length("target_distance_sigma_m")
         with naming(self.source):
-            check_lengths(*lengths, sigma, bar_sigma)
-        return RigidObject.bar(lengths[1], bar_sigma), {} if free else {CAMERAS: lengths[0]}, sigma
+            check_lengths(baseline_m, bar_m, sigma, bar_sigma)
+        return RigidObject.bar(bar_m, bar_sigma), {} if free else {CAMERAS: baseline_m}, sigma
 
     def cameras(self, lens_model: LensModel | None) -> dict[str, Camera]:
         """The cameras of the files that it names: primary and secondary in format 1."""

@@ -62,8 +62,16 @@ def read_points_csv(
             row = int(its_rows[k])
             rows.reasons.setdefault(row, f"{_at(rows, row)}: the {what}")
     rows.check(source)
-    seen = rows.values["frame"].astype(np.int64), codes["camera"], codes["target"], points
-    recording = Recording("", dict(cameras), rigid_object, *seen, rows.values[SIGMA])
+    recording = Recording(
+        "",
+        dict(cameras),
+        rigid_object,
+        rows.values["frame"].astype(np.int64),
+        codes["camera"],
+        codes["target"],
+        points,
+        rows.values[SIGMA],
+    )
     with naming(source):
         return recording.within_view()
 

@@ -72,9 +72,9 @@ class Pairs(_Table):
     @checked
     def plot(self) -> go.Figure:  # type: ignore[override]
         """The errors of the pairs, and of their second-best partners, with the threshold."""
-        errors = self.to_dataframe().reindex(columns=["error_px", "runner_up_px"])
-        inputs = errors.to_numpy(dtype=np.float64), self.report.threshold_px
-        return draw("matches.plot_pair_errors", *inputs)
+        table = self.to_dataframe().reindex(columns=["error_px", "runner_up_px"])
+        errors_px = table.to_numpy(dtype=np.float64)
+        return draw("matches.plot_pair_errors", errors_px, self.report.threshold_px)
 
 
 class Points(_Table):

@@ -155,10 +155,15 @@ def observe(
     rows = Correspondences.from_arrays(
         np.repeat(np.arange(1, frames + 1), 2), "AB" * frames, primary, secondary
     )
-    lengths = nominal.baseline_m, nominal.target_distance_m
-    cameras = nominal.primary, nominal.secondary
-    known = Recording.of_two(name, *cameras, *lengths, notes=notes)
-    return known.holding(rows).pair(*CAMERAS)
+    recording = Recording.of_two(
+        name,
+        nominal.primary,
+        nominal.secondary,
+        nominal.baseline_m,
+        nominal.target_distance_m,
+        notes=notes,
+    )
+    return recording.holding(rows).pair(*CAMERAS)
 
 
 def lens_off_by(camera: Camera, focal: float, centre_px: tuple[float, float]) -> Camera:

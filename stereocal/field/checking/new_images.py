@@ -95,8 +95,9 @@ def images_of_bars(dataset: Pair, rig: RigParameters) -> NewImages:
     rows = seen.correspondences
     notes = list(filter(None, [beyond_in_words(dataset.recording.beyond_view)]))
     if not len(rows.bars):
-        matches = rows.frame, rows.primary, rows.secondary
-        return images_of_matches(*matches, rig, dataset.name, tuple(notes))
+        return images_of_matches(
+            rows.frame, rows.primary, rows.secondary, rig, dataset.name, tuple(notes)
+        )
     offset = _offset_of(seen, rig)
     if offset is not None:
         seen = seen.shifted(offset)

@@ -14,7 +14,7 @@ from stereocal.field.checking.prior import root_of
 from stereocal.fit.errors.uncertainty import point_errors
 from stereocal.fit.least_squares.small_steps import OF_PAIR, rig_at
 from stereocal.matching.reconstruction import noise_of_file
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
@@ -97,10 +97,11 @@ def usual_place(rig: RigParameters) -> FloatArray:
 
 def reconstructed(rig: Rig, pixels: FloatArray, names: tuple[str, ...]) -> FloatArray:
     """Points (n, 3) of raw pixels (n, 4) with their names."""
-    seen = pixels[:, :2], pixels[:, 2:]
-    for side, camera, points in zip(CAMERAS, (rig.primary, rig.secondary), seen, strict=True):
-        check_inside(points, camera, side, names)
-    xyz, error = rig.reconstruct(*seen), rig.reprojection_errors(*seen).mean(axis=1)
+    primary, secondary = pixels[:, :2], pixels[:, 2:]
+    check_inside(primary, rig.primary, "primary", names)
+    check_inside(secondary, rig.secondary, "secondary", names)
+    xyz = rig.reconstruct(primary, secondary)
+    error = rig.reprojection_errors(primary, secondary).mean(axis=1)
     far = LARGEST_MISFIT * float(np.hypot(*rig.primary.image_size))
     bad = np.flatnonzero(~np.isfinite(xyz).all(axis=1) | ~(error < far))
     if len(bad):

@@ -116,9 +116,16 @@ def _of_bars(
     order = np.lexsort([bars.target[row], camera_of_row, bars.frame[row]])
     row, camera_of_row = row[order], camera_of_row[order]
     numbered = {str(k + 1): camera for k, camera in enumerate(cameras)}
-    points, unknown = bars.pixels[row, camera_of_row], np.full(len(row), np.nan)
-    rows = bars.frame[row], camera_of_row, bars.target[row], points, unknown
-    recording = Recording(name, numbered, RigidObject.bar(distance_m), *rows)
+    recording = Recording(
+        name,
+        numbered,
+        RigidObject.bar(distance_m),
+        bars.frame[row],
+        camera_of_row,
+        bars.target[row],
+        bars.pixels[row, camera_of_row],
+        np.full(len(row), np.nan),
+    )
     recording.refuse_points_outside()
     recording = recording.within_view()
     remarks += tuple(filter(None, [beyond_in_words(recording.beyond_view)]))

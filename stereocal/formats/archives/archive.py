@@ -89,9 +89,10 @@ class Archive:
             notes += ("The baseline is a result of the other program, not a measurement.",)
         elif baseline_m == np.inf:
             baseline = None
-        cameras = self.primary, self.secondary
-        known = Recording.of_two(name, *cameras, baseline, distance, sigma, notes=" ".join(notes))
-        return known.with_pairs(self.correspondences).pair(*CAMERAS)
+        recording = Recording.of_two(
+            name, self.primary, self.secondary, baseline, distance, sigma, notes=" ".join(notes)
+        )
+        return recording.with_pairs(self.correspondences).pair(*CAMERAS)
 
 
 def with_background(bars: BarPoints, points: BarPoints) -> tuple[BarPoints, str]:

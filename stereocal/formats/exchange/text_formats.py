@@ -120,13 +120,8 @@ def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> Came
     cameras, poses = [], []
     for k, name in enumerate(chosen.names):
         table, where = [*sections.values()][chosen.pair[k]], f"{file.name}, {name}"
-        lens = (
-            table.get("matrix"),
-            table.get("distortions"),
-            table.get("size"),
-            table.get("fisheye"),
-        )
-        cameras.append(camera_from(*lens, options, k, where))
+        K, lens, fisheye = table.get("matrix"), table.get("distortions"), table.get("fisheye")
+        cameras.append(camera_from(K, lens, table.get("size"), fisheye, options, k, where))
         if all(table.get(key) not in (None, "null") for key in ("rotation", "translation")):
             poses.append(_toml_pose(table, where))
     pose = poses[1] @ poses[0].inverse() if len(poses) == 2 else None

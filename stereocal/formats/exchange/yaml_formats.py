@@ -104,9 +104,16 @@ def rectification(two: Sequence[Posed]) -> list[FloatArray]:
     first, second = (
         np.zeros((1, 5)) if camera.is_fisheye else _row(camera) for camera in (primary, secondary)
     )
-    lenses, moved = (primary.K, first, secondary.K, second), (pose.R, pose.T[:, None])
-    flags = cv2.CALIB_ZERO_DISPARITY
-    rectified = cv2.stereoRectify(*lenses, primary.image_size, *moved, flags=flags)
+    rectified = cv2.stereoRectify(
+        primary.K,
+        first,
+        secondary.K,
+        second,
+        primary.image_size,
+        pose.R,
+        pose.T[:, None],
+        flags=cv2.CALIB_ZERO_DISPARITY,
+    )
     R2, *rest = (np.asarray(matrix, dtype=np.float64) for matrix in rectified[1:5])
     return [R2 @ pose.R, R2, *rest]  # OpenCV's R1 knows no turn below 1e-5 rad
 
@@ -146,8 +153,8 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     model = models[0] if models else None
     cameras = []
     for k, which in enumerate(CAMERAS):
-        lens = matrices[f"M{k + 1}"], matrices[f"D{k + 1}"], sizes.get(k), model
-        cameras.append(camera_from(*lens, options, k, f"{source}, {which}"))
+        K, lens, where = matrices[f"M{k + 1}"], matrices[f"D{k + 1}"], f"{source}, {which}"
+        cameras.append(camera_from(K, lens, sizes.get(k), model, options, k, where))
     pose = None if missing else pose_from(matrices["R"], matrices["T"], source)
     return CameraPair(cameras[0], cameras[1], pose, lacks)
 
