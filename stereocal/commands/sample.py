@@ -26,7 +26,7 @@ SAMPLES = {
 }
 MADE_OF = {"by_hand": "rig"}
 STARTED = {"1": 0, "2": 41, "3": -118}
-"""Of its cameras, the frame of the first at which each was started."""
+"""The first camera's frame at which each camera was started."""
 OPTIONS: Options = {
     "name SAMPLE": {
         "type": str,

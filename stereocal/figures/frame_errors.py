@@ -357,7 +357,7 @@ def describe_check(residuals: Residuals) -> str:
 
 
 def _panels(residuals: Residuals) -> dict[tuple[str, str], dict[str, FloatArray]]:
-    """By title and unit, the errors (n,) by the name of the parameters."""
+    """The errors (n,) by the name of the parameters, for each title and unit."""
     reprojection, length, since = {}, {}, residuals.since
     for name, errors in ((BEFORE, residuals.before), (AFTER, residuals.after)):
         if errors is None:

@@ -22,7 +22,7 @@ BAND = "rgba(213,94,0,0.22)"
 COLUMNS = 3
 BINS = 14
 LONGEST_ARROW = 0.9
-"""As a fraction of the spacing of the cells."""
+"""Fraction of the spacing of the cells."""
 
 
 def plot_draws(lens: LensCalibration) -> go.Figure:

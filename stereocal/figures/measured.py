@@ -18,7 +18,7 @@ from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.numbers import count, decimals_of, rounded
 
 LEAST_PART = 0.2
-"""Of the size of a scene with its cameras: smaller points are seen without them."""
+"""Fraction of the size of a scene with its cameras: smaller points are seen without them."""
 MAXIMUM_DRAWN = 10_000
 """Maximum number of points drawn, evenly thinned, since larger scenes rotate slowly."""
 MAXIMUM_TRACKS = 500
@@ -54,14 +54,14 @@ HEADINGS: Mapping[str, str] = {
     "outside_volume": "Outside the volume of the bars",
     "views": "Cameras that see it",
 }
-"""Of tables of pairs and points on a page, by the name of the column; the files keep their names,
-and a column of the user keeps its own."""
+"""Titles of the columns of pairs and points on a page, by their names in the files, which the files
+keep; a column of the user keeps its own."""
 IN_WORLD: Mapping[str, str] = {
     **HEADINGS,
     **{axis: f"{axis} (m)" for axis in "xyz"},
     "coordinates": "World frame",
 }
-"""Of points in a world frame."""
+"""Titles of the columns of points in a world frame."""
 
 
 FORMATS: dict[str, str] = {

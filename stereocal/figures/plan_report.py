@@ -37,7 +37,7 @@ def plot_plan_map(forecast: PlanForecast, quantity: Quantity = "distance") -> go
 
 
 def describe_plan_map(forecast: PlanForecast, quantity: Quantity = "distance") -> str:
-    """As `describe_accuracy`."""
+    """The figure in words."""
     return describe_accuracy(forecast.fit.maps, quantity)
 
 

@@ -14,7 +14,7 @@ from stereocal.system.array_types import FloatArray
 
 OUTER_VIEWS = ("Behind", "Above", "Side")
 VIEWS = (*OUTER_VIEWS, "Camera 1", "Camera 2")
-"""From where the scene of two cameras is seen; camera 1 is the primary."""
+"""Places that the scene of two cameras is seen from; camera 1 is the primary."""
 FRUSTUM_OF_DEPTH = 0.15
 """Depth of a drawn camera over the depth of the scene; at its true size it would be a dot."""
 
@@ -39,7 +39,7 @@ SCENE_AXIS = {
 WORLD_TITLES = ("x (m)", "y (m)", "z (m)")
 TITLE = {"font": {"size": 14}}
 Z_UP = Pose(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), np.zeros(3))
-"""From a frame whose z axis points up to one whose y axis points down."""
+"""Takes a frame whose z axis points up to one whose y axis points down."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ IN_CAMERA = SceneFrame()
 
 @dataclass(frozen=True, eq=False)
 class Eye:
-    """From where a scene is seen, in its frame, metres."""
+    """The place that a scene is seen from, in its frame, metres."""
 
     direction: npt.ArrayLike = BEHIND
     """(3,): towards the eye, which is as far away as needed to see everything."""
@@ -92,7 +92,7 @@ class Eye:
 
 
 def view_names(rig: PlacedCameras) -> tuple[str, ...]:
-    """From where the scene of two cameras or more is seen."""
+    """Names of the places that the scene of two cameras or more is seen from."""
     if len(rig.placed) == len(CAMERAS):
         return VIEWS
     return (*OUTER_VIEWS, *(f"Camera {name}" for name in rig.placed))

@@ -43,7 +43,7 @@ SIZE_NAMES = (
 WIDTH_NAMES, HEIGHT_NAMES = (
     (f"image_{side}", f"img_{side}", f"frame_{side}", side) for side in ("width", "height")
 )
-"""As `find_node` finds them; `k` and `d` are of ROS 2."""
+"""Names that `find_node` looks for; `k` and `d` are of ROS 2."""
 EXPECTED = (
     "stereocal reads its own JSON, and OpenCV's YAML, XML or JSON with camera_matrix, "
     "distortion_coefficients, image_width and image_height"

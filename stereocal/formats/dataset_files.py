@@ -252,7 +252,7 @@ def _pairs(dataset: Pair) -> tuple[dict[str, Any], dict[str, bytes]]:
 
 
 def _points(recording: Recording) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """As `_pairs`, of format 2."""
+    """The entries of `dataset.json` of format 2, None for those left out, and the table."""
     if recording.baseline_sigma_m == np.inf:  # the file states what was measured
         recording = replace(recording, baselines_m={}, baseline_sigma_m=None)
     rigid_object, board = recording.object, recording.object.board

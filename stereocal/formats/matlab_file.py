@@ -94,7 +94,7 @@ def numbers_in_field(fields: Fields, name: str, source: str) -> FloatArray | Non
 
 
 def needed_in_field(fields: Fields, name: str, source: str) -> FloatArray:
-    """As `numbers_in_field`, of a field that must be there."""
+    """The numbers in a field that must be there."""
     if (numbers := numbers_in_field(fields, name, source)) is None:
         raise StereocalError(f"{source}: {name} is missing.")
     return numbers

@@ -25,7 +25,7 @@ from stereocal.system.limits import Limits
 from stereocal.system.tables import MISSING, Column, numbers_in, rows_below, text_of
 
 MOST_NAMES = 1_000
-"""Of cameras or of points in a column."""
+"""Most names of cameras, or of points, that a column may have."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ class BarPoints:
 
     @property
     def correspondences(self) -> Correspondences:
-        """Of two cameras."""
+        """The table of pairs, for two cameras."""
         names = [TARGETS[target] for target in self.target]
         return Correspondences.from_arrays(self.frame, names, self.pixels[:, 0], self.pixels[:, 1])
 

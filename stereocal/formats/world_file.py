@@ -97,7 +97,7 @@ def is_json(source: str) -> bool:
 
 
 def parse_world(content: bytes, source: str) -> Pose:
-    """As `read_world`, from the content of the file; `source` is its name."""
+    """`world_from_primary` from the content of a file that `read_world` reads, called `source`."""
     if len(content) > LARGEST_BYTES:
         raise StereocalError(f"{source}: the file is too large for a world frame.")
     try:

@@ -70,7 +70,7 @@ def read(
 
 
 def recording_of(given: Pair | Recording) -> Recording:
-    """Of a view the recording of its two cameras."""
+    """The recording itself, or that of a pair's two cameras."""
     return given.recording if isinstance(given, Pair) else given
 
 

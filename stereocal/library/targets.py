@@ -49,7 +49,7 @@ class FoundTargets(TableAnswer):
     """To calibrate from."""
     sentences: list[str]
     frames: list[Frame] = field(default_factory=list)
-    """Of a bar and two cameras: what was found, doubtful ones too, which are not used."""
+    """What was found of a bar in two cameras, doubtful ones too, which are not used."""
 
     @property
     def answer(self) -> list[str]:
@@ -107,7 +107,7 @@ class DataSetSearch:
     way: Way | None = None
     lens_model: LensModel | None = None
     heard: Mapping[str, float] = field(default_factory=dict)
-    """As in `ByHand`."""
+    """The offsets that the sound tells, as of `ByHand`."""
 
     @cached_property
     def known(self) -> Recording:
@@ -116,7 +116,7 @@ class DataSetSearch:
 
     @cached_property
     def cameras(self) -> Sequence[str]:
-        """By which folders of photographs are called; of two cameras primary and secondary."""
+        """Names of the folders of photographs; for two cameras primary and secondary."""
         several = self.is_described and len(self.known.cameras) > 2
         return [*self.known.cameras] if several else CAMERAS
 

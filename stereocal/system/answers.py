@@ -10,9 +10,9 @@ import pandas as pd
 
 Kind = TypeVar("Kind")
 MOST_LINES, WIDTH = 12, 100
-"""Of the text at a prompt."""
+"""Most lines of the text at a prompt, and its characters in a line."""
 MOST_ROWS = 8
-"""Of the table in a notebook."""
+"""Most rows of the table in a notebook."""
 
 
 def answering(kind: type[Kind], answer: Any) -> Kind:

@@ -136,7 +136,7 @@ def get(step: str, key: str) -> Any:
 
 
 def once_or_refused(step: str, key: str, make: Callable[[], Value]) -> Value:
-    """As `once`; a refusal is kept as well, and raised each time, unless it may not last."""
+    """A value, made once; an error is kept too, and raised each time, unless it may not last."""
 
     def answer() -> Value | StereocalError:
         try:

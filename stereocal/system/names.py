@@ -17,14 +17,14 @@ LONGEST, LONGEST_OF_CAMERA, LONGEST_PATH = 200, 64, 1000
 KEPT_END = 20
 """Characters at the end of a label that is cut: the ending of a file's name tells its kind."""
 SHOWN = 60
-"""Of a name that is refused, in the message."""
+"""Characters of a rejected name that its error message shows."""
 HIDDEN = ("Cc", "Cs", "Zl", "Zp")
 """Categories of characters that no page, table or message can show: controls, halves of
 characters, which JSON allows but UTF-8 does not, ends of lines."""
 CALLED = r"cam(?:era)?[ _-]*"
 """Before the name of a camera, in the name of a file: a pattern."""
 LETTERS, OTHERS = "LMN", " -_."
-"""Of names of cameras: categories of characters, letters, marks on letters, numbers; and others."""
+"""Characters that names of cameras may have: letters, marks on letters, numbers; and others."""
 
 
 def can_be_shown(text: object) -> bool:

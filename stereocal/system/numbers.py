@@ -23,7 +23,7 @@ def digits(value: float, significant: int = 3) -> str:
 
 
 def rounded(value: float, significant: int = 2) -> str:
-    """As `digits`, without zeros at the end: `4.5`, not `4.500`; 238 is `238`, not `2.4e+02`."""
+    """Significant digits, no zeros at the end: `4.5`, not `4.500`; 238 is `238`, not `2.4e+02`."""
     text = digits(value, significant)
     mantissa, exponent, power = text.partition("e")
     mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa

@@ -75,7 +75,7 @@ def read_photograph(file: PhotographFile, name: str | None = None) -> GreyImage:
 
 
 def read_colours(file: PhotographFile, name: str | None = None) -> GreyImage:
-    """As `read_photograph`, but (h, w, 3): blue, green, red, which are equal in a grey one."""
+    """The photograph in a file, (h, w, 3): blue, green, red, which are equal in a grey one."""
     image = _decoded(file, name)
     if image.ndim == 2 or image.shape[2] == 2:
         grey = image if image.ndim == 2 else image[:, :, 0]

@@ -36,7 +36,7 @@ def of_plain(data: Any, kind: type[T]) -> T:
 
 
 def pack(value: Any) -> bytes:
-    """As `plain`, as JSON."""
+    """The plain values of a dataclass, as JSON."""
     return json.dumps(value, default=_parts_of).encode()
 
 
@@ -50,7 +50,7 @@ def unpack(content: bytes, kind: type[T]) -> T:
 
 
 def settings_of(data: Mapping[str, Any], kind: type[T], what: str = "settings") -> T:
-    """As `of_plain`, for settings that a person may have written; `what` they are."""
+    """Build settings that a person may have written from plain values; `what` they are."""
     names = {part.name for part in fields(cast(Any, kind))}
     try:
         if isinstance(data, Mapping) and (unknown := sorted(set(data) - names)):

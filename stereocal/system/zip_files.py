@@ -66,7 +66,7 @@ class OpenZip:
         return b"".join(self.pieces(name))
 
     def pieces(self, name: str) -> Iterator[bytes]:
-        """As `read`, a megabyte at a time."""
+        """A file's content, a megabyte at a time."""
         with _sound(self._source):
             member = self._archive.open(self._members[name])
         with member:

@@ -47,7 +47,7 @@ CLEARLY = 0.5
 """Where the errors in the images fall to this fraction, the repaired parameters are better though
 lengths are not: a turn about the baseline's normal hardly changes any."""
 NOT_WORSE = 1.2
-"""By what factor length errors may grow then, by chance."""
+"""Factor by which length errors may grow then, by chance."""
 
 
 LEVEL = 0.01

@@ -21,7 +21,7 @@ SPENT = 12.0
 DEGREES_GIVEN, DEGREES_ASSUMED = 1000.0, 4.0
 """For a noise that was stated, and for one that nothing was known about."""
 LENS_ERROR = 0.5
-"""Of the images, for each unknown of a lens: rms in units of the noise."""
+"""Error of the images for each unknown of a lens: rms in units of the noise."""
 SMALLEST_EIGENVALUE = 1e-12
 """Least of the correlation; directions below are taken as exact."""
 

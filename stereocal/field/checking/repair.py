@@ -102,7 +102,7 @@ class Residuals:
     changed: bool
     """Whether the old parameters no longer hold."""
     since: Since | None = None
-    """From which frame on they do not, if some were before."""
+    """The frame from which they do not, if there are frames before it."""
 
 
 def residuals_of(check: Recheck) -> Residuals:

@@ -28,7 +28,7 @@ class CheckAnswer:
     sentence: str
     notes: Sequence[str]
     content: Mapping[str, Any]
-    """Of `check.json`, but for the names of the files."""
+    """The entries of `check.json`, except the names of the files."""
     residuals: Mapping[CameraPair, Residuals]
     repaired: RigParameters | None
     """None if there is nothing to repair, or of a rig."""

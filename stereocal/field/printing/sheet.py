@@ -154,7 +154,7 @@ def _draw_from_above(
     centre = 0.5 * np.array([width_mm - BORDER_MM, height_mm + 0.5 * BORDER_MM])
 
     def to_mm(points_m: FloatArray) -> FloatArray:
-        """From metres (right, ahead), with the same scale both ways."""
+        """Millimetres on the paper of metres (right, ahead), with one scale for both axes."""
         return np.asarray(centre + scale * (points_m - 0.5 * (lowest + highest)))
 
     hull = cv2.convexHull(common.astype(np.float32))[:, 0].astype(np.float64)

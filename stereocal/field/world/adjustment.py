@@ -19,7 +19,7 @@ from stereocal.system.array_types import FloatArray, IntArray
 
 LEVEL = 0.95
 STEP = float(np.sqrt(np.finfo(np.float64).eps))
-"""Of finite differences, for an unknown of 1 or less."""
+"""Step of finite differences, for an unknown of 1 or less."""
 FEWEST_DEGREES = 10
 """Below this number of degrees of freedom, residuals do not show the noise."""
 

@@ -116,7 +116,7 @@ class WorldFrame:
     """`world_from_primary`."""
     source: Source
     uncertainty: Mapping[str, Any]
-    """As in `world.json`: 95 % limits, in degrees and metres."""
+    """The entries of `world.json`: 95 % limits, in degrees and metres."""
     sentence: str
     notes: tuple[str, ...] = ()
     about: Mapping[str, Any] = field(default_factory=dict)

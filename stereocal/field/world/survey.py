@@ -49,7 +49,7 @@ class RigidFit:
     limit_m: float
     """Largest root mean square residual of points that do not contradict each other."""
     solution: Solution
-    """Of a small rotation about the world's axes, the centre, and, if fitted, log scale."""
+    """A small rotation about the world's axes, the centre, and, if fitted, log scale."""
 
     @property
     def rms_m(self) -> float:

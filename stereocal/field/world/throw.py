@@ -34,10 +34,10 @@ from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 
 FEWEST_FRAMES = 6
-"""Of one throw; fewer leave drag and noise undetermined."""
+"""Frames of one throw; fewer leave drag and noise undetermined."""
 LONGEST_S = 30.0
 STEPS = 64
-"""Of the integration of a path; even, for Simpson's rule."""
+"""Steps of the integration of a path; even, for Simpson's rule."""
 ROUNDS = 60
 CONTRADICTION = 10.0
 """Residuals over the parameters' image noise, above which the path is no free flight."""
@@ -56,7 +56,7 @@ class FlightFit:
     """Gravity and drag."""
 
     solution: Solution
-    """Of gravity (3,) in the primary's frame, m/s^2; the drag per metre, if fitted; and the first
+    """Gravity (3,) in the primary's frame, m/s^2; the drag per metre, if fitted; and the first
     position and velocity of each throw."""
     noise: ErrorModel
     tilt_jacobian: FloatArray

@@ -83,7 +83,7 @@ WORLD_UNITS: Mapping[str, Unit] = {
     **dict.fromkeys(("mm", "millimeter", "millimetre"), "mm"),
     **dict.fromkeys(("in", "inch", "inche"), "inch"),
 }
-"""By their names in lower case, without a plural s."""
+"""Units by their names in lower case, without a plural s."""
 _WORLD_UNITS = re.compile(r"WorldUnits['\"]?\s*[,=]\s*['\"]([^'\"]*)['\"]")
 _ASSIGNED = re.compile(r"^[ \t]*([A-Za-z]\w*)[ \t]*=[ \t]*\[([^\[\]]*)\]", re.MULTILINE)
 

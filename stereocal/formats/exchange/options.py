@@ -110,7 +110,7 @@ class Question:
     choices: Mapping[str, str] = field(default_factory=dict)
     """Answers and their words on the page; empty: a number."""
     between: tuple[float, float] = (-POSSIBLE_PX[1], POSSIBLE_PX[1])
-    """Of a number."""
+    """Bounds of a number."""
 
 
 QUESTIONS: Mapping[str, Question] = {
