@@ -50,13 +50,13 @@ def settings_options(kind: type[Settings]) -> Options:
 def questions(*names: str) -> Options:
     """What files of other programs may not say, as options that `answers` reads."""
     return {
-        asked.option: {"dest": name, "help": asked.help}
+        question.option: {"dest": name, "help": question.help}
         | (
-            {"choices": [*asked.choices]}
-            if asked.choices
-            else {"type": Number(float, *asked.between), "metavar": "N"}
+            {"choices": [*question.choices]}
+            if question.choices
+            else {"type": Number(float, *question.between), "metavar": "N"}
         )
-        for name, asked in QUESTIONS.items()
+        for name, question in QUESTIONS.items()
         if name in names
     }
 

@@ -54,8 +54,8 @@ def described(
         if isinstance(choices, Mapping)
         else {choice: choice.capitalize() for choice in choices}
     )
-    described = About(title, text, *between, words, option, name, default)
-    return field(default=default, metadata={_ABOUT: described})
+    setting = About(title, text, *between, words, option, name, default)
+    return field(default=default, metadata={_ABOUT: setting})
 
 
 def joined(settings: type["Settings"]) -> Any:
@@ -66,15 +66,15 @@ def joined(settings: type["Settings"]) -> Any:
 def descriptions(settings: type["Settings"]) -> dict[str, About]:
     """What is said of each setting, of joined ones too, by its name."""
     parts = fields(cast(Any, settings))
-    described = {part.name: part.metadata[_ABOUT] for part in parts if _ABOUT in part.metadata}
+    by_name = {part.name: part.metadata[_ABOUT] for part in parts if _ABOUT in part.metadata}
     for kind in _joined(settings).values():
-        described = descriptions(kind) | described
-    return described
+        by_name = descriptions(kind) | by_name
+    return by_name
 
 
 def asked(settings: type["Settings"]) -> dict[str, About]:
     """The `descriptions` of options and forms."""
-    return {name: described for name, described in descriptions(settings).items() if described.help}
+    return {name: setting for name, setting in descriptions(settings).items() if setting.help}
 
 
 def _joined(settings: type["Settings"]) -> dict[str, type["Settings"]]:
@@ -87,14 +87,14 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Raise a `StereocalError` for a setting out of its bounds or none of its choices."""
-        for name, described in descriptions(type(self)).items():
+        for name, setting in descriptions(type(self)).items():
             if (value := getattr(self, name, None)) is None:
                 continue
-            if described.choices and value not in described.choices:
-                choices = " or ".join(described.choices)
+            if setting.choices and value not in setting.choices:
+                choices = " or ".join(setting.choices)
                 raise StereocalError(f"{name} is {value!r}: it must be {choices}.")
-            if described.low < described.high and not described.low <= value <= described.high:
-                bounds = f"{described.low:g} to {described.high:g}"
+            if setting.low < setting.high and not setting.low <= value <= setting.high:
+                bounds = f"{setting.low:g} to {setting.high:g}"
                 raise StereocalError(f"{name} is {value}: it must be from {bounds}.")
 
     def to_json(self) -> dict[str, Any]:
@@ -113,7 +113,7 @@ class Settings:
     def parts(self) -> Parts:
         """The settings by their names in words."""
         names, values = descriptions(type(self)), self.to_json()
-        return {described.name: values[key] for key, described in names.items()}
+        return {setting.name: values[key] for key, setting in names.items()}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:

@@ -26,7 +26,7 @@ Files = Sequence[ForeignFile]
 
 
 @dataclass(frozen=True, eq=False)
-class CameraPair:
+class ForeignPair:
     """Two cameras of another program's files, and their pose if it is known."""
 
     primary: Camera
@@ -96,7 +96,7 @@ class CameraFormat:
     """How the camera files of a program are read."""
 
     title: str
-    read: Callable[[Files, ExchangeOptions, str], CameraPair]
+    read: Callable[[Files, ExchangeOptions, str], ForeignPair]
     recognises: Callable[[ForeignFile], bool] | None = None
     """Whether a file is of this format; None: files are not recognised, but read by its name."""
     names: Callable[[ForeignFile], tuple[str, ...]] | None = None
@@ -107,7 +107,7 @@ class CameraFormat:
     """Unit of all its files, by its documentation."""
 
 
-def lenses_of(files: Files, options: ExchangeOptions, no_pose: str) -> CameraPair:
+def lenses_of(files: Files, options: ExchangeOptions, no_pose: str) -> ForeignPair:
     """The lenses of two files of one camera each, or of one file for both.
 
     Args:
@@ -117,7 +117,7 @@ def lenses_of(files: Files, options: ExchangeOptions, no_pose: str) -> CameraPai
         read_camera(file.content, file.name, options.lens_model, size)
         for file, size in zip(files, options.image_sizes, strict=False)
     ]
-    pair = CameraPair(cameras[0], cameras[-1], None, no_pose, "camera files")
+    pair = ForeignPair(cameras[0], cameras[-1], None, no_pose, "camera files")
     names = files[0].name, files[-1].name
     return replace(pair, called=ONE_LENS * (len(files) == 1), files=names)
 

@@ -17,9 +17,9 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.camera_format import (
-    CameraPair,
     ExchangeFormat,
     Files,
+    ForeignPair,
     Posed,
     camera_from,
     decomposed,
@@ -67,7 +67,7 @@ def dlt_coefficients(
     return np.asarray((P / P[2, 3]).ravel()[:11])
 
 
-def read_dlt(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+def read_dlt(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
     """Two cameras without lens distortion, and their pose; the world frame is ignored."""
     names, table, name = _coefficients(files, source)
     chosen = chosen_pair(names, options.cameras, name)
@@ -88,7 +88,7 @@ def read_dlt(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
     if options.corner is None and (all(behind) or (near and behind[0])):
         raise OriginError(name)
     ours = near and np.allclose(poses[0].R, np.eye(3), rtol=0, atol=1e-6)
-    pair = CameraPair(cameras[0], cameras[1], poses[1] @ poses[0].inverse(), chosen=chosen)
+    pair = ForeignPair(cameras[0], cameras[1], poses[1] @ poses[0].inverse(), chosen=chosen)
     return replace(pair, stated="m") if ours else replace(pair, notes=_on_origin(behind, options))
 
 

@@ -13,9 +13,9 @@ from stereocal.formats.exchange.camera_format import (
     OUR_UNIT,
     STORAGES,
     CameraFormat,
-    CameraPair,
     ExchangeFormat,
     Files,
+    ForeignPair,
     Posed,
     fewer_coefficients,
     lenses_of,
@@ -66,18 +66,18 @@ def _is_camera(file: ForeignFile) -> bool:
     return stated == "camera" or (not stated and find_node(file.storage, K_NAMES) is not None)
 
 
-def _read_cameras(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+def _read_cameras(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
     """The cameras of two files, or a nominal lens for both."""
     if len(files) > 2:
         raise StereocalError(f"{source}: {len(files)} camera files; give one or two.")
     return lenses_of(files, options, f"{source}: files of single cameras have no pose.")
 
 
-def _read_parameters(files: Files, _: ExchangeOptions, source: str) -> CameraPair:
+def _read_parameters(files: Files, _: ExchangeOptions, source: str) -> ForeignPair:
     if len(files) > 1:
         raise StereocalError(f"{source}: {len(files)} parameter files; give one.")
     rig = RigParameters.loads(files[0].text, files[0].name)
-    return CameraPair(rig.primary, rig.secondary, rig.pose, program="stereocal", stated="m")
+    return ForeignPair(rig.primary, rig.secondary, rig.pose, program="stereocal", stated="m")
 
 
 READ: Mapping[str, CameraFormat] = {
@@ -117,7 +117,7 @@ def names_in_files(files: Contents, name: str) -> tuple[str, ...]:
     return known.names(ForeignFile(only, content))
 
 
-def read_camera_pair(files: Contents, options: ExchangeOptions) -> CameraPair:
+def read_camera_pair(files: Contents, options: ExchangeOptions) -> ForeignPair:
     """Two cameras from the files of one program, which is recognised.
 
     A single file with one camera serves for both: a nominal lens.
@@ -136,7 +136,7 @@ def read_camera_pair(files: Contents, options: ExchangeOptions) -> CameraPair:
 
 def _read(
     files: Contents, known: CameraFormat, options: ExchangeOptions, source: str
-) -> CameraPair:
+) -> ForeignPair:
     pair = known.read([ForeignFile(*file) for file in files.items()], options, source)
     ours = any(OUR_UNIT.encode() in content for content in files.values())
     stated: Unit | None = "m" if ours else pair.stated

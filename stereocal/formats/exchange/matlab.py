@@ -13,9 +13,9 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.exchange.camera_format import (
-    CameraPair,
     ExchangeFormat,
     Files,
+    ForeignPair,
     Posed,
     array_of,
     camera_from,
@@ -97,7 +97,7 @@ def _without_comments(text: str) -> str:
     return "".join(plain)
 
 
-def read_matlab(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+def read_matlab(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
     """Two cameras and their pose from a script as ours, or from a struct (`toStruct`)."""
     file = only_file(files, (".m", ".mat"), source)
     if is_matlab(file.content):
@@ -128,7 +128,7 @@ def _unit_of(stated: Iterable[object], source: str) -> Unit | None:
     return next(iter(known), None)
 
 
-def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptions) -> CameraPair:
+def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptions) -> ForeignPair:
     """The cameras and their pose from the structs of a .mat file by name."""
     for fields in structs.values():
         if all(isinstance(fields.get(part), Mapping) for part in PARTS):
@@ -142,7 +142,7 @@ def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptio
             unit = _unit_of([word for unit in units for word in np.ravel(unit)], source)
             pose = _pose(fields, source)
             lacks = f"{source}: neither RotationOfCamera2 nor PoseCamera2 is in the struct."
-            pair = CameraPair(primary, secondary, pose, lacks, "MATLAB", stated=unit)
+            pair = ForeignPair(primary, secondary, pose, lacks, "MATLAB", stated=unit)
             return replace(pair, called="stereoParams")
     raise StereocalError(
         f"{source}: this .mat file has neither easyWandData nor the struct of a stereoParameters "

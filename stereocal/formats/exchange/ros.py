@@ -16,9 +16,9 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import K_NAMES
 from stereocal.formats.exchange.camera_format import (
     STORAGES,
-    CameraPair,
     ExchangeFormat,
     Files,
+    ForeignPair,
     Posed,
     array_of,
     decomposed,
@@ -87,7 +87,7 @@ def is_ros(file: ForeignFile) -> bool:
     return all(find_node(file.storage, names) is not None for names in (K_NAMES, P_NAMES))
 
 
-def read_ros(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+def read_ros(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
     """The cameras of two camera_info files, or one lens for both; their pose if it is in them."""
     files = [file for file in files if file.ends_with(*STORAGES, ".txt")]
     no_pose = (

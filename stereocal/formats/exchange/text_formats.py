@@ -25,9 +25,9 @@ from stereocal.formats.exchange.camera_format import (
     COEFFICIENTS,
     ONE_LENS,
     CameraFormat,
-    CameraPair,
     ExchangeFormat,
     Files,
+    ForeignPair,
     Posed,
     array_of,
     camera_from,
@@ -105,7 +105,7 @@ def _toml_values(posed: Posed) -> str:
     )
 
 
-def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
     """Two cameras of aniposelib's or Caliscope's file; the pose is known if both have one."""
     file = only_file(files, (".toml",), source)
     data = read_toml(file.text, file.name)
@@ -127,7 +127,7 @@ def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> Came
     pose = poses[1] @ poses[0].inverse() if len(poses) == 2 else None
     no_pose = f"{file.name}: a camera has no rotation and translation."
     program = "Caliscope" if "cameras" in data or "charuco" in data else "aniposelib"
-    return CameraPair(cameras[0], cameras[1], pose, no_pose, program, chosen)
+    return ForeignPair(cameras[0], cameras[1], pose, no_pose, program, chosen)
 
 
 def _called(sections: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
@@ -212,7 +212,7 @@ def write_colmap(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     }
 
 
-def read_colmap(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+def read_colmap(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
     """The two cameras of the only rig in `cameras.txt` and `rigs.txt`."""
     named = {file.name: file for file in files}
     for name in ("cameras.txt", "rigs.txt"):
@@ -235,7 +235,7 @@ def read_colmap(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     first, second = (
         _colmap_camera(cameras[cells[column]], options, k) for k, column in enumerate((3, 5))
     )
-    return CameraPair(first, second, pose_from(R, values[4:], "rigs.txt"))
+    return ForeignPair(first, second, pose_from(R, values[4:], "rigs.txt"))
 
 
 def _colmap_camera(cells: list[str], options: ExchangeOptions, k: int) -> Camera:
@@ -302,15 +302,15 @@ def _profile_rows(file: ForeignFile) -> list[list[str]]:
 
 
 def _is_camera(row: list[str]) -> bool:
-    numbers = row[1 : 1 + NUMBERS]
-    if len(numbers) < NUMBERS or not all(map(is_number_or_empty, numbers)):
+    cells = row[1 : 1 + NUMBERS]
+    if len(cells) < NUMBERS or not all(map(is_number_or_empty, cells)):
         return False
-    _, width, height, cx, cy, aspect, *_ = map(float, numbers)
+    _, width, height, cx, cy, aspect, *_ = map(float, cells)
     inside = 0 < cx < width and 0 < cy < height
     return inside and width % 1 == height % 1 == 0 and ASPECT[0] < aspect < ASPECT[1]
 
 
-def read_profile(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+def read_profile(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
     """Two cameras of a profile, without a pose; a profile of one camera is a lens for both."""
     file = only_file(files, ENDINGS, source)
     rows = _profile_rows(file)
@@ -323,7 +323,7 @@ def read_profile(files: Files, options: ExchangeOptions, source: str) -> CameraP
         where = f"{file.name}, {row[0]}"
         cameras.append(camera_from(K, lens, (width, height), False, options, k, where))
     no_pose = f"{file.name}: a camera profile has no pose."
-    pair = CameraPair(cameras[0], cameras[1], None, no_pose, "Argus profile", chosen)
+    pair = ForeignPair(cameras[0], cameras[1], None, no_pose, "Argus profile", chosen)
     return replace(pair, called=ONE_LENS)
 
 

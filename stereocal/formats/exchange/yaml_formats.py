@@ -17,9 +17,9 @@ from stereocal.formats.camera_file import (
 )
 from stereocal.formats.exchange.camera_format import (
     STORAGES,
-    CameraPair,
     ExchangeFormat,
     Files,
+    ForeignPair,
     Posed,
     array_of,
     camera_from,
@@ -127,7 +127,7 @@ def is_opencv(file: ForeignFile) -> bool:
     return any(find_node(file.storage, names) is not None for names in NAMES.values())
 
 
-def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+def read_opencv(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
     """Two cameras from one or several files; their pose if R and T are there."""
     matrices: dict[str, FloatArray] = {}
     sizes: dict[int, ImageSize] = {}
@@ -156,7 +156,7 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> CameraPa
         K, lens, where = matrices[f"M{k + 1}"], matrices[f"D{k + 1}"], f"{source}, {which}"
         cameras.append(camera_from(K, lens, sizes.get(k), model, options, k, where))
     pose = None if missing else pose_from(matrices["R"], matrices["T"], source)
-    return CameraPair(cameras[0], cameras[1], pose, lacks)
+    return ForeignPair(cameras[0], cameras[1], pose, lacks)
 
 
 def write_kalibr(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
@@ -194,7 +194,7 @@ def kalibr_names(file: ForeignFile) -> tuple[str, ...]:
     return tuple(sorted(names, key=lambda key: int(key[3:])))
 
 
-def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> CameraPair:
+def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
     """Two cameras of a camchain; the pose is known if the chain between them is whole."""
     file = only_file(files, (".yaml", ".yml"), source)
     data, names = file.storage, kalibr_names(file)
@@ -217,7 +217,7 @@ def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> CameraPa
     if pose is not None and chosen.pair[0] == last:
         pose = pose.inverse()
     no_pose = f"{file.name}: T_cn_cnm1, the pose of a camera, is missing."
-    return CameraPair(primary, secondary, pose, no_pose, "Kalibr", chosen)
+    return ForeignPair(primary, secondary, pose, no_pose, "Kalibr", chosen)
 
 
 def _kalibr_camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
