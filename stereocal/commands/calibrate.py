@@ -206,10 +206,8 @@ def _table_of(calibration: Calibration) -> list[str]:
         searches["refined"] = (refined.steps, refined.seconds, refined.stop_reason)
     for name, (evaluations, seconds, stopped) in searches.items():
         errors = calibration.errors[name]
-        fractions = errors.mean_length, errors.p95_length
-        mean, p95 = (
-            "none" if math.isnan(fraction) else f"{100 * fraction:.4f}" for fraction in fractions
-        )
+        lengths = errors.mean_length, errors.p95_length
+        mean, p95 = ("none" if math.isnan(part) else f"{100 * part:.4f}" for part in lengths)
         lines.append(
             f"{name:<10} {errors.mean_reprojection_px:>15.4f} {mean:>14} {p95:>12} "
             f"{evaluations:>12} {seconds:>8.3f}  {stopped}"

@@ -50,13 +50,12 @@ def run(parsed: argparse.Namespace) -> None:
         say(report_line(frame))
     if parsed.doubtful:
         frames = [frame.used(frame.state != "refused") for frame in frames]
-    if not frames and parsed.out.suffix.lower() != ".csv":
+    if frames:
+        table = write_table(correspondences_of(frames))
+    elif parsed.out.suffix.lower() == ".csv":
+        table = write_points(search.recording(targets))
+    else:
         write_recording(parsed.out, search.recording(targets))
         return
-    table = (
-        write_table(correspondences_of(frames))
-        if frames
-        else write_points(search.recording(targets))
-    )
     write_atomically(parsed.out, table)
     report(written=[parsed.out])

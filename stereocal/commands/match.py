@@ -173,13 +173,11 @@ def _theirs(parsed: argparse.Namespace, which: CameraName, camera: Camera) -> Po
         raise StereocalError(f"{source}: there is no point of {chosen.camera} in the file.")
     corner = chosen.corner.replace("-", " ")
     flip = f", v = {chosen.flip} - v'" if chosen.corner == "lower-left" else ""
-    how_read = (
-        f"{source}: read as {layout.program}, {chosen.camera}, counted from the {corner}{flip}"
-    )
-    how_read += f", first pixel {chosen.first_pixel:g}"
+    line = f"{source}: read as {layout.program}, {chosen.camera}, counted from the {corner}{flip}"
+    line += f", first pixel {chosen.first_pixel:g}"
     if any(point.likelihood is not None for point in layout.columns):
-        how_read += f", points below likelihood {chosen.least_likelihood:g} left out"
-    print(f"{how_read}.")
+        line += f", points below likelihood {chosen.least_likelihood:g} left out"
+    print(f"{line}.")
     table.index += 2  # lines, of a table with one line above
     return PointTable(table, label=source)
 
@@ -209,7 +207,7 @@ def _roles(
     if parsed.columns is None:
         return str(parsed.roles)
     titles = column_titles(first_rows(content, source)[0])
-    known = {str(number): k for k, number in enumerate(range(1, len(titles) + 1))}
+    known = {str(k + 1): k for k in range(len(titles))}
     known |= {name: k for k, name in enumerate(titles)}
     roles = [UNUSED] * len(titles)
     for name, kind in zip(parsed.columns, ("frame", "x", "y"), strict=True):

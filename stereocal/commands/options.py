@@ -118,10 +118,8 @@ def changed(
     for text, described in options.items():
         option = text.split()[0]
         arguments = described if isinstance(described, Mapping) else {}
-        off = option.startswith("--no-")
-        name = arguments.get(
-            "dest", option.removeprefix("--no-").removeprefix("--").replace("-", "_")
-        )
+        off, name = option.startswith("--no-"), option.removeprefix("--no-").removeprefix("--")
+        name = arguments.get("dest", name.replace("-", "_"))
         value, usual = getattr(parsed, name), arguments.get("default", defaults.get(name, off))
         if option.startswith("--") and value is not off and value not in (usual, None):
             yield option

@@ -85,9 +85,7 @@ def _ticks(low: float, high: float) -> FloatArray:
     """Round values from 10**low to 10**high, far enough apart for their numbers."""
     ticks = np.empty(0)
     for digits in (1, 2, 3):
-        ticks = np.unique(
-            [float(f"{10**exponent:.{digits}g}") for exponent in np.linspace(low, high, 6)]
-        )
+        ticks = np.unique([float(f"{10**log:.{digits}g}") for log in np.linspace(low, high, 6)])
         exponents = np.log10(ticks)
         ticks = ticks[(exponents >= low - 1e-9) & (exponents <= high + 1e-9)]
         ticks = ticks[np.diff(np.log10(ticks), prepend=-np.inf) > LEAST_STEP * (high - low)]
@@ -100,13 +98,9 @@ def _bounds(error_map: AccuracyMap, result: RefinedResult) -> FloatArray:
     """(2, 2): least and most of the axis across and of the depth, the cameras included, in m."""
     values = np.isfinite(error_map.point_m)
     centre = result.pose.inverse().T[[AXIS_OF[error_map.plane], 2]]
-    seen = error_map.across_m[values.any(axis=0)], error_map.z_m[values.any(axis=1)]
-    ends = np.array(
-        [
-            [min(*values, 0.0, place), max(*values, 0.0, place)]
-            for values, place in zip(seen, centre, strict=True)
-        ]
-    )
+    across = np.append(error_map.across_m[values.any(axis=0)], [0.0, centre[0]])
+    depth = np.append(error_map.z_m[values.any(axis=1)], [0.0, centre[1]])
+    ends = np.array([[axis.min(), axis.max()] for axis in (across, depth)])
     margin = 0.03 * np.ptp(ends[1])
     return np.asarray(ends + np.array([[-margin, margin], [-margin, 0.0]]))
 
@@ -116,9 +110,8 @@ def _title(error_map: AccuracyMap, number: str) -> dict[str, Any]:
         "side": ("the side", ("to the left of", "to the right of"), "straight ahead of"),
         "above": ("above", ("above", "below"), "at the height of"),
     }[error_map.plane]
-    where = (
-        f"{abs(error_map.at_m):.1f} m {sides[error_map.at_m >= 0]}" if error_map.at_m else straight
-    )
+    level = error_map.at_m
+    where = f"{abs(level):.1f} m {sides[level >= 0]}" if level else straight
     text = f"<b>From {seen}</b>, {where} the primary camera"
     left = {"xref": "paper", "x": 0, "y": 1, "xanchor": "left", "yanchor": "bottom", "yshift": 4}
     return note(text, number, {"size": 13}) | left

@@ -112,9 +112,7 @@ class PointCloud:
 def formats(table: pd.DataFrame) -> dict[str, str]:
     """The format of each column of pairs or points that is a measured number."""
     pixels = {name: "%.2f" for name in map(str, table) if name[:2] in ("u_", "v_")}
-    return {
-        name: number_format for name, number_format in (FORMATS | pixels).items() if name in table
-    }
+    return {name: digits for name, digits in (FORMATS | pixels).items() if name in table}
 
 
 def plot_points(

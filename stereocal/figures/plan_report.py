@@ -109,12 +109,11 @@ def describe_plan_baselines(forecast: PlanForecast) -> str:
 
 def plan_report(forecast: PlanForecast) -> str:
     """The text of the file."""
+    plans = [forecast]
     sections = {
         "What would help most": html_list(forecast.advice.sentences),
         "Errors by place": html_figure(plot_plan_map(forecast), describe_plan_map(forecast)),
-        "Errors by depth": html_figure(
-            plot_plan_depths([forecast]), describe_plan_depths([forecast])
-        ),
+        "Errors by depth": html_figure(plot_plan_depths(plans), describe_plan_depths(plans)),
         "Errors by baseline": html_figure(
             plot_plan_baselines(forecast), describe_plan_baselines(forecast)
         ),
@@ -127,17 +126,15 @@ def plan_report(forecast: PlanForecast) -> str:
 
 def how_computed(forecast: PlanForecast) -> str:
     """What was drawn and simulated, in words."""
-    sigmas, rigs = forecast.plan.uncertainty, forecast.rigs.count
-    failed = (
-        f" {forecast.rigs.failed} of them could not be calibrated." if forecast.rigs.failed else ""
-    )
+    plan, rigs = forecast.plan, forecast.rigs
+    failed = f" {rigs.failed} of them could not be calibrated." if rigs.failed else ""
     return (
-        f"{rigs} rigs were drawn, whose focal lengths, principal points, baseline and bar differ "
-        f"from the plan as it says; on each a recording of {forecast.plan.frames} bars was "
-        f"simulated and calibrated, and the files were judged on fresh bars.{failed} Intervals "
-        "hold 95 % of the rigs. Errors by place are those to be expected of the refined set. "
-        "Length errors are relative to true lengths, so the error of the bar itself, "
-        f"{percent(sigmas.bar_m / forecast.plan.bar_m)} %, is in them. Computed by "
+        f"{rigs.count} rigs were drawn, whose focal lengths, principal points, baseline and bar "
+        f"differ from the plan as it says; on each a recording of {plan.frames} bars was simulated "
+        f"and calibrated, and the files were judged on fresh bars.{failed} Intervals hold 95 % of "
+        "the rigs. Errors by place are those to be expected of the refined set. Length errors are "
+        "relative to true lengths, so the error of the bar itself, "
+        f"{percent(plan.uncertainty.bar_m / plan.bar_m)} %, is in them. Computed by "
         f"stereocal {__version__} with the seed {forecast.seed}."
     )
 

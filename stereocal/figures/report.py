@@ -147,12 +147,10 @@ def _why_two_sets(calibration: Calibration) -> str:
 def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Pair]) -> str:
     columns = {}
     for method in in_order(summaries):
-        summary = summaries[method]
+        means, spreads = summaries[method].angle_means, summaries[method].angle_spreads
         columns[METHOD_NAMES[method]] = [
             f"{math.degrees(mean):.4f} ± {math.degrees(spread):.4f}"
-            for mean, spread in zip(
-                summary.angle_means.flat, summary.angle_spreads.flat, strict=True
-            )
+            for mean, spread in zip(means.flat, spreads.flat, strict=True)
         ]
     rows = [
         (f"{dataset.name}: " if len(datasets) > 1 else "")

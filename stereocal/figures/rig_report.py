@@ -165,18 +165,15 @@ def rig_report(rig: RigFile, name: str) -> str:
     """The text of the file."""
     words = describe_rig_graph(rig)
     pairs, cameras = (html_plot(draw(rig), words) for draw in (plot_rig_graph, plot_cameras))
+    digest = rig.about.inputs.get("sha256")
+    data = [f"SHA-256 of the recording's numbers: {digest}"] if digest else []
     sections = {
         "The pairs": pairs + paragraphs(*filter(None, [loops_sentence(rig)])),
         "The cameras": cameras + html_table(camera_table(rig)),
         "What to know": html_list(rig_notes(rig)),
-        "How it was computed": paragraphs(f"stereocal {__version__}. {HOW}", *_data(rig)),
+        "How it was computed": paragraphs(f"stereocal {__version__}. {HOW}", *data),
     }
     return html_page(f"The rig of {name}", rig_sentence(rig), sections)
-
-
-def _data(rig: RigFile) -> list[str]:
-    digest = rig.about.inputs.get("sha256")
-    return [f"SHA-256 of the recording's numbers: {digest}"] if digest else []
 
 
 def lens_table(stated: Mapping[str, Camera | None], rig: RigFile | None = None) -> pd.DataFrame:

@@ -192,7 +192,7 @@ def outline_of(camera: Camera, pose: Pose, depth: float) -> FloatArray:
 def set_scene(figure: go.Figure, eye: Eye | None = None, scene: SceneFrame = IN_CAMERA) -> None:
     """Set equal axes in metres, and a viewpoint; without one everything is seen from behind."""
     values = [np.concatenate([trace[axis] for trace in figure.data]) for axis in "xyz"]
-    ends = np.array([[pick(axis) for axis in values] for pick in (np.nanmin, np.nanmax)])
+    ends = np.array([[np.nanmin(v) for v in values], [np.nanmax(v) for v in values]])
     box = ends + 0.02 * np.ptp(ends, axis=0).max() * np.array([[-1.0], [1.0]])
     titles = WORLD_TITLES if scene.is_world else AXIS_TITLES
     common = {**SCENE_AXIS, "nticks": 6, "tickfont": {"size": 12}}

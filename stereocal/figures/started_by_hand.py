@@ -11,33 +11,27 @@ MOST_DRAWN = 1500
 """Offsets drawn; of more, the best of each of as many runs."""
 
 
-def plot_offsets(pair_offset: OffsetOfPair) -> go.Figure:
+def plot_offsets(of_pair: OffsetOfPair) -> go.Figure:
     """The median distance of the points from their epipolar lines against the offset."""
     figure = blank(320)
-    curve = _thinned(pair_offset.offsets, pair_offset.errors_px)
+    curve = _thinned(of_pair.offsets, of_pair.errors_px)
     hover = "offset %{x:.1f} frames: %{y:.3~r} px"
     add_trace(figure, curve, hover, name="other offsets", line=line_of(NEUTRAL, 1))
     for name, offset, px, colour, symbol in (
-        (
-            "best of the others",
-            pair_offset.other,
-            pair_offset.other_px,
-            WRONG_COLOUR,
-            "circle-open",
-        ),
-        ("found", pair_offset.measured.frames, pair_offset.px, CORRECT_COLOUR, "diamond"),
+        ("best of the others", of_pair.other, of_pair.other_px, WRONG_COLOUR, "circle-open"),
+        ("found", of_pair.measured.frames, of_pair.px, CORRECT_COLOUR, "diamond"),
     ):
         marker = {"color": colour, "size": 12, "symbol": symbol, "line": {"width": 2}}
         add_trace(figure, np.array([[offset, px]]), hover, name=name, marker=marker)
-    first, second = pair_offset.pair
+    first, second = of_pair.pair
     figure.update_xaxes(title_text=f"Frame of {first} that is frame 0 of {second}", tickformat="d")
     figure.update_yaxes(title_text="From the epipolar lines (px)", type="log", dtick=1)
     return figure
 
 
-def describe_offsets(pair_offset: OffsetOfPair) -> str:
+def describe_offsets(of_pair: OffsetOfPair) -> str:
     """The figure in words."""
-    return f"Distance from the epipolar lines, logarithmic, by the offset. {pair_offset.sentence()}"
+    return f"Distance from the epipolar lines, logarithmic, by the offset. {of_pair.sentence()}"
 
 
 def _thinned(offsets: FloatArray, errors_px: FloatArray) -> FloatArray:

@@ -152,13 +152,12 @@ def plot_story_lines(story: Story) -> go.Figure:
 
 def describe_story_lines(story: Story) -> str:
     """The distances of the lines, and the mean reprojection errors of the sets."""
-    away, means = (
-        ", ".join(
-            f"{METHOD_NAMES[method]} {rounded(getattr(figures, figure))} px"
-            for method, figures in story.sets.items()
-        )
-        for figure in ("line_distance_px", "reprojection_px")
-    )
+
+    def of_sets(figure: str) -> str:
+        values = {method: getattr(figures, figure) for method, figures in story.sets.items()}
+        return ", ".join(f"{METHOD_NAMES[name]} {rounded(px)} px" for name, px in values.items())
+
+    away, means = of_sets("line_distance_px"), of_sets("reprojection_px")
     return (
         f"Target {story.target} of the held-out frame {story.frame} in the secondary image. Its "
         f"epipolar line, on which the point of the primary image must lie, misses it by: "

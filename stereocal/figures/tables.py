@@ -110,18 +110,17 @@ def refined_table(result: RefinedResult) -> pd.DataFrame:
 
 def contents_table(dataset: Pair) -> pd.DataFrame:
     """The contents of a data set, one row per quantity."""
-    rows, distances_m = dataset.correspondences, dataset.bar_distances_m
+    rows, lengths_m = dataset.correspondences, dataset.bar_distances_m
     frames, of_object = rows.frames, rows.rigid_object is not None
     single = 0 if of_object else len(frames) - len(rows.bars)
     serving = f" ({single:,} with one target serve the 2D method only)" if single else ""
     baseline = f"{dataset.baseline_m:g} m"
     if dataset.baseline_is_free:
         baseline = f"{rounded(dataset.baseline_m, 4)} m, found from the known lengths"
-    distance = f"{distances_m[0] if len(distances_m) else dataset.target_distance_m:g} m"
-    if len(distances_m) and np.ptp(distances_m) > 0:
-        distance = (
-            f"{distances_m.min():g} to {distances_m.max():g} m{'' if of_object else ', by frame'}"
-        )
+    distance = f"{lengths_m[0] if len(lengths_m) else dataset.target_distance_m:g} m"
+    if len(lengths_m) and np.ptp(lengths_m) > 0:
+        by_frame = "" if of_object else ", by frame"
+        distance = f"{lengths_m.min():g} to {lengths_m.max():g} m{by_frame}"
     lines = {
         "Frames": f"{len(frames):,} (numbers {frames[0]} to {frames[-1]})",
         "Pairs of points": f"{len(rows):,}",

@@ -56,9 +56,7 @@ def plot_traces(calibration: Calibration) -> go.Figure:
     steps = {"type": "log", "title_text": "Step Δ (rad)", "exponentformat": "power", "dtick": 1}
     figure.update_yaxes(row=3, col=1, **steps)
     figure.update_yaxes(row=4, col=1, title_text="Acceptance ratio", range=[-0.03, 1.03])
-    counts = ", ".join(
-        f"{method.upper()}: n = {len(trace.cost):,}" for method, trace in traces.items()
-    )
+    counts = ", ".join(f"{name.upper()}: n = {len(t.cost):,}" for name, t in traces.items())
     figure.update_xaxes(row=4, col=1, title_text=f"Move ({counts})", rangemode="tozero")
     return figure
 

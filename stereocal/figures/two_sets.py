@@ -187,9 +187,8 @@ def plot_image(
     The close-ups have the same size with every set.
     """
     view = views[method]
-    half = 1.4 * max(
-        SMALLEST_WINDOW_PX, *(float(view.distances_px.max()) for view in views.values())
-    )
+    farthest = (float(view.distances_px.max()) for view in views.values())
+    half = 1.4 * max(SMALLEST_WINDOW_PX, *farthest)
     width, height = view.cameras[camera].image_size
     boxes = [(-0.5, -0.5, width - 0.5, height - 0.5)]
     boxes += [(u - half, v - half, u + half, v + half) for u, v in view.pixels[camera]]

@@ -97,10 +97,8 @@ class Panel:
         estimate = self.summary.main(self.quantity)
         if not np.isfinite(estimate.value):
             return None
-        return (
-            f"{percent(estimate.value)} %",
-            f" ({interval(estimate)})" * self.summary.has_intervals,
-        )
+        among = f" ({interval(estimate)})" * self.summary.has_intervals
+        return f"{percent(estimate.value)} %", among
 
     @property
     def title(self) -> list[str]:

@@ -253,16 +253,14 @@ def _likeliest(names: list[tuple[str, str]], free: Iterable[int], kind: Kind) ->
 
 def _named(stems: list[str], named: set[Kind]) -> list[tuple[str, str]]:
     """Camera and target of each point's x and y, by the words of their headers."""
-    cameras_and_targets = [_split(stem) for stem in stems]
+    points = [_split(stem) for stem in stems]
     if "camera" in named:
         return [("", stem) for stem in stems]
     if "target" in named:  # what else differs is the camera
-        return [(camera or target, "") for camera, target in cameras_and_targets]
-    if all(camera for camera, _ in cameras_and_targets):
-        return cameras_and_targets
-    if len(stems) > 1 and not any(
-        camera for camera, _ in cameras_and_targets
-    ):  # the word that repeats
+        return [(camera or target, "") for camera, target in points]
+    if all(camera for camera, _ in points):
+        return points
+    if len(stems) > 1 and not any(camera for camera, _ in points):  # the word that repeats
         words = [stem.split() for stem in stems]
         if {len(pair) for pair in words} == {2} and len({pair[0] for pair in words}) < len(stems):
             digits = all(pair[1].isdigit() for pair in words)

@@ -214,9 +214,8 @@ def _object(description: Description) -> RigidObject:
                 '[0.39, 0, 0]}, or a board: {"board": {"columns": 9, "rows": 6, "square_m": 0.03}}.'
             )
         if BOARD in given:
-            rigid_object = RigidObject.of_board(
-                settings_of(given[BOARD], BoardPattern, "board"), sigma
-            )
+            board = settings_of(given[BOARD], BoardPattern, "board")
+            rigid_object = RigidObject.of_board(board, sigma)
         else:
             points = []
             for name, xyz in given.items():

@@ -98,17 +98,16 @@ def read_texts(path: Path) -> tuple[dict[str, bytes], bool]:
                 for file in below
                 if file.suffix.lower() in TEXTS | NAMED and file.is_file()
             }
-            size_of_file = {
+            small = {
                 file: size
                 for file, size in sizes.items()
                 if file.suffix.lower() in TEXTS or size <= LARGEST_DESCRIPTION
             }
             limits = Limits.from_environment()
-            limits.check_count(len(size_of_file), str(path))
-            limits.check_size(sum(size_of_file.values()), str(path))
+            limits.check_count(len(small), str(path))
+            limits.check_size(sum(small.values()), str(path))
             texts = {
-                str(PurePosixPath(file.relative_to(path))): file.read_bytes()
-                for file in size_of_file
+                str(PurePosixPath(file.relative_to(path))): file.read_bytes() for file in small
             }
             return texts, any(is_photograph(file.name) and file.is_file() for file in below)
         if path.suffix.lower() in TEXTS and path.is_file():

@@ -46,9 +46,7 @@ class Dropped(Generic[F]):
 
     def of(self, kind: Kind) -> dict[str, bytes]:
         """The files of a kind, without their folders where the names stay different."""
-        chosen = {
-            name: self.files[name] for name, this_kind in self.kinds.items() if this_kind == kind
-        }
+        chosen = {name: self.files[name] for name in self.kinds if self.kinds[name] == kind}
         short = {PurePosixPath(name).name: content for name, content in chosen.items()}
         return short if len(short) == len(chosen) else chosen
 
@@ -134,10 +132,7 @@ def _unpacked(name: str, content: bytes) -> Iterator[tuple[str, bytes]]:
 def differing_sizes(sizes: Mapping[str, tuple[int, int]]) -> list[str]:
     """Sentences on photographs that are not as large as the others of their camera."""
     sides = which_camera(sizes)
-    lots = [
-        [name for name, side_of_name in sides.known.items() if side_of_name == side]
-        for side in CAMERAS
-    ]
+    lots = [[name for name in sides.known if sides.known[name] == side] for side in CAMERAS]
     lots += [[*series.names] for series in sides.open]
     said = []
     for lot in lots:

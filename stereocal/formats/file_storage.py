@@ -226,9 +226,7 @@ def read_yaml(text: str, source: str) -> dict[str, Any]:
 
 def _document(text: str, source: str) -> str:
     """The only document in a YAML text; a stream of ROS messages of one camera counts as one."""
-    documents = [
-        document for document in BETWEEN_DOCUMENTS.split(text) if NOT_EMPTY.search(document)
-    ]
+    documents = [*filter(NOT_EMPTY.search, BETWEEN_DOCUMENTS.split(text))]
     if len(documents) < 2:
         return BETWEEN_DOCUMENTS.sub("", text)  # errors count its lines
     first, *more = (MESSAGE_HEADER.sub("", document).strip() for document in documents)

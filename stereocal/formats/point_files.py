@@ -22,6 +22,7 @@ from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.csv_text import as_names, without_apostrophes
 from stereocal.system.dialect import Dialect, head_of
 from stereocal.system.limits import Limits
+from stereocal.system.numbers import is_number
 from stereocal.system.tables import MISSING, Column, numbers_in, rows_below, text_of
 
 MOST_NAMES = 1_000
@@ -115,10 +116,8 @@ def points_of_all(
 ) -> pd.DataFrame:
     """The points of all cameras, as the table of a data set of format 2."""
     rows = _Rows(_table(content, layout, source, None), layout, source)
-    points_by_camera = [
-        rows.points(camera, image_height).assign(camera=camera) for camera in layout.cameras
-    ]
-    whole = pd.concat(points_by_camera).rename(columns={"point": "target"})
+    tables = [rows.points(name, image_height).assign(camera=name) for name in layout.cameras]
+    whole = pd.concat(tables).rename(columns={"point": "target"})
     return whole[["frame", "camera", "target", "u", "v"]]
 
 
@@ -179,7 +178,7 @@ def read_bars(
     for end in ends:
         if end not in layout.points:
             raise StereocalError(f"{source}: there is no point {end}.")
-    points_by_camera = []
+    tables = []
     for camera, height in zip(cameras, image_heights, strict=True):
         points = rows.points(camera, height)
         points = points[points["point"].isin(ends)]
@@ -189,10 +188,8 @@ def read_bars(
             raise StereocalError(
                 f"{source}: frame {frame} has the point {point} of camera {camera} twice."
             )
-        points_by_camera.append(
-            points.set_index(["point", "frame"])[["u", "v"]].add_suffix(f" {camera}")
-        )
-    seen = pd.concat(points_by_camera, axis=1).reset_index()
+        tables.append(points.set_index(["point", "frame"])[["u", "v"]].add_suffix(f" {camera}"))
+    seen = pd.concat(tables, axis=1).reset_index()
     number = {end: k for k, end in enumerate(ends)}
     target = np.asarray(seen["point"].map(number), dtype=np.int64)
     frames = np.asarray(seen["frame"], dtype=np.int64)
@@ -275,12 +272,10 @@ class _Rows:
         if self.layout.roles is None or not has_letters or not is_word.all():
             return self._numbers(self.layout.frame, is_whole=True).astype(np.int64)
         stems = texts.str.replace(r"\.[A-Za-z]{2,4}$", "", regex=True)
-        numbers_in_names = [re.findall(r"\d{1,15}", stem) for stem in stems]
-        for last in range(1, min(map(len, numbers_in_names), default=0) + 1):
+        in_names = [re.findall(r"\d{1,15}", stem) for stem in stems]
+        for last in range(1, min(map(len, in_names), default=0) + 1):
             # `frame0042_cam1` and `f00042_1080p` have another number behind it.
-            numbers = np.array(
-                [numbers_in_name[-last] for numbers_in_name in numbers_in_names], dtype=np.int64
-            )
+            numbers = np.array([digits[-last] for digits in in_names], dtype=np.int64)
             if self._tells_apart(texts, numbers):
                 return numbers
         if len(self.layout.cameras) < 2:
@@ -328,8 +323,4 @@ class _Rows:
 
 
 def is_number_or_empty(text: str) -> bool:
-    try:
-        float(text.strip() or "nan")
-    except ValueError:
-        return False
-    return True
+    return not text.strip() or is_number(text)

@@ -98,25 +98,20 @@ def _deeplabcut(rows: list[list[str]]) -> PointLayout | None:
 
 def _sleap(rows: list[list[str]]) -> PointLayout | None:
     """One row per instance: track, frame_idx, instance.score, then x, y, score of each node."""
-    column_by_title = {cell.strip(): k for k, cell in enumerate(rows[0])}
+    titles = [cell.strip() for cell in rows[0]]
+    column = {title: k for k, title in enumerate(titles)}
     columns = tuple(
-        PointColumns(
-            "cam1", node, k, column_by_title[f"{node}.y"], column_by_title.get(f"{node}.score")
-        )
-        for name, k in column_by_title.items()
-        if (node := name.removesuffix(".x")) != name and f"{node}.y" in column_by_title
+        PointColumns("cam1", node, k, column[f"{node}.y"], column.get(f"{node}.score"))
+        for title, k in column.items()
+        if (node := title.removesuffix(".x")) != title and f"{node}.y" in column
     )
-    if (
-        "frame_idx" not in column_by_title
-        or not columns
-        or _has_duplicates([cell.strip() for cell in rows[0]])
-    ):
+    if "frame_idx" not in column or not columns or _has_duplicates(titles):
         return None
     return PointLayout(
         "SLEAP",
         columns,
-        frame=column_by_title["frame_idx"],
-        further=(("track", column_by_title["track"]),) if "track" in column_by_title else (),
+        frame=column["frame_idx"],
+        further=(("track", column["track"]),) if "track" in column else (),
         questions=("How large must a point's score be to count?",),
     )
 
@@ -170,22 +165,17 @@ def _paired(
     program: str, pattern: re.Pattern[str], axes: str, origin: PixelOrigin, rows: list[list[str]]
 ) -> PointLayout | None:
     """Two columns of each point in each camera, named by point, camera and axis."""
-    column_by_key = {
+    column = {
         (match[1] or "point", f"cam{match[2]}", match[3].lower()): k
         for k, match in enumerate(pattern.fullmatch(name.strip()) for name in rows[0])
         if match is not None
     }
-    wanted = [(point, camera) for point, camera, axis in column_by_key if axis == axes[0]]
-    whole = len(column_by_key) == len(rows[0]) == 2 * len(wanted)
-    if not wanted or not whole or not all((*key, axes[1]) in column_by_key for key in wanted):
+    wanted = [(point, camera) for point, camera, axis in column if axis == axes[0]]
+    whole = len(column) == len(rows[0]) == 2 * len(wanted)
+    if not wanted or not whole or not all((*key, axes[1]) in column for key in wanted):
         return None
     columns = tuple(
-        PointColumns(
-            camera,
-            point,
-            column_by_key[point, camera, axes[0]],
-            column_by_key[point, camera, axes[1]],
-        )
+        PointColumns(camera, point, column[point, camera, axes[0]], column[point, camera, axes[1]])
         for point, camera in wanted
     )
     return _of_cameras(PointLayout(program, columns, origin=origin))
@@ -216,12 +206,13 @@ def _wand(rows: list[list[str]], any_header: bool = False) -> PointLayout | None
 def _in_turn(names: list[str]) -> bool:
     """Whether column names alternate in x and y, or u and v, and are equal otherwise."""
     plain = [name.strip().lower() for name in names]
-    return len(plain) % 2 == 0 and all(
-        len(first) == len(second)
-        and [pair for pair in zip(first, second, strict=True) if pair[0] != pair[1]]
-        in ([("x", "y")], [("u", "v")])
-        for first, second in zip(plain[::2], plain[1::2], strict=True)
-    )
+    if len(plain) % 2:
+        return False
+    for first, second in zip(plain[::2], plain[1::2], strict=True):
+        differing = [pair for pair in zip(first, second, strict=False) if pair[0] != pair[1]]
+        if len(first) != len(second) or differing not in ([("x", "y")], [("u", "v")]):
+            return False
+    return True
 
 
 def _of_cameras(layout: PointLayout) -> PointLayout:

@@ -175,10 +175,10 @@ def pair_in_table(rig: Parameters, content: bytes, source: str) -> CameraPair:
     given = {name: ~is_missing(rows[f"u_{name}".lower()]) for name in seen}
 
     def seen_by(pair: CameraPair) -> tuple[int, int]:
-        in_first, in_second = (given[name] for name in pair)
-        return int((in_first & in_second).sum()), int(
-            min(in_first.sum(), in_second.sum())
-        )  # of lines, one each
+        first, second = (given[name] for name in pair)
+        return int((first & second).sum()), int(
+            min(first.sum(), second.sum())
+        )  # of lines: one each
 
     return max(combinations(seen, 2), key=seen_by)
 
@@ -264,9 +264,7 @@ def _columns(values: Values, columns: tuple[str, ...]) -> FloatArray:
 
 def _survey(raw: pd.DataFrame, values: Values, reasons: Reasons, given: tuple[str, ...]) -> Survey:
     names = _names(raw, POINT)
-    world, pixels, measured = (
-        _columns(values, columns) for columns in (SURVEYED, PIXELS, MEASURED)
-    )
+    world, pixels, measured = (_columns(values, names) for names in (SURVEYED, PIXELS, MEASURED))
     has_pixels = np.asarray(np.isfinite(pixels).all(axis=1))
     has_point = np.asarray(np.isfinite(measured).all(axis=1))
     first: dict[str, int] = {}
@@ -302,10 +300,8 @@ def _lines(raw: pd.DataFrame, values: Values, reasons: Reasons) -> tuple[Line, .
             reasons.setdefault(row, "one of u and v is empty")
     seen, lines = [is_known.all(axis=1) for is_known in known], []
     for name, kind in kind_of.items():
-        of_line = np.array(names) == name
-        lines.append(
-            Line(name, kind, (pixels[of_line & seen[0], :2], pixels[of_line & seen[1], 2:]))
-        )
+        rows = np.array(names) == name
+        lines.append(Line(name, kind, (pixels[rows & seen[0], :2], pixels[rows & seen[1], 2:])))
     return tuple(lines)
 
 

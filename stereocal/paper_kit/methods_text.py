@@ -230,11 +230,8 @@ def _applied(applied: Outcome, answer: PairAnswer) -> Iterator[str]:
     used, sets = applied.used, []
     for method, digest in (used["matching"], used["measuring"]):
         parameters = answer.sets.get(method)
-        another = (
-            ""
-            if parameters is not None and parameters.digest == digest
-            else " of another calibration"
-        )
+        is_same = parameters is not None and parameters.digest == digest
+        another = "" if is_same else " of another calibration"
         sets.append(NAMES[method] + another)
     names = " and ".join(f"`{label}`" for label in used["points"])
     below = rounded(applied.threshold_px, 4)

@@ -73,9 +73,8 @@ def checked(function: Callable[Taken, Result]) -> Callable[Taken, Result]:
 @cache
 def _hints(function: Callable[..., Any]) -> dict[str, Any]:
     """The types of the arguments; that of the result may be known to type checkers only."""
-    annotations = {
-        name: hint for name, hint in function.__annotations__.items() if name != "return"
-    }
+    annotations = {**function.__annotations__}
+    annotations.pop("return", None)
     module = vars(sys.modules[function.__module__])
     return get_type_hints(SimpleNamespace(__annotations__=annotations), module)
 

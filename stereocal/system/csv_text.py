@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from stereocal.system.numbers import is_number
+
 _RUN = re.compile(r"'*[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20]")
 """How what is run begins, full-width signs too, which spreadsheets take for the usual ones."""
 _SIGNS = re.compile(r"[=+\-@]+")
@@ -29,7 +31,7 @@ def csv_text(table: pd.DataFrame, **options: Any) -> str:
 
 def quoted(text: str) -> str:
     """The text with an apostrophe before it if a spreadsheet would run it."""
-    if not _RUN.match(text) or _SIGNS.fullmatch(text) or _is_number(text):
+    if not _RUN.match(text) or _SIGNS.fullmatch(text) or is_number(text.replace(",", ".")):
         return text
     return f"'{text}"
 
@@ -47,11 +49,3 @@ def as_names(cells: "pd.Series[str]") -> "pd.Series[str]":
 def without_apostrophes(cells: "pd.Series[str]") -> "pd.Series[str]":
     """A column of a table as it was before it was written by `csv_text`."""
     return cells.map(unquoted, na_action="ignore") if cells.str.startswith("'").any() else cells
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True

@@ -41,18 +41,18 @@ def label_of(text: str) -> str:
     return "".join(" " if category(sign) in HIDDEN else sign for sign in text)
 
 
-def check_name(what: str, name: str, longest: int = LONGEST) -> str:
-    """The name, if it can be one: of 1 to `longest` characters that can be shown, without blanks at
+def check_name(what: str, name: str) -> str:
+    """The name, if it can be one: of 1 to `LONGEST` characters that can be shown, without blanks at
     its ends.
 
     Args:
         what: it is of, as `A target`.
     """
     hidden = not name.isprintable() and any(category(sign) in HIDDEN for sign in name)
-    if hidden or not 0 < len(name.strip()) == len(name) <= longest:
+    if hidden or not 0 < len(name.strip()) == len(name) <= LONGEST:
         raise StereocalError(
             f"{what} cannot be called {name[:SHOWN]!r}{'...' * (len(name) > SHOWN)}: rename it, "
-            f"with 1 to {longest} characters that can be shown, and no blanks at its ends."
+            f"with 1 to {LONGEST} characters that can be shown, and no blanks at its ends."
         )
     return name
 

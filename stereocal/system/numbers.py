@@ -51,6 +51,15 @@ def decimals_of(sigma: float) -> int:
     return min(max(1 - math.floor(math.log10(sigma)), 0), 9) if 0 < sigma < math.inf else 3
 
 
+def is_number(text: str) -> bool:
+    """Whether a text is a number as Python reads it, infinity and NaN too."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def plural(n: int, what: str) -> str:
     """A noun as it follows this number: `frame` of 1, `frames` of 0, 2 and more."""
     return what if n == 1 else f"{what}s"

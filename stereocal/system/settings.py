@@ -50,9 +50,7 @@ def described(
     """
     name = name or f"{title[:1].lower()}{title[1:]}"
     words = (
-        choices
-        if isinstance(choices, Mapping)
-        else {choice: choice.capitalize() for choice in choices}
+        choices if isinstance(choices, Mapping) else {word: word.capitalize() for word in choices}
     )
     setting = About(title, text, *between, words, option, name, default)
     return field(default=default, metadata={_ABOUT: setting})
@@ -101,13 +99,12 @@ class Settings:
         """All settings in one flat object; infinity is written as the string "inf", since JSON has
         no infinity."""
         entries: dict[str, Any] = plain(self)
-        others = _joined(type(self))
-        flat = [getattr(self, name).to_json() for name in others]
-        entries = {name: value for name, value in entries.items() if name not in others}
-        return {
-            **{k: v for entries in flat for k, v in entries.items()},
-            **_exchanged(entries, INF, "inf"),
-        }
+        content: dict[str, Any] = {}
+        for name in _joined(type(self)):
+            del entries[name]
+            content |= getattr(self, name).to_json()
+        content |= _exchanged(entries, INF, "inf")
+        return content
 
     @property
     def parts(self) -> Parts:
@@ -132,7 +129,7 @@ class Settings:
 
 
 def _exchanged(value: Any, old: Any, new: Any) -> Any:
-    """A plain value with `other` wherever `one` is."""
+    """A plain value with `new` wherever `old` is."""
     if isinstance(value, dict):
         return {key: _exchanged(inner, old, new) for key, inner in value.items()}
     if isinstance(value, list):

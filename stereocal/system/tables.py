@@ -60,10 +60,8 @@ class Rows:
     def problems(self) -> list[RowProblem]:
         """All invalid rows, in the order of the lines."""
         lines = self.raw.index
-        number_problems = [
-            RowProblem(int(lines[row]), reason) for row, reason in self.reasons.items()
-        ]
-        return sorted([*self.too_long, *number_problems], key=lambda problem: problem.line)
+        invalid = [RowProblem(int(lines[row]), reason) for row, reason in self.reasons.items()]
+        return sorted([*self.too_long, *invalid], key=lambda problem: problem.line)
 
     def check(self, source: str) -> None:
         """Raise a `RefusedRowsError` if rows are invalid."""

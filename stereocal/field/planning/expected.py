@@ -133,7 +133,7 @@ class ExpectedFit:
         """Errors by place, from above and from the side."""
         return [self._map("above"), self._map("side")]
 
-    def _map(self, plane: uncertainty.Plane, size: int = MAP_SIZE) -> uncertainty.AccuracyMap:
+    def _map(self, plane: uncertainty.Plane) -> uncertainty.AccuracyMap:
         """Errors in the part of a plane of the volume that both cameras see: at the height of the
         primary camera (`above`) or straight ahead of it (`side`), or, where they see nothing of it,
         through the middle of the common view."""
@@ -141,16 +141,16 @@ class ExpectedFit:
         axis, across = (1, 0) if plane == "above" else (0, 1)
         inside = points[:, axis].min() <= 0.0 <= points[:, axis].max()
         level = 0.0 if inside else float(np.median(points[:, axis]))
-        u = np.linspace(points[:, across].min(), points[:, across].max(), size)
-        z = np.linspace(plan.near_m, plan.far_m, size)
-        grid = np.full((size * size, 3), level)
+        u = np.linspace(points[:, across].min(), points[:, across].max(), MAP_SIZE)
+        z = np.linspace(plan.near_m, plan.far_m, MAP_SIZE)
+        grid = np.full((MAP_SIZE**2, 3), level)
         grid[:, [across, 2]] = np.stack([*np.meshgrid(u, z)], axis=-1).reshape(-1, 2)
         seen = sees(plan.primary, grid) & sees(plan.secondary, plan.pose.apply(grid))
         away, length = np.full(len(grid), np.nan), np.full(len(grid), np.nan)
         if seen.any():
             away[seen], lengths = self.errors_at(grid[seen])
             length[seen] = lengths.mean(axis=0)
-        shape = (size, size)
+        shape = (MAP_SIZE, MAP_SIZE)
         return uncertainty.AccuracyMap(
             plane, level, u, z, away.reshape(shape), length.reshape(shape)
         )

@@ -39,14 +39,7 @@ SURE = 0.95
 Reached = Literal["yes", "no", "not sure"]
 MOST_FAILED = 0.5
 """Share of drawn rigs that may fail before the plan is rejected."""
-STATED = (
-    "mean_length_error",
-    "median_error_3d",
-    "p95_error_3d",
-    "fcp_reprojection",
-    "threshold_px",
-    "mean_reprojection_px",
-)
+STATED = FIGURES[:-1]
 """The figures of `forecast.json`."""
 
 
@@ -143,13 +136,9 @@ class PlanForecast:
             "advice": list(self.advice.sentences),
             "by_depth": [
                 {"depth_m": z, "mean_length_error": error, "position_error_m": away}
-                for z, error, away in zip(
-                    *(
-                        values.tolist()
-                        for values in (depths.depths_m, depths.mean_length, depths.position_m)
-                    ),
-                    strict=True,
-                )
+                for z, error, away in np.column_stack(
+                    [depths.depths_m, depths.mean_length, depths.position_m]
+                ).tolist()
             ],
             "rigs": self.rigs.count,
             "rigs_failed": self.rigs.failed,

@@ -138,9 +138,7 @@ def _of_bars(
     remarks += tuple(f"Cameras {a} and {b}: no end of the bar was seen by both." for a, b in apart)
     taken = [Part("points", f"{len(row)} of {count} cameras", ", ".join(files))]
     origin_of = LENS_FIELDS if opened is not None else ", ".join(others)
-    taken += [
-        lens_taken(f"camera {k}", camera, origin_of) for k, camera in recording.cameras.items()
-    ]
+    taken += [lens_taken(f"camera {k}", lens, origin_of) for k, lens in recording.cameras.items()]
     return Gathered(recording, tuple(taken), remarks)
 
 

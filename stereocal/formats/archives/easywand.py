@@ -127,13 +127,9 @@ class EasyWandFile:
         u, v = origin.to_ours(centre[None], size[1])[0]
         distortion = np.zeros(5)
         for name in ("nlin_est", "nlin"):
-            coefficients = numbers_in_field(self.fields, name, self.source)
-            if (
-                coefficients is not None
-                and coefficients.size == 5 * count
-                and np.nan_to_num(coefficients).any()
-            ):
-                table = coefficients if coefficients.shape == (count, 5) else coefficients.T
+            lenses = numbers_in_field(self.fields, name, self.source)
+            if lenses is not None and lenses.size == 5 * count and np.nan_to_num(lenses).any():
+                table = lenses if lenses.shape == (count, 5) else lenses.T
                 distortion = np.nan_to_num(table.reshape(count, 5))[k]
                 break
         if origin.corner == "lower-left":

@@ -67,7 +67,8 @@ def gather(files: Contents, options: ExchangeOptions, baseline_known: bool = Fal
         for_files = replace(options, cameras=wanted[1])
         if for_files.cameras and all(len(camera_names(*file)) < 2 for file in others.items()):
             pair = chosen_pair(of_files, for_files.cameras, ", ".join(others)).pair
-            others = {name: others[name] for name in ([*others][k] for k in pair)}
+            names = [*others]
+            others = {names[k]: others[names[k]] for k in pair}
         archive = _cameras(others, for_files, baseline_known)
     if table:
         archive = _with_table(archive, table, files[table], replace(options, cameras=wanted[0]))
@@ -274,9 +275,9 @@ def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heig
         raise StereocalError(
             f"no end of the bar was seen by both cameras, {' and '.join(chosen.names)}.", source
         )
-    words = f"{chosen.words}, counted from the {layout.origin.corner.replace('-', ' ')}"
-    layout_in_words = f"{layout.program}, {words}"
-    return Bars(bars.correspondences, layout_in_words, chosen.remarks + remarks)
+    corner = layout.origin.corner.replace("-", " ")
+    words = f"{layout.program}, {chosen.words}, counted from the {corner}"
+    return Bars(bars.correspondences, words, chosen.remarks + remarks)
 
 
 def layout_of_table(content: bytes, source: str, options: ExchangeOptions) -> PointLayout:
@@ -313,9 +314,9 @@ def layout_of_bars(
         raise StereocalError(
             f"the ends A and B are the same point ({ends[0]}): choose two.", source
         )
-    dropped_points_remark = (
+    remark = (
         f"There are {len(layout.points)} points; {ends[0]} and {ends[1]} were taken as the ends A "
-        "and B of the bar.",
+        "and B of the bar."
     )
-    remarks = dropped_points_remark if len(layout.points) > 2 and options.ends is None else ()
+    remarks = (remark,) if len(layout.points) > 2 and options.ends is None else ()
     return replace(layout, origin=options.origin(layout.origin)), ends, remarks

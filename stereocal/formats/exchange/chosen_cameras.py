@@ -76,7 +76,7 @@ def camera_indices(
     by_name, by_number = _readings(wanted, names, also)
     words = [str(camera) for camera in wanted]
     if by_name and by_number and by_name != by_number:
-        called, counted = ([names[k] for k in indices_so] for indices_so in (by_name, by_number))
+        called, counted = [names[k] for k in by_name], [names[k] for k in by_number]
         raise StereocalError(
             f"{','.join(words)} can mean the cameras that are called so "
             f"({', '.join(called)}), or those with these numbers, counted from 1 "

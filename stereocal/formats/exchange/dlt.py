@@ -34,6 +34,7 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import FloatArray
 from stereocal.system.arrays import LARGEST
+from stereocal.system.numbers import is_number
 
 ORIGIN_BEHIND_M = 1e-6
 """DLT cannot represent a camera at the origin, where the last entry of P is 0. So without a world
@@ -170,10 +171,7 @@ def _rows(file: ForeignFile) -> list[list[str]]:
 
 
 def _is_number(cell: str) -> bool:
-    try:
-        return bool(abs(float(cell)) <= LARGEST)  # rejects NaN too
-    except ValueError:
-        return False
+    return is_number(cell) and abs(float(cell)) <= LARGEST  # rejects NaN too
 
 
 DLT = ExchangeFormat(

@@ -136,10 +136,9 @@ def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptio
                 _camera(fields[part], options, k, f"{source}, {CAMERAS[k]}")
                 for k, part in enumerate(PARTS)
             )
-            units = (
-                part.get("WorldUnits", "") for part in (fields, *(fields[part] for part in PARTS))
-            )
-            unit = _unit_of([word for unit in units for word in np.ravel(unit)], source)
+            stating = [fields, *(fields[part] for part in PARTS)]
+            units = [word for part in stating for word in np.ravel(part.get("WorldUnits", ""))]
+            unit = _unit_of(units, source)
             pose = _pose(fields, source)
             lacks = f"{source}: neither RotationOfCamera2 nor PoseCamera2 is in the struct."
             pair = ForeignPair(primary, secondary, pose, lacks, "MATLAB", stated=unit)

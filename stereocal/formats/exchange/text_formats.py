@@ -69,18 +69,18 @@ MODELS: Mapping[str, tuple[str, ...]] = {
 def write_aniposelib(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     """`calibration.toml`."""
     text = _toml_header(cameras)
-    for k, camera in enumerate(cameras):
-        text += f"\n[cam_{k}]\nname = {json.dumps(camera[0])}\n"
-        text += "fisheye = true\n" * camera[1].is_fisheye + _toml_values(camera)
+    for k, (name, camera, pose) in enumerate(cameras):
+        text += f"\n[cam_{k}]\nname = {json.dumps(name)}\n"
+        text += "fisheye = true\n" * camera.is_fisheye + _toml_values(camera, pose)
     return {"calibration.toml": (text + "\n[metadata]\nadjusted = false\n").encode()}
 
 
 def write_caliscope(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     """`camera_array.toml`, where the names of cameras are numbers."""
     text = _toml_header(cameras)
-    for k, camera in enumerate(cameras):
-        text += f"\n# {json.dumps(camera[0])}\n[cameras.{k}]\ncam_id = {k}\nrotation_count = 0\n"
-        text += f"fisheye = {json.dumps(camera[1].is_fisheye)}\n{_toml_values(camera)}"
+    for k, (name, camera, pose) in enumerate(cameras):
+        text += f"\n# {json.dumps(name)}\n[cameras.{k}]\ncam_id = {k}\nrotation_count = 0\n"
+        text += f"fisheye = {json.dumps(camera.is_fisheye)}\n{_toml_values(camera, pose)}"
     return {"camera_array.toml": text.encode()}
 
 
@@ -93,9 +93,8 @@ def _toml_header(cameras: Sequence[Posed]) -> str:
     )
 
 
-def _toml_values(posed: Posed) -> str:
+def _toml_values(camera: Camera, pose: Pose) -> str:
     """What both programs write of a camera."""
-    _, camera, pose = posed
     return (
         f"size = [{camera.image_size[0]}, {camera.image_size[1]}]\n"
         f"matrix = [{', '.join(numbers(row) for row in camera.K)}]\n"
@@ -144,11 +143,9 @@ def _sections(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     caliscope = data.get("cameras")
     tables = caliscope if isinstance(caliscope, dict) else data
     return {
-        key: tables[key]
-        for key in tables
-        if isinstance(tables[key], dict)
-        and "matrix" in tables[key]
-        and not tables[key].get("ignore")
+        key: table
+        for key, table in tables.items()
+        if isinstance(table, dict) and "matrix" in table and not table.get("ignore")
     }
 
 
@@ -232,9 +229,8 @@ def read_colmap(files: Files, options: ExchangeOptions, source: str) -> ForeignP
     if not 1e-9 < np.abs(values[:4]).max() < 1e9:
         raise StereocalError("rigs.txt: the rotation is not a quaternion.")
     R = Rotation.from_quat(values[:4], scalar_first=True).as_matrix()
-    first, second = (
-        _colmap_camera(cameras[cells[column]], options, k) for k, column in enumerate((3, 5))
-    )
+    first = _colmap_camera(cameras[cells[3]], options, 0)
+    second = _colmap_camera(cameras[cells[5]], options, 1)
     return ForeignPair(first, second, pose_from(R, values[4:], "rigs.txt"))
 
 
