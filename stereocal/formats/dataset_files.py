@@ -212,31 +212,7 @@ def pack_dataset(dataset: Pair) -> dict[str, bytes]:
     an object that is no bar of format 2."""
     if dataset.correspondences.rigid_object is not None:
         return pack_recording(dataset.recording)
-    cameras = dict(zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True))
-    return _packed(cameras, *_pairs(dataset))
-
-
-def pack_recording(recording: Recording) -> dict[str, bytes]:
-    """The files of a recording by name, read back exactly by `parse_recording`: of format 2."""
-    return _packed(recording.cameras, *_points(recording))
-
-
-def _packed(
-    cameras: Mapping[Any, Camera], description: Mapping[str, Any], table: Mapping[str, bytes]
-) -> dict[str, bytes]:
-    """The files of cameras, entries of `dataset.json` and a table."""
-    names = description["cameras"]
-    kept = {key: value for key, value in description.items() if value is not None}
-    return {
-        DESCRIPTION: (json.dumps(kept, indent=2) + "\n").encode(),
-        **{names[which]: write_camera(camera) for which, camera in cameras.items()},
-        **table,
-    }
-
-
-def _pairs(dataset: Pair) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """The entries of `dataset.json` of format 1, None for those left out, and the table."""
-    described = {
+    entries = {
         "format": DATASET_FORMAT,
         "name": dataset.name,
         "baseline_m": dataset.baseline_m,
@@ -247,18 +223,19 @@ def _pairs(dataset: Pair) -> tuple[dict[str, Any], dict[str, bytes]]:
         STARTS: {"secondary": dataset.start_frame} if dataset.start_frame else None,
         "cameras": {which: f"{which}.json" for which in CAMERAS},
     }
-    return described, {TABLE: write_table(dataset.correspondences)}
+    cameras = dict(zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True))
+    return _packed(entries, cameras, {TABLE: write_table(dataset.correspondences)})
 
 
-def _points(recording: Recording) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """The entries of `dataset.json` of format 2, None for those left out, and the table."""
+def pack_recording(recording: Recording) -> dict[str, bytes]:
+    """The files of a recording by name, read back exactly by `parse_recording`: of format 2."""
     if recording.baseline_sigma_m == np.inf:  # the file states what was measured
         recording = replace(recording, baselines_m={}, baseline_sigma_m=None)
     rigid_object, board = recording.object, recording.object.board
     points: Any = dict(zip(rigid_object.names, rigid_object.points.tolist(), strict=True))
     if board is not None:
         points = {BOARD: {k: v for k, v in plain(board).items() if v is not None}}
-    described = {
+    entries = {
         "format": RECORDING_FORMAT,
         "name": recording.name,
         "cameras": {which: f"camera_{i + 1}.json" for i, which in enumerate(recording.cameras)},
@@ -270,4 +247,17 @@ def _points(recording: Recording) -> tuple[dict[str, Any], dict[str, bytes]]:
         "frames": "own" if recording.own_frames or recording.start_frames else None,
         STARTS: dict(recording.start_frames) or None,
     }
-    return described, {POINTS: write_points(recording)}
+    return _packed(entries, recording.cameras, {POINTS: write_points(recording)})
+
+
+def _packed(
+    entries: Mapping[str, Any], cameras: Mapping[Any, Camera], table: Mapping[str, bytes]
+) -> dict[str, bytes]:
+    """The files of `dataset.json` with these entries, without those that are None, of cameras, and
+    the table."""
+    stated = {key: value for key, value in entries.items() if value is not None}
+    return {
+        DESCRIPTION: (json.dumps(stated, indent=2) + "\n").encode(),
+        **{entries["cameras"][which]: write_camera(lens) for which, lens in cameras.items()},
+        **table,
+    }

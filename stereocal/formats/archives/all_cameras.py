@@ -1,6 +1,6 @@
 """A recording of all cameras, from their files and one table of points."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import PurePath
@@ -21,7 +21,7 @@ from stereocal.formats.dataset_files import pack_recording
 from stereocal.formats.exchange.chosen_cameras import namesakes
 from stereocal.formats.exchange.exchange import camera_names, read_camera_pair
 from stereocal.formats.exchange.options import LOWER_LEFT, Contents, ExchangeOptions
-from stereocal.formats.point_files import read_bars
+from stereocal.formats.point_files import BarPoints, read_bars
 from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.points_csv import NUMBERS, REQUIRED, read_points_csv
 from stereocal.rig.camera import Camera, camera_in_words
@@ -29,6 +29,7 @@ from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.measured_lengths import check_length
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
+from stereocal.system.array_types import BoolArray
 from stereocal.system.csv_text import as_names
 from stereocal.system.tables import EMPTY, read_rows
 
@@ -112,34 +113,41 @@ def _of_bars(
             "The distance from A to B is missing: state it in metres.", option="--distance D"
         )
     check_length("distance between the targets", distance_m)
-    row, camera_of_row = np.nonzero(np.isfinite(bars.pixels).all(axis=2))
-    order = np.lexsort([bars.target[row], camera_of_row, bars.frame[row]])
-    row, camera_of_row = row[order], camera_of_row[order]
-    numbered = {str(k + 1): camera for k, camera in enumerate(cameras)}
-    recording = Recording(
-        name,
-        numbered,
-        RigidObject.bar(distance_m),
-        bars.frame[row],
-        camera_of_row,
-        bars.target[row],
-        bars.pixels[row, camera_of_row],
-        np.full(len(row), np.nan),
-    )
-    recording.refuse_points_outside()
-    recording = recording.within_view()
+    seen = np.asarray(np.isfinite(bars.pixels).all(axis=2))
+    recording = _recording(name, cameras, bars, seen, RigidObject.bar(distance_m))
     remarks += tuple(filter(None, [beyond_in_words(recording.beyond_view)]))
-    if unseen := [camera for k, camera in enumerate(recording.cameras) if k not in camera_of_row]:
+    if unseen := [camera for k, camera in enumerate(recording.cameras) if not seen[:, k].any()]:
         raise StereocalError(
             f"Camera {unseen[0]} sees no end of the bar that another camera sees: use two of the "
             "others only."
         )
     apart = (pair for pair in recording.pairs if not len(recording.common_frames(*pair)))
     remarks += tuple(f"Cameras {a} and {b}: no end of the bar was seen by both." for a, b in apart)
-    taken = [Part("points", f"{len(row)} of {count} cameras", ", ".join(files))]
+    taken = [Part("points", f"{seen.sum()} of {count} cameras", ", ".join(files))]
     origin_of = LENS_FIELDS if opened is not None else ", ".join(others)
     taken += [lens_taken(f"camera {k}", lens, origin_of) for k, lens in recording.cameras.items()]
     return Gathered(recording, tuple(taken), remarks)
+
+
+def _recording(
+    name: str, cameras: Sequence[Camera], bars: BarPoints, seen: BoolArray, bar: RigidObject
+) -> Recording:
+    """The recording of bars, whose cameras are called by their numbers; `seen` (n, cameras)."""
+    row, camera = np.nonzero(seen)
+    order = np.lexsort([bars.target[row], camera, bars.frame[row]])
+    row, camera = row[order], camera[order]
+    recording = Recording(
+        name,
+        {str(k): lens for k, lens in enumerate(cameras, 1)},
+        bar,
+        bars.frame[row],
+        camera,
+        bars.target[row],
+        bars.pixels[row, camera],
+        np.full(len(row), np.nan),
+    )
+    recording.refuse_points_outside()
+    return recording.within_view()
 
 
 def targets_in(content: bytes, source: str) -> tuple[str, ...]:

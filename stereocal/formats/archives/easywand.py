@@ -226,17 +226,10 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
     throw = file.seen("axisPts", chosen.pair, sizes, origin)
     table = None
     if throw is not None:
-        rate, frames = file.frame_rate, len(throw.frame)
-        line = Part("axis points", "not used", "axisPts, no gravityFreq")
-        if rate > 0:
-            line = Part("thrown object", "not seen by both cameras", "axisPts")
-        if rate > 0 and frames:
-            table = pd.DataFrame(throw.pixels.reshape(-1, 4), columns=list(PIXELS))
-            table.insert(0, "frame", throw.frame)
-            words = f"{frames} frames at {rate:g} frames a second: {THROW}"
-            line = Part("thrown object", words, "axisPts, gravityFreq")
-            notes.append(f"{THROW} has a thrown object, recorded at {rate:g} frames a second.")
+        line, table = _thrown(throw, rate := file.frame_rate)
         taken.append(line)
+        if table is not None:
+            notes.append(f"{THROW} has a thrown object, recorded at {rate:g} frames a second.")
     taken += [
         lens_taken(*lens, LENS_FIELDS) for lens in zip(CAMERAS, (primary, secondary), strict=True)
     ]
@@ -251,3 +244,15 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
         tuple(taken), primary, secondary, bars.correspondences, baseline, distance, table
     )
     return replace(archive, notes=tuple(notes), remarks=chosen.remarks)
+
+
+def _thrown(throw: BarPoints, rate: float) -> tuple[Part, pd.DataFrame | None]:
+    """The line of the report on a thrown object, and its table; None if it is not used."""
+    if not rate > 0:
+        return Part("axis points", "not used", "axisPts, no gravityFreq"), None
+    if not len(throw.frame):
+        return Part("thrown object", "not seen by both cameras", "axisPts"), None
+    table = pd.DataFrame(throw.pixels.reshape(-1, 4), columns=list(PIXELS))
+    table.insert(0, "frame", throw.frame)
+    words = f"{len(throw.frame)} frames at {rate:g} frames a second: {THROW}"
+    return Part("thrown object", words, "axisPts, gravityFreq"), table
