@@ -52,9 +52,9 @@ def run(parsed: argparse.Namespace) -> None:
     )
     pair_runs = [PairRun(dataset, settings.calibration, settings.refined) for dataset in datasets]
     screenings = [run.screening for run in pair_runs]
-    kept = [screening.dataset for screening in screenings]
-    with workers_from(parsed, partial(evaluate_runs, kept[0], settings, 0, [0])) as executor:
-        runs = with_bar("runs", partial(evaluate, kept, settings, executor))
+    screened = [screening.dataset for screening in screenings]
+    with workers_from(parsed, partial(evaluate_runs, screened[0], settings, 0, [0])) as executor:
+        runs = with_bar("runs", partial(evaluate, screened, settings, executor))
     pooled, by_dataset = summarise_all(unique_names(datasets), runs)
     answers = [
         PairAnswer(run, figures=validation_figures(summaries, settings))

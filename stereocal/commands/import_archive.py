@@ -60,22 +60,22 @@ OPTIONS: Options = {
 def run(parsed: argparse.Namespace) -> None:
     """Read the files, write the data set, print what was taken and what is missing."""
     size, name, distance = image_size(parsed.image_size), parsed.out.name, parsed.distance
-    given: dict[str, bytes] = {}
+    files_given: dict[str, bytes] = {}
     for file, content in contents(parsed.files).items():
-        given |= unzip(content, file) if is_zip(content) else {file: content}
+        files_given |= unzip(content, file) if is_zip(content) else {file: content}
     options = ExchangeOptions(
         (size, size), layout=parsed.layout, roles=parsed.roles, **answers(parsed)
     )
     if parsed.cameras == EVERY:
         lengths = {} if distance is None else {ENDS[1]: distance}
-        every = gather_all(given, options, name, lengths)
+        every = gather_all(files_given, options, name, lengths)
         _show(every.taken)
         files, notes = pack_recording(every.recording), [*every.remarks]
     else:
         baseline = math.inf if parsed.baseline == FREE else parsed.baseline
         if parsed.cameras is not None:
             options = replace(options, cameras=two_cameras(parsed.cameras))
-        archive = gather(given, options, baseline_known=baseline is not None)
+        archive = gather(files_given, options, baseline_known=baseline is not None)
         no_length = archive.no_baseline and archive.target_distance_m is None
         if no_length and options.unit not in (None, "m"):
             raise StereocalError(

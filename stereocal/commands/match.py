@@ -110,9 +110,9 @@ def _of_pair(parsed: argparse.Namespace) -> tuple[RigParameters, dict[str, Point
     if parsed.others:
         raise StereocalError("More than two tables of points need --rig rig.json.")
     rig = RigParameters.load(parsed.parameters)
-    given = [option for name, option in WITH_LAYOUT.items() if getattr(parsed, name) is not None]
-    if parsed.layout is None and given:
-        raise StereocalError(f"{given[0]} is for files of other programs: give --layout too.")
+    stated = [option for name, option in WITH_LAYOUT.items() if getattr(parsed, name) is not None]
+    if parsed.layout is None and stated:
+        raise StereocalError(f"{stated[0]} is for files of other programs: give --layout too.")
     return rig, {
         which: _ours(getattr(parsed, which))
         if parsed.layout is None

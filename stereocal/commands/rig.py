@@ -41,8 +41,8 @@ def write(run: Run, out: Path) -> None:
     """Write rig.json, report.html and the pairs' files, print the answer."""
 
     def made(begin: Callable[[str], None], show: Progress) -> tuple[Run, RigFile]:
-        shown = replace(run, begin=begin, progress=show)
-        return shown, shown.rig
+        shown_run = replace(run, begin=begin, progress=show)
+        return shown_run, shown_run.rig
 
     calibrated, rig = in_stages(made)
     report = rig_report(rig, run.recording.name)

@@ -25,8 +25,8 @@ def run(parsed: argparse.Namespace) -> None:
     field, nineteen = parsed.out / "field", parsed.out / "nineteen"
     write_field(field, parsed.seed)
     report(written=[field])
-    made = simulate_nineteen(parsed.seed, parsed.datasets, parsed.frames)
-    for number, (scene, dataset) in enumerate(made, start=1):
+    simulated = simulate_nineteen(parsed.seed, parsed.datasets, parsed.frames)
+    for number, (scene, dataset) in enumerate(simulated, start=1):
         truth = json.dumps(truth_of(scene, NOISE_PX, parsed.seed), indent=1)
         _write(nineteen / f"{number:02d}", dataset, truth)
     report(written=[nineteen])

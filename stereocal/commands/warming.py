@@ -145,16 +145,16 @@ def _use_searches() -> None:
 
 def _use_refined() -> None:
     """The refined method for two cameras and more, evaluation, forecast and matching."""
-    scene, both = _recordings()
+    scene, datasets = _recordings()
     # Without a search for a start, which the other part compiles meanwhile.
-    fit_from(both[0], scene.rig.pose, RefineSettings()).run()
-    calibration = calibrate(both[0], refined=RefineSettings())
+    fit_from(datasets[0], scene.rig.pose, RefineSettings()).run()
+    calibration = calibrate(datasets[0], refined=RefineSettings())
     assert calibration.refined is not None
     forecast_files(calibration, draws=FEW_DRAWS)
     accuracy_map(calibration.refined, size=4)
-    rows = both[0].correspondences
+    rows = datasets[0].correspondences
     match_points(calibration.parameters("2d"), rows.primary, rows.secondary, 1.0)
-    for dataset in both:
+    for dataset in datasets:
         evaluate_runs(dataset, EvaluationSettings(), 0, [0])
     scene_of_rig = simulated_rig(np.random.default_rng(0), 3, FEW_FRAMES)
     rig, points = rig_file(calibrate_rig(scene_of_rig.recording)), scene_of_rig.recording.points

@@ -88,13 +88,13 @@ def _add_points(
     style.add_trace(figure, bars, line=style.line_of(style.FAINT, 1), **bar, **legend)
     size = 8 if len(rows.frames) <= 100 else 5
     for target, of_target, colour, symbol in style.marks_of(rows):
-        shown = of_target & drawn
+        rows_drawn = of_target & drawn
         style.add_trace(
             figure,
-            points[shown],
+            points[rows_drawn],
             f"frame %{{customdata}}, target {target}<br>u %{{x:.2f}} px, v %{{y:.2f}} px",
             marker={"color": colour, "symbol": symbol, "size": size},
-            customdata=rows.frame[shown],
+            customdata=rows.frame[rows_drawn],
             legendgroup=target,
             name=f"Target {target} (n = {of_target.sum():,})",
             **legend,

@@ -120,9 +120,9 @@ def frame_panels(calibration: Calibration) -> tuple[FramePanel, FramePanel]:
     """Reprojection errors and length errors of all sets."""
 
     def kinds(frames: IntArray) -> dict[FrameKind, BoolArray]:
-        left = np.isin(frames, calibration.held_out_frames)
-        without = np.isin(frames, calibration.screening.left_out)
-        return dict(zip(KINDS, (~(left | without), left, without), strict=True))
+        held_out = np.isin(frames, calibration.held_out_frames)
+        left_out = np.isin(frames, calibration.screening.left_out)
+        return dict(zip(KINDS, (~(held_out | left_out), held_out, left_out), strict=True))
 
     frames, of_bars = calibration.dataset.correspondences.frames, outliers.bar_frames(calibration)
     px = {name: outliers.frame_reprojection_px(calibration, name) for name in calibration.errors}
@@ -161,15 +161,15 @@ def describe_frame_errors(calibration: Calibration) -> str:
         ]
         title = f"{panel.title.lower()} in {panel.unit}, median and largest"
         parts.append(f"{title}: {', '.join(values)}")
-    _, left, without = panels[0].counts
+    _, held_out, left_out = panels[0].counts
     outlying = outliers.outlying_frames(calibration)
     named = ", ".join(map(str, outlying[:MAXIMUM_LABELS]))
     more = " and more" if len(outlying) > MAXIMUM_LABELS else ""
     standing_out = f"{count(len(outlying), 'frame')} standing out{': ' if outlying else ''}"
     parts += [*_missing(panels), f"{standing_out}{named}{more}"]
-    without_words = f" and {without} left out" if without else ""
+    without_words = f" and {left_out} left out" if left_out else ""
     return (
-        f"Errors of {count(len(panels[0].frames), 'frame')}, {left} of them held out"
+        f"Errors of {count(len(panels[0].frames), 'frame')}, {held_out} of them held out"
         f"{without_words}: {'; '.join(parts)}."
     )
 

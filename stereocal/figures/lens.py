@@ -65,8 +65,8 @@ def _add_draws(figure: go.Figure, lens: LensCalibration, k: int, number: int) ->
     )
     # One tick, at the median: at 420 px there is no room for more.
     reach = 1.1 * max(high - value, value - low, sigma)
-    shown, _, error = with_error(value, sigma).partition(" ")
-    tick = {"tickangle": 0, "tickvals": [value], "ticktext": [shown]}
+    value_text, _, error = with_error(value, sigma).partition(" ")
+    tick = {"tickangle": 0, "tickvals": [value], "ticktext": [value_text]}
     ends = [value - reach, value + reach]
     figure.update_xaxes(title_text=f"{name} {error}{unit}", range=ends, **tick, **place)
     figure.update_yaxes(nticks=4, title_text="draws" if place["col"] == 1 else "", **place)
@@ -125,8 +125,8 @@ def plot_view_errors(lens: LensCalibration) -> go.Figure:
 
 
 def describe_view_errors(lens: LensCalibration) -> str:
-    worst, many = int(np.argmax(lens.view_errors)), len(lens.outlying)
-    note = f"; {count(many, 'photograph')} more than twice the median" if many else ""
+    worst, outlying = int(np.argmax(lens.view_errors)), len(lens.outlying)
+    note = f"; {count(outlying, 'photograph')} more than twice the median" if outlying else ""
     return (
         f"Errors of {count(len(lens.view_errors), 'photograph')}: median "
         f"{np.median(lens.view_errors):.3f} px, the largest {lens.view_errors[worst]:.3f} px in "
@@ -154,9 +154,9 @@ def plot_misfit(misfit: Misfit, narrow: bool = False) -> go.Figure:
     Args:
         narrow: one below the other.
     """
-    apart = "<br>" if narrow else " "
+    separator = "<br>" if narrow else " "
     titles = [
-        f"<b>{name.capitalize()}</b>: place explains {percent(share)} %{apart}of the squared "
+        f"<b>{name.capitalize()}</b>: place explains {percent(share)} %{separator}of the squared "
         "residuals<br>u (px)"
         for name, share in zip(CAMERAS, misfit.shares, strict=True)
     ]
@@ -216,27 +216,27 @@ def _plot(
 
 
 def _add_arrows(
-    figure: go.Figure, field: ResidualField, apart: bool, scale: float, place: dict[str, int]
+    figure: go.Figure, field: ResidualField, is_apart: bool, scale: float, place: dict[str, int]
 ) -> None:
     """Arrows of the cells that are, or are not, apart from 0."""
-    shown, colour = field.known & (field.apart == apart), ORANGE if apart else BLUE
-    tails, means = field.centres[shown], field.mean[shown]
-    name = "Apart from 0" if apart else "Mean residual"
+    cells, colour = field.known & (field.apart == is_apart), ORANGE if is_apart else BLUE
+    tails, means = field.centres[cells], field.mean[cells]
+    name = "Apart from 0" if is_apart else "Mean residual"
     add_trace(
         figure,
         style.with_gaps(np.stack([tails, tails + scale * means], axis=1)),
         "mean residual %{customdata[0]:.3f}, %{customdata[1]:.3f} px<br>"
         "of %{customdata[2]:.0f} points",
-        line={"color": colour, "width": 3 if apart else 2},
+        line={"color": colour, "width": 3 if is_apart else 2},
         name=name,
-        legendgroup=str(apart),
+        legendgroup=str(is_apart),
         marker={
             "color": colour,
-            "symbol": "arrow-wide" if apart else "arrow",
+            "symbol": "arrow-wide" if is_apart else "arrow",
             "angleref": "previous",
-            "size": np.tile([0, 10 if apart else 7, 0], len(tails)),
+            "size": np.tile([0, 10 if is_apart else 7, 0], len(tails)),
         },
-        customdata=np.repeat(np.column_stack([means, field.count[shown]]), 3, axis=0),
+        customdata=np.repeat(np.column_stack([means, field.count[cells]]), 3, axis=0),
         showlegend=all(name != trace.name for trace in figure.data),
         **place,
     )

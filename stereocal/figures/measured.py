@@ -180,7 +180,7 @@ def plot_points(
 
 
 def _colour_bar(colour: Colour, span: float) -> dict[str, Any]:
-    whole = {"tickformat": "d", "dtick": 1 if span < NTICKS else None}
+    whole_frames = {"tickformat": "d", "dtick": 1 if span < NTICKS else None}
     return {
         "title": {"text": TITLES[colour], "side": "top"},
         "thickness": 14,
@@ -189,7 +189,7 @@ def _colour_bar(colour: Colour, span: float) -> dict[str, Any]:
         "nticks": NTICKS,
         "orientation": "h",
         **{"x": 0.5, "xanchor": "center", "y": 0.0, "yanchor": "top"},
-        **(whole if colour == "frame" else {}),
+        **(whole_frames if colour == "frame" else {}),
     }
 
 
@@ -229,10 +229,10 @@ def _add_points(
 
 def drawn_tracks(tracks: Sequence[IntArray]) -> list[IntArray]:
     """At most `MAXIMUM_TRACKS` tracks of about `MAXIMUM_DRAWN` points together."""
-    some = [track for track in tracks if len(track) > 1]
-    some = some[thinned(len(some), MAXIMUM_TRACKS)]
-    step = -(-sum(len(track) for track in some) // MAXIMUM_DRAWN) or 1
-    return [np.append(track[:-1:step], track[-1]) for track in some]
+    drawn = [track for track in tracks if len(track) > 1]
+    drawn = drawn[thinned(len(drawn), MAXIMUM_TRACKS)]
+    step = -(-sum(len(track) for track in drawn) // MAXIMUM_DRAWN) or 1
+    return [np.append(track[:-1:step], track[-1]) for track in drawn]
 
 
 def describe_points(

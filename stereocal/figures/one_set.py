@@ -48,7 +48,7 @@ def disagreement_table(inputs: Sequence[Input]) -> pd.DataFrame:
     """What was stated of each input, and what comes out with images and lengths."""
     rows = {}
     for item in inputs:
-        sigma, apart = item.sigma, item.standard_errors
+        sigma, test_value = item.sigma, item.standard_errors
         stated, estimated = ", ".join(f"{value:g}" for value in item.stated), "held as stated"
         if sigma.all():
             stated = in_digits(item.stated, sigma)
@@ -58,7 +58,7 @@ def disagreement_table(inputs: Sequence[Input]) -> pd.DataFrame:
             "Stated": f"{stated} {item.unit}".rstrip(),
             "Estimated": estimated,
             "Disagreement (standard errors)": (
-                "no information" if np.isnan(apart) else digits(apart, 2)
+                "no information" if np.isnan(test_value) else digits(test_value, 2)
             ),
         }
     return pd.DataFrame(rows).T.rename_axis("Input")
@@ -73,11 +73,11 @@ def describe_disagreement(inputs: Sequence[Input]) -> str:
 def _words(item: Input) -> str:
     if np.isnan(item.standard_errors):
         return f"{item.title}: the images have no information about it"
-    apart = f"{digits(item.standard_errors, 2)} standard errors"
+    disagreement = f"{digits(item.standard_errors, 2)} standard errors"
     if not item.prior_sigma.any() and not item.accused:
-        return f"{item.title}: held as stated, {apart}"
+        return f"{item.title}: held as stated, {disagreement}"
     stated, estimate = (
         f"{' and '.join(rounded(value, 6) for value in np.atleast_1d(values))} {item.unit}".rstrip()
         for values in (item.stated, item.estimate)
     )
-    return f"{item.title}: stated {stated}, estimated {estimate}, {apart}"
+    return f"{item.title}: stated {stated}, estimated {estimate}, {disagreement}"

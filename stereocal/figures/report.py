@@ -47,15 +47,15 @@ def report_html(
         recommended: the calibration of a single data set, and its recommendation.
     """
     first = recommended[1].text if recommended else validation_answer(summaries)
-    many = len(datasets) > 1
-    named = f"{len(datasets)} data sets" if many else datasets[0].name or "a data set"
+    several = len(datasets) > 1
+    named = f"{len(datasets)} data sets" if several else datasets[0].name or "a data set"
     versions = {**software_versions(), "plotly": plotly.__version__}
     software = html_table(pd.DataFrame({"Version": versions}).rename_axis("Program"))
     written = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     sections = {
         "Why two sets": _why_two_sets(recommended[0]) if recommended else "",
-        "What was done": paragraphs(*_procedure(settings, "data sets" if many else "runs")),
-        "Data sets" if many else "Data set": _datasets(datasets, screenings),
+        "What was done": paragraphs(*_procedure(settings, "data sets" if several else "runs")),
+        "Data sets" if several else "Data set": _datasets(datasets, screenings),
         "How well each method matches and measures": _validation(summaries),
         "The figures in numbers": html_table(validation_table(summaries)),
         "The data sets compared": html_figure(
@@ -140,8 +140,8 @@ def _why_two_sets(calibration: Calibration) -> str:
         )
         head = f"<h3>{METHOD_NAMES[method]}: primary and secondary image, and the rays</h3>"
         columns.append(f"<div>{head}{''.join(plots)}</div>")
-    said = paragraphs(f"Frame {frame}. {two_sets.describe_two_sets(views)}")
-    return f'{said}<div class="sets">{"".join(columns)}</div>'
+    words = paragraphs(f"Frame {frame}. {two_sets.describe_two_sets(views)}")
+    return f'{words}<div class="sets">{"".join(columns)}</div>'
 
 
 def _angles(summaries: Mapping[Method, MethodSummary], datasets: Sequence[Pair]) -> str:

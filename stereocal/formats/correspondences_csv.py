@@ -129,10 +129,10 @@ def _contradictions(
     earlier = rows.groupby(["frame", "target"])["line"].transform("first")
     firsts = rows.drop_duplicates("frame").set_index("frame")["own"]
     known = rows["frame"].map(firsts)
-    again = rows["line"] != earlier
+    repeated = rows["line"] != earlier
     differ = rows["own"].notna() & known.notna() & (rows["own"] != known)
     reasons: Reasons = {}
-    contradicting = rows.assign(earlier=earlier, known=known)[again | differ]
+    contradicting = rows.assign(earlier=earlier, known=known)[repeated | differ]
     for row, (frame, which, distance, line, first, other) in zip(
         contradicting.index.tolist(), contradicting.to_numpy().tolist(), strict=True
     ):

@@ -75,28 +75,28 @@ class Description:
     @property
     def counts_own_frames(self) -> bool:
         """Whether each camera counts its own frames, as cameras that were started by hand."""
-        given = self.entries.get("frames", "common")
-        if given not in ("own", "common"):
+        counted = self.entries.get("frames", "common")
+        if counted not in ("own", "common"):
             raise StereocalError(f'{self.where}: "frames" must be "own" or "common".')
-        if given == "common" and self.entries.get(RATES) is not None:
+        if counted == "common" and self.entries.get(RATES) is not None:
             raise StereocalError(f'{self.where}: "{RATES}" is for cameras with "frames": "own".')
-        return bool(given == "own")
+        return bool(counted == "own")
 
     @property
     def start_frames(self) -> dict[str, int]:
         """Which frame was frame 0 of each camera that counted its own; empty if not stated."""
-        given, known = self.entries.get(STARTS), dict[str, int]()
+        stated, starts = self.entries.get(STARTS), dict[str, int]()
         if not self.is_recording:
-            late = given.get("secondary") if isinstance(given, dict) else None
+            late = stated.get("secondary") if isinstance(stated, dict) else None
             return {CAMERAS[0]: 0, CAMERAS[1]: late} if isinstance(late, int) and late else {}
-        if given is not None:
+        if stated is not None:
             with suppress(ValueError):
-                known = of_plain(given, dict[str, int])
-            if known.keys() != self.entries["cameras"].keys():
+                starts = of_plain(stated, dict[str, int])
+            if starts.keys() != self.entries["cameras"].keys():
                 raise StereocalError(
                     f'"{STARTS}" must give a whole number of each camera.', self.source
                 )
-        return known
+        return starts
 
     def recording(self, lens_model: LensModel | None) -> Recording:
         """The recording that it describes, still without points."""
@@ -205,27 +205,27 @@ def find_description(files: Mapping[str, bytes], source: str) -> Description:
 
 def _object(description: Description) -> RigidObject:
     """The object that `dataset.json` describes: points by name, or a board."""
-    given = description.entries.get("object")
+    described = description.entries.get("object")
     sigma = description.optional_length("object_sigma_m")
     with naming(description.where):
-        if not isinstance(given, dict) or not given:
+        if not isinstance(described, dict) or not described:
             raise StereocalError(
                 '"object" must give the points of the object in metres, as {"A": [0, 0, 0], "B": '
                 '[0.39, 0, 0]}, or a board: {"board": {"columns": 9, "rows": 6, "square_m": 0.03}}.'
             )
-        if BOARD in given:
-            board = settings_of(given[BOARD], BoardPattern, "board")
+        if BOARD in described:
+            board = settings_of(described[BOARD], BoardPattern, "board")
             rigid_object = RigidObject.of_board(board, sigma)
         else:
             points = []
-            for name, xyz in given.items():
+            for name, xyz in described.items():
                 try:
                     points.append(of_plain(xyz, tuple[float, float, float]))
                 except ValueError as error:
                     raise StereocalError(
                         f"the point {name[:40]!r} must be three numbers, in metres."
                     ) from error
-            rigid_object = RigidObject(tuple(given), np.array(points), sigma)
+            rigid_object = RigidObject(tuple(described), np.array(points), sigma)
         longest = rigid_object.longest_m
         check_length("longest distance between points of the object", longest)
         check_uncertainty("object", sigma, longest)
@@ -234,13 +234,13 @@ def _object(description: Description) -> RigidObject:
 
 def _baselines(description: Description, cameras: Iterable[str]) -> dict[CameraPair, float]:
     """The measured baselines by pair of cameras."""
-    where, given = description.where, description.entries.get("baselines_m") or {}
-    if not isinstance(given, dict):
+    where, stated = description.where, description.entries.get("baselines_m") or {}
+    if not isinstance(stated, dict):
         raise StereocalError(f'{where}: "baselines_m" must give lengths by pair of cameras.')
     pairs = {f"{a}-{b}": (a, b) for a, b in permutations(cameras, 2)}
     baselines: dict[CameraPair, float] = {}
-    for key in given:
-        value = description.optional_length(key, given)
+    for key in stated:
+        value = description.optional_length(key, stated)
         if key not in pairs:
             raise StereocalError(
                 f"{where}: the baseline {key[:60]!r} is of no pair of cameras: {', '.join(pairs)}."

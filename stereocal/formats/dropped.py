@@ -99,14 +99,14 @@ def _sort(
     dropped: Dropped[F], name: str, content: bytes, keep: Callable[[str, bytes], F], in_zip: bool
 ) -> None:
     try:
-        read = recognise(name, content)
-        if read.kind is None:
-            raise StereocalError(read.problem, name)
-        if read.kind == "photograph":
+        recognised = recognise(name, content)
+        if recognised.kind is None:
+            raise StereocalError(recognised.problem, name)
+        if recognised.kind == "photograph":
             dropped.sizes[name] = photograph_size(content, name)
             dropped.photographs[name] = keep(name, content)
-        elif read.kind != "zip":
-            dropped.kinds[name], dropped.files[name] = read.kind, content
+        elif recognised.kind != "zip":
+            dropped.kinds[name], dropped.files[name] = recognised.kind, content
         elif in_zip:
             raise StereocalError("a zip inside a zip: unpack it, and give its files.", name)
         else:
@@ -134,7 +134,7 @@ def differing_sizes(sizes: Mapping[str, tuple[int, int]]) -> list[str]:
     sides = which_camera(sizes)
     lots = [[name for name in sides.known if sides.known[name] == side] for side in CAMERAS]
     lots += [[*series.names] for series in sides.open]
-    said = []
+    sentences = []
     for lot in lots:
         side_sizes = [sizes[name] for name in lot]
         usual = max(side_sizes, key=side_sizes.count, default=None)
@@ -145,8 +145,8 @@ def differing_sizes(sizes: Mapping[str, tuple[int, int]]) -> list[str]:
             how = (
                 "without being turned" if (height, width) == usual else "in the size of the others"
             )
-            said.append(
+            sentences.append(
                 f"{name}: it has {width}x{height} px, the other photographs of its camera "
                 f"{usual[0]}x{usual[1]} px: give it {how}, or leave its frame out."
             )
-    return said
+    return sentences

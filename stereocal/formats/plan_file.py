@@ -156,12 +156,12 @@ def _part(entry: Any, kind: type[T], where: str, optional: tuple[str, ...] = ())
     names = [entry_field.name for entry_field in fields(kind)]  # type: ignore[arg-type]
     if missing := [name for name in names if name not in entry and name not in optional]:
         raise StereocalError(f"{where}: {missing[0]} is missing.")
-    whole = {
+    entries = {
         name: int(value) if isinstance(value, float) and value.is_integer() else value
         for name, value in entry.items()
     }
     try:
-        return of_plain(whole, kind)
+        return of_plain(entries, kind)
     except ValueError as error:
         reason = str(error) if isinstance(error, StereocalError) else f"{error}."
         raise StereocalError(reason, where) from error

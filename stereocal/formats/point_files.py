@@ -117,8 +117,8 @@ def points_of_all(
     """The points of all cameras, as the table of a data set of format 2."""
     rows = _Rows(_table(content, layout, source, None), layout, source)
     tables = [rows.points(name, image_height).assign(camera=name) for name in layout.cameras]
-    whole = pd.concat(tables).rename(columns={"point": "target"})
-    return whole[["frame", "camera", "target", "u", "v"]]
+    table = pd.concat(tables).rename(columns={"point": "target"})
+    return table[["frame", "camera", "target", "u", "v"]]
 
 
 def words_in(
@@ -215,11 +215,11 @@ def _table(
     for point in layout.columns:
         wanted += [point.u, point.v, point.likelihood]
     last = max(index for index in wanted if index is not None)
-    there = min(named, below[0] if below else named)
-    if there <= last:
+    width = min(named, below[0] if below else named)
+    if width <= last:
         raise StereocalError(
             f"{source}: the layout ({layout.program}) needs {last + 1} columns; the file has "
-            f"{there}."
+            f"{width}."
         )
     return raw
 

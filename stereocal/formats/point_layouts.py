@@ -171,8 +171,8 @@ def _paired(
         if match is not None
     }
     wanted = [(point, camera) for point, camera, axis in column if axis == axes[0]]
-    whole = len(column) == len(rows[0]) == 2 * len(wanted)
-    if not wanted or not whole or not all((*key, axes[1]) in column for key in wanted):
+    only_pairs = len(column) == len(rows[0]) == 2 * len(wanted)
+    if not wanted or not only_pairs or not all((*key, axes[1]) in column for key in wanted):
         return None
     columns = tuple(
         PointColumns(camera, point, column[point, camera, axes[0]], column[point, camera, axes[1]])

@@ -71,8 +71,8 @@ def dense_text(content: bytes, source: str) -> bytes:
     text = text_of(content, source)
     raw, long = rows_below(text, dialect, header, len(CELLS), source)
     raw.columns = pd.Index(CELLS)
-    whole = [Column(name, is_whole=True, is_positive=True) for name in CELLS[:2]]
-    columns = [*whole, Column(CELLS[2], may_be_empty=True)]
+    indices = [Column(name, is_whole=True, is_positive=True) for name in CELLS[:2]]
+    columns = [*indices, Column(CELLS[2], may_be_empty=True)]
     values, reasons = numbers_in(raw, columns, dialect.decimal_comma, MISSING)
     if long or reasons:
         return content  # as any other table, whose reader names the rows

@@ -172,10 +172,10 @@ def pair_in_table(rig: Parameters, content: bytes, source: str) -> CameraPair:
             f"{', '.join(f'u_{name},v_{name}' for name in cameras[:2])}; the table names "
             f"{', '.join(names)[:200]}."
         )
-    given = {name: ~is_missing(rows[f"u_{name}".lower()]) for name in seen}
+    has_pixel = {name: ~is_missing(rows[f"u_{name}".lower()]) for name in seen}
 
     def seen_by(pair: CameraPair) -> tuple[int, int]:
-        first, second = (given[name] for name in pair)
+        first, second = (has_pixel[name] for name in pair)
         return int((first & second).sum()), int(
             min(first.sum(), second.sum())
         )  # of lines: one each
@@ -307,10 +307,10 @@ def _lines(raw: pd.DataFrame, values: Values, reasons: Reasons) -> tuple[Line, .
 
 def _throw(raw: pd.DataFrame, values: Values, reasons: Reasons, frame_rate: float) -> Throw:
     pixels = _columns(values, PIXELS)
-    whole = np.asarray(np.isfinite(pixels).all(axis=1))
-    whole[list(reasons)] = False
-    if not whole.any() and not reasons:
+    is_usable = np.asarray(np.isfinite(pixels).all(axis=1))
+    is_usable[list(reasons)] = False
+    if not is_usable.any() and not reasons:
         reasons[0] = "no frame has the point of both cameras"
-    tracks = np.array(_names(raw, THROW), dtype=object)[whole]
-    frames = values[FRAME][whole].astype(np.int64)
-    return Throw(tuple(tracks.tolist()), frames, pixels[whole], frame_rate)
+    tracks = np.array(_names(raw, THROW), dtype=object)[is_usable]
+    frames = values[FRAME][is_usable].astype(np.int64)
+    return Throw(tuple(tracks.tolist()), frames, pixels[is_usable], frame_rate)

@@ -361,9 +361,9 @@ def evaluate(
     refuse_unknown_frames(asked.calibration, pairs)
     for pair in pairs:
         check_stated(refined or RefineSettings(), pair.recording)
-    kept = [PairRun(pair, asked.calibration).screening.dataset for pair in pairs]
+    screened = [PairRun(pair, asked.calibration).screening.dataset for pair in pairs]
     with engine() if executor is None else nullcontext(executor) as workers:
-        runs_done = evaluate_runs(kept, asked, workers)
+        runs_done = evaluate_runs(screened, asked, workers)
     return Validation(
         Evaluation(runs_done, asked, unique_names(pairs), [pair.sha256 for pair in pairs])
     )

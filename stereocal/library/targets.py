@@ -92,8 +92,8 @@ def detect(
         targets = search.found(parse_board(target) or parse_target(target))
         if not targets.frames:
             return FoundTargets(search.recording(targets), messages)
-        whole = search.known.with_pairs(correspondences_of(targets.frames))
-        return FoundTargets(pair_to_calibrate(whole), messages, targets.frames)
+        recording = search.known.with_pairs(correspondences_of(targets.frames))
+        return FoundTargets(pair_to_calibrate(recording), messages, targets.frames)
 
 
 @dataclass(frozen=True)

@@ -141,7 +141,7 @@ def _ways(hint: Any, value: Any) -> list[str]:
     within = [get_args(kind)[0] for kind in _alternatives(hint) if get_origin(kind) is Sequence]
     if any(_fits(value, kind) for kind in within):
         return ["Put it into a list."]
-    given = type(value).__name__
+    type_given = type(value).__name__
     words = re.findall(r"\w+", _in_words(hint))
-    ways = (INSTEAD.get((given, word), WAYS.get(word, "")) for word in words)
+    ways = (INSTEAD.get((type_given, word), WAYS.get(word, "")) for word in words)
     return list(dict.fromkeys(filter(None, ways)))

@@ -88,8 +88,8 @@ class Limits:
 
     def check_pixels(self, width: int, height: int, source: str) -> None:
         megapixels = width * height / MB
-        shown = f"the image has {width}x{height} px, {rounded(megapixels, 4)} megapixels"
-        self._check("megapixels", megapixels, source, shown)
+        size = f"the image has {width}x{height} px, {rounded(megapixels, 4)} megapixels"
+        self._check("megapixels", megapixels, source, size)
 
     def check_pairs(self, rows: int, source: str) -> None:
         self._check("pairs", rows, source, "the table has more rows")

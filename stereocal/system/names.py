@@ -77,8 +77,8 @@ def check_camera_names(names: Iterable[str]) -> None:
     names = [*names]
     for name in names:
         known = all(sign in OTHERS or category(sign)[0] in LETTERS for sign in name)
-        whole = 0 < len(name.strip(" ")) == len(name) <= LONGEST_OF_CAMERA
-        if not (known and whole) or name[0] == ".":
+        fits = 0 < len(name.strip(" ")) == len(name) <= LONGEST_OF_CAMERA
+        if not (known and fits) or name[0] == ".":
             raise StereocalError(
                 f"A camera cannot be called {name[:LONGEST_OF_CAMERA]!r}, since files are named "
                 f"after it: rename it, with 1 to {LONGEST_OF_CAMERA} letters, digits, spaces, -, "
@@ -131,8 +131,8 @@ def _named_in(stem: str, cameras: Sequence[str], before: str = "") -> list[str]:
     """
 
     def is_in(camera: str) -> bool:
-        said = "" if re.match(before, camera, re.IGNORECASE) else before
-        word = rf"(?<![^\W_]){said}{re.escape(camera)}(?=DLC|[\W_]|$)"
+        prefix = "" if re.match(before, camera, re.IGNORECASE) else before
+        word = rf"(?<![^\W_]){prefix}{re.escape(camera)}(?=DLC|[\W_]|$)"
         return re.search(word, stem, re.IGNORECASE) is not None
 
     named = [*filter(is_in, cameras)]

@@ -46,8 +46,8 @@ def of_the_bar(photographs: Mapping[str, F]) -> Mapping[str, F]:
         folder = PurePosixPath(name).parent.name.lower()
         if folder in by_side:
             by_side[folder][name] = path
-    both = by_side["primary"] | by_side["secondary"]
-    return both if all(by_side.values()) else photographs
+    of_sides = by_side["primary"] | by_side["secondary"]
+    return of_sides if all(by_side.values()) else photographs
 
 
 def photographs_in(source: Path, store: Path, progress: Progress | None = None) -> dict[str, Path]:

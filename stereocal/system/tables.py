@@ -259,13 +259,13 @@ def _read(
     every: dict[str, Any] = {"header": None, **options}
     separator = r"\s+" if dialect.delimiter == " " else dialect.delimiter
     try:
-        read: Any = pd.read_csv(
+        table: Any = pd.read_csv(
             file, sep=separator, names=list(names), dtype=str, keep_default_na=False, **every
         )
-        if isinstance(read, pd.DataFrame):
-            yield read
+        if isinstance(table, pd.DataFrame):
+            yield table
             return
-        with read as chunks:
+        with table as chunks:
             yield from chunks
     except pd.errors.ParserError as error:
         match = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))

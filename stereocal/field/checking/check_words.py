@@ -79,9 +79,9 @@ def notes(check: Recheck) -> list[str]:
     """Further messages: groups left out, other noise, what matched points do not show."""
     messages = list(check.images.notes)
     if left_out := _left_out(check):
-        many = f" and {len(left_out) - 5} more" if len(left_out) > 5 else ""
+        more = f" and {len(left_out) - 5} more" if len(left_out) > 5 else ""
         messages.append(
-            f"Points of {named_frames(left_out[:5])}{many} contradict the others and were left out."
+            f"Points of {named_frames(left_out[:5])}{more} contradict the others and were left out."
         )
     if not check.noise.as_before and check.usable:
         messages.append(
@@ -203,8 +203,8 @@ def _unchanged(check: Recheck) -> str:
     power, turn = check.power, f"{rounded(np.degrees(check.smallest.turn_rad))}°"
     baseline = f"{rounded(100 * check.smallest.baseline)} %"
     if check.verdict == "same":
-        whole = power.turn if power.baseline is None else min(power.turn, power.baseline)
-        chance = f"{100 * whole:.0f} %" if whole < CERTAIN else f"more than {100 * CERTAIN:.0f} %"
+        least = power.turn if power.baseline is None else min(power.turn, power.baseline)
+        chance = f"{100 * least:.0f} %" if least < CERTAIN else f"more than {100 * CERTAIN:.0f} %"
         also = "" if power.baseline is None else f" or a change of the baseline by {baseline}"
         return (
             f"Same: no movement is seen; a turn of one camera by {turn}{also} would have been "

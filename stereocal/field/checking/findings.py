@@ -129,9 +129,9 @@ class Recheck:
         explanations += [Explanation(True, (), fit) for fit in self._turns]
         for k, which in enumerate(CAMERAS):
             focal = fits.focal_change(self.prior, k)
-            both = self.fit(self._pose_change + focal, pose_at(self.pose.at))
+            with_pose = self.fit(self._pose_change + focal, pose_at(self.pose.at))
             explanations.append(Explanation(False, (which,), self.fit(focal)))
-            explanations.append(Explanation(True, (which,), both))
+            explanations.append(Explanation(True, (which,), with_pose))
         explanations.append(Explanation(False, CAMERAS, self.fit(fits.focal_changes(self.prior))))
         return tuple(sorted(explanations, key=lambda explanation: explanation.score))
 

@@ -227,11 +227,11 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> RepairError
     Groups that are outlying in `best`, the fit of all of them, are not used. If fewer than two are
     left, nothing is better.
     """
-    kept = np.flatnonzero(~best.outlying)
+    groups = np.flatnonzero(~best.outlying)
     errors = []
-    if len(kept) < 2:
+    if len(groups) < 2:
         return RepairErrors((0.0, 0.0), None)
-    for held in np.array_split(kept, min(FOLDS, len(kept))):
+    for held in np.array_split(groups, min(FOLDS, len(groups))):
         fit = Fit(prior, images, best.change, best.sigma_px)
         fit.p[:] = best.p
         fit.points[:] = np.nan
@@ -240,9 +240,9 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> RepairError
         cameras, old = fit.minimise(outlying).at, prior.rig
         part, repaired = images.of_groups(held), rig_of(old.primary, old.secondary, cameras)
         errors.append(np.stack([part.errors_with(old), part.errors_with(repaired)], axis=1))
-    whole = np.concatenate(errors, axis=2)
-    known = np.isfinite(whole[1]).any(axis=1).all()
-    (px, new_px), *lengths = np.nanmean(whole[: 2 if known else 1], axis=2).tolist()
+    every_error = np.concatenate(errors, axis=2)
+    known = np.isfinite(every_error[1]).any(axis=1).all()
+    (px, new_px), *lengths = np.nanmean(every_error[: 2 if known else 1], axis=2).tolist()
     return RepairErrors((px, new_px), (lengths[0][0], lengths[0][1]) if known else None)
 
 

@@ -152,9 +152,9 @@ def images_of_pairs(table: PointTable, rig: RigParameters) -> NewImages:
             "These pairs were matched by parameters. A large movement may have removed pairs: "
             "match again with a larger threshold."
         )
-    whole = np.concatenate(pixels)
+    matches = np.concatenate(pixels)
     images = images_of_matches(
-        np.concatenate(frames), whole[:, :2], whole[:, 2:], rig, table.label, tuple(notes)
+        np.concatenate(frames), matches[:, :2], matches[:, 2:], rig, table.label, tuple(notes)
     )
     stated = np.concatenate(sigmas)
     stated = stated[np.isfinite(stated)]

@@ -102,8 +102,8 @@ def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:
     root, variances = root_of(covariance), np.abs(np.diag(covariance))
     scale = np.sqrt(np.where(variances > 0, variances, 1.0))
     units = np.outer(scale, scale)
-    whole = np.allclose(root @ root.T / units, covariance / units, atol=1e-6)
-    if not (whole and covariance[pose_places(1), pose_places(1)].any() and sigma_px > 0):
+    is_whole = np.allclose(root @ root.T / units, covariance / units, atol=1e-6)
+    if not (is_whole and covariance[pose_places(1), pose_places(1)].any() and sigma_px > 0):
         raise StereocalError(f"{source}: the covariance is not symmetric and positive.")
     numbers = np.array([scatter, factor, sigma_px, design_effect])
     if not (np.isfinite(numbers).all() and scatter >= 0 and factor > 0 and design_effect >= 1):

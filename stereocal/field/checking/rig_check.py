@@ -55,10 +55,10 @@ class RigCheck:
         for contradicted in (False, True):  # if nothing explains all, a small change was missed
             for size in range(1, len(self.cameras)):
                 sets = tuple(
-                    some
-                    for some in combinations(self.cameras, size)
-                    if all({*some} & {*pair} for pair in moved)
-                    and (contradicted or not any({*some} & {*pair} for pair in same))
+                    names
+                    for names in combinations(self.cameras, size)
+                    if all({*names} & {*pair} for pair in moved)
+                    and (contradicted or not any({*names} & {*pair} for pair in same))
                 )
                 if sets:
                     return sets
@@ -86,7 +86,7 @@ class RigCheck:
             return "Cannot tell: no movement is seen, but it would not be found in all cameras."
         if self.moved:
             return f"Moved or refocused: {camera_in_words(*self.moved)}."
-        which = "; or ".join(listed(some) for some in self.explanations) or listed(self.cameras)
+        which = "; or ".join(listed(names) for names in self.explanations) or listed(self.cameras)
         return f"Moved or refocused, and it cannot be told which camera: {which}."
 
     @property
@@ -113,7 +113,7 @@ class RigCheck:
             "verdict": self.verdict,
             "reason": self.sentence,
             "cameras_moved": list(self.moved),
-            "explanations": [list(some) for some in self.explanations],
+            "explanations": [list(names) for names in self.explanations],
             "pairs": {
                 pair_name(pair): {
                     **check_words.to_json(check),

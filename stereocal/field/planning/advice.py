@@ -105,8 +105,8 @@ def advise(fit: ExpectedFit) -> Advice:
     improvements.append((better / positions, f"{better_lenses}: {instead}"))
     worth = [
         text
-        for left, text in sorted(improvements, key=lambda improvement: improvement[0])
-        if left < WORTH_IT
+        for fraction, text in sorted(improvements, key=lambda improvement: improvement[0])
+        if fraction < WORTH_IT
     ]
     nothing = (
         "No single change would help much: neither another baseline, more bars, better known "

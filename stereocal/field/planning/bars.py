@@ -143,9 +143,9 @@ def bar_places(plan: Plan) -> list[BarPlace]:
     for k, row in enumerate(chosen):
         (distance, across, height), _, fitting = spots[row]
         in_turn = (row + k // count + np.arange(len(DIRECTIONS))) % len(DIRECTIONS)
-        way = int(in_turn[np.argmax(fitting[in_turn])])
-        direction = tuple(DIRECTIONS)[way]
-        bar = BarPlace(distance, across, height, direction, positions[row], ends[row, way])
+        turn = int(in_turn[np.argmax(fitting[in_turn])])
+        direction = tuple(DIRECTIONS)[turn]
+        bar = BarPlace(distance, across, height, direction, positions[row], ends[row, turn])
         places.append((row, bar))
     # The spots are from near to far, left to right and low to high.
     return [place for _, place in sorted(places, key=lambda entry: entry[0])]

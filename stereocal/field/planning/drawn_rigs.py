@@ -135,7 +135,7 @@ def _one_rig(
     if len(kept) < plan.frames + TEST_BARS:
         raise StereocalError("Too many bars are out of view.")
     recorded, tested = kept[: plan.frames], kept[plan.frames :][:TEST_BARS]
-    seen, tests = (pixels.reshape(-1, 2, 4)[some].reshape(-1, 4) for some in (recorded, tested))
+    seen, tests = (pixels.reshape(-1, 2, 4)[bars].reshape(-1, 4) for bars in (recorded, tested))
     dataset = planned_dataset(plan, seen)
     seeds = np.random.SeedSequence(int(rng.integers(2**63))).spawn(2)
     everything = np.ones(len(seen), dtype=np.bool_)

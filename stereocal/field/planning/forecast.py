@@ -185,13 +185,13 @@ def forecast(
     with closing(run_tasks(tasks, executor, rigs, progress)) as finished:
         every = ((part.figures, part.position_m, part.length_errors) for _, part in finished)
         parts = zip(*every, strict=True)
-        whole = DrawnRigs(*map(np.concatenate, parts))
-    if whole.failed > MOST_FAILED * whole.count:
+        rigs_drawn = DrawnRigs(*map(np.concatenate, parts))
+    if rigs_drawn.failed > MOST_FAILED * rigs_drawn.count:
         raise StereocalError(
             "Most recordings simulated from this plan cannot be calibrated: plan more frames, a "
             "larger common view, or less noise."
         )
-    return PlanForecast(plan, whole, fit, seed)
+    return PlanForecast(plan, rigs_drawn, fit, seed)
 
 
 def _over_rigs(values: FloatArray) -> Estimate:

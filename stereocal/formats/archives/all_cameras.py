@@ -188,15 +188,15 @@ def _of_points(
     along = np.array([lengths.get(target, -1.0 - k) for k, target in enumerate(targets)])
     along[0] = 0.0
     check_length(f"longest distance from {first}", float(along.max()))
-    whole = RigidObject(targets, np.column_stack([along, np.zeros((len(along), 2))]))
-    read = read_points_csv(files[table], cameras, whole, table)
+    every_target = RigidObject(targets, np.column_stack([along, np.zeros((len(along), 2))]))
+    every_row = read_points_csv(files[table], cameras, every_target, table)
     used = np.flatnonzero(along >= 0.0)
-    rows = np.isin(read.target, used)
+    rows = np.isin(every_row.target, used)
     recording = replace(
-        read.where(rows),
+        every_row.where(rows),
         name=name,
-        object=RigidObject(tuple(targets[k] for k in used), whole.points[used]),
-        target=np.searchsorted(used, read.target[rows]),
+        object=RigidObject(tuple(targets[k] for k in used), every_target.points[used]),
+        target=np.searchsorted(used, every_row.target[rows]),
     )
     taken = [Part("points", f"{rows.sum()} of {len(cameras)} cameras", table)]
     taken += [Part("lens", f"of camera {camera}", ", ".join(rest)) for camera in cameras]

@@ -103,12 +103,12 @@ def with_background(bars: BarPoints, points: BarPoints) -> tuple[BarPoints, str]
     """
     first = 1000 * (1 + (int(bars.frame.max()) + BACKGROUND_STEP) // 1000)
     numbers = first + BACKGROUND_STEP * np.arange(len(points.frame))
-    both = BarPoints(
+    joined = BarPoints(
         np.append(bars.frame, numbers),
         np.append(bars.target, points.target),
         np.concatenate([bars.pixels, points.pixels]),
     )
-    return both, f"frames {first} to {numbers[-1]}"
+    return joined, f"frames {first} to {numbers[-1]}"
 
 
 def baseline_taken(baseline_m: float, origin: str) -> Part:

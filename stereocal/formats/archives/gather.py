@@ -106,8 +106,8 @@ def _wanted(
         return (wanted, wanted), ()
     if wanted is None:
         if len(of_table) > len(of_files):
-            if named and (there := namesakes(of_files, of_table)):
-                return ((there[0], there[1]), None), ()
+            if named and (same_names := namesakes(of_files, of_table)):
+                return ((same_names[0], same_names[1]), None), ()
             raise StereocalError(
                 f"The table is read as the points of {len(of_table)} cameras, and the camera files "
                 f"are of {len(of_files)}. Say which cameras they are. If the commas are decimal "
@@ -128,8 +128,8 @@ def _wanted(
     ):
         # The same cameras by other names: a choice by the names of one is about both.
         names = of_table if in_table and not in_files else of_files
-        both = chosen_pair(names, wanted, "the camera files").pair
-        return (both, both), ()
+        pair = chosen_pair(names, wanted, "the camera files").pair
+        return (pair, pair), ()
     for k, names, other in ((0, of_table, "camera files"), (1, of_files, "table")):
         # The choice among three may be about the other alone.
         if len(names) == 2 and not has_cameras(names, wanted):
@@ -180,8 +180,8 @@ def with_one_table(files: Contents, options: ExchangeOptions) -> Contents:
         layout = replace(layout, least_likelihood=answers.least_likelihood)
         points = read_points(content, layout, answers.camera, None, name)
         tables_of_cameras.append(points.assign(camera=PurePath(name).stem))
-    whole = pd.concat(tables_of_cameras).rename(columns={"point": "target", "u": "x", "v": "y"})
-    text = csv_text(whole[["frame", "camera", "target", "x", "y"]]).encode()
+    table = pd.concat(tables_of_cameras).rename(columns={"point": "target", "u": "x", "v": "y"})
+    text = csv_text(table[["frame", "camera", "target", "x", "y"]]).encode()
     return {**{name: files[name] for name in files if name not in tables}, ", ".join(tables): text}
 
 
@@ -223,18 +223,18 @@ def nominal_baseline(
 def _with_table(archive: Archive, name: str, content: bytes, options: ExchangeOptions) -> Archive:
     """With the bars of a table, in images of the stated or the cameras' height."""
     if _is_own(content, name, options):
-        read = Bars(read_table(content, name).strict(name), "stereocal")
+        bars = Bars(read_table(content, name).strict(name), "stereocal")
     else:
         cameras = zip(options.image_sizes, (archive.primary, archive.secondary), strict=True)
         sizes = [size or (camera.image_size if camera else None) for size, camera in cameras]
         heights = [None if size is None else size[1] for size in sizes]
-        read = bars_of(content, name, options, heights)
+        bars = bars_of(content, name, options, heights)
     return replace(
         archive,
-        taken=(points_taken(read.rows, f"{name} ({read.words})"), *archive.taken),
-        correspondences=read.rows,
-        notes=(*archive.notes, f"Points from {name}, {read.words}."),
-        remarks=(*archive.remarks, *read.remarks),
+        taken=(points_taken(bars.rows, f"{name} ({bars.words})"), *archive.taken),
+        correspondences=bars.rows,
+        notes=(*archive.notes, f"Points from {name}, {bars.words}."),
+        remarks=(*archive.remarks, *bars.remarks),
     )
 
 

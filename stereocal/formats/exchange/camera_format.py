@@ -187,8 +187,8 @@ def pose_from(R: Any, T: Any, source: str) -> Pose:
     A rotation with few decimals is replaced by the nearest, as `Pose.nearest`.
     """
     if T is None:
-        whole = array_of(R, (4, 4), "the pose", source)
-        R, T = whole[:3, :3], whole[:3, 3]
+        matrix = array_of(R, (4, 4), "the pose", source)
+        R, T = matrix[:3, :3], matrix[:3, 3]
     rotation, shift = array_of(R, (3, 3), "R", source), array_of(T, (3,), "T", source)
     with naming(source):
         return Pose.nearest(rotation, shift)

@@ -126,19 +126,19 @@ def _ordered(files: Files, options: ExchangeOptions) -> Files:
 
 def _pose_of_pair(files: Files, source: str, notes: list[str]) -> Pose:
     """The secondary from the primary; adds to `notes` how it was read."""
-    read = [_from_world(file) for file in files]
-    shifted = [bool(np.abs(pose.T).max() > 0) for pose, _ in read]
-    if not any(shifted) or (all(shifted) and not any(turned for _, turned in read)):
+    poses = [_from_world(file) for file in files]
+    shifted = [bool(np.abs(pose.T).max() > 0) for pose, _ in poses]
+    if not any(shifted) or (all(shifted) and not any(turned for _, turned in poses)):
         raise StereocalError(
             f"{source}: the projection matrices are not those of a stereo pair: one must have a "
             "last column of zeros, the other the baseline."
         )
-    if turned := [file.name for file, (_, turned) in zip(files, read, strict=True) if turned]:
+    if turned := [file.name for file, (_, turned) in zip(files, poses, strict=True) if turned]:
         notes.append(
             f"The projection matrix of {' and '.join(turned)} has a rotation in it, as K [R | t] "
             "has: the pose was taken from it."
         )
-    (first, _), (second, _) = read
+    (first, _), (second, _) = poses
     return second @ first.inverse()
 
 
