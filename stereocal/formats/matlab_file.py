@@ -67,11 +67,8 @@ def _read(path: Path) -> tuple[dict[str, Fields] | None, str]:
     try:
         kinds = {name: (shape, kind) for name, shape, kind in whosmat(file)}
         wanted = [name for name, known in kinds.items() if known == ((1, 1), "struct")]
-        loaded = (
-            loadmat(file, squeeze_me=True, struct_as_record=False, variable_names=wanted)
-            if wanted
-            else {}
-        )
+        options: Any = {"squeeze_me": True, "struct_as_record": False, "variable_names": wanted}
+        loaded = loadmat(file, **options) if wanted else {}
     except Exception:  # SciPy's reader may raise anything
         return None, ""
     variables = {name: _fields(loaded[name], DEEPEST) for name in wanted if name in loaded}

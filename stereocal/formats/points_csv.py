@@ -62,15 +62,9 @@ def read_points_csv(
             row = int(its_rows[k])
             rows.reasons.setdefault(row, f"{_at(rows, row)}: the {what}")
     rows.check(source)
+    frame, sigma_px = rows.values["frame"].astype(np.int64), rows.values[SIGMA]
     recording = Recording(
-        "",
-        dict(cameras),
-        rigid_object,
-        rows.values["frame"].astype(np.int64),
-        codes["camera"],
-        codes["target"],
-        points,
-        rows.values[SIGMA],
+        "", dict(cameras), rigid_object, frame, codes["camera"], codes["target"], points, sigma_px
     )
     with naming(source):
         return recording.within_view()

@@ -85,12 +85,8 @@ def recognise(name: str, content: bytes) -> Recognised:
         return Recognised(None, f"{problem}.")
     if (ours := our_word(content)) in OTHERS_OF_OURS:
         return Recognised(None, f"{OTHERS_OF_OURS[ours]}.")
-    kind = (
-        _by_beginning(content)
-        or OURS.get(ours)
-        or _by_text(name, content)
-        or _by_suffix(name, suffix)
-    )
+    kind = _by_beginning(content) or OURS.get(ours)
+    kind = kind or _by_text(name, content) or _by_suffix(name, suffix)
     if kind == "table" and (problem := no_table(content)) is not None:
         return Recognised(None, f"{problem}.")
     return Recognised(kind) if kind else Recognised(None, f"the file is not known; {ACCEPTED}.")

@@ -155,13 +155,9 @@ def observe(
     rows = Correspondences.from_arrays(
         np.repeat(np.arange(1, frames + 1), 2), "AB" * frames, primary, secondary
     )
+    baseline_m, distance_m = nominal.baseline_m, nominal.target_distance_m
     recording = Recording.of_two(
-        name,
-        nominal.primary,
-        nominal.secondary,
-        nominal.baseline_m,
-        nominal.target_distance_m,
-        notes=notes,
+        name, nominal.primary, nominal.secondary, baseline_m, distance_m, notes=notes
     )
     return recording.holding(rows).pair(*CAMERAS)
 

@@ -106,11 +106,9 @@ def named_after(files: Sequence[str], cameras: Sequence[str]) -> dict[str, str]:
         # "trial_2_cam_1" is of camera 1.
         named = _named_in(stem, cameras, CALLED) or _named_in(stem, cameras)
         if len(named) != 1:
-            which = (
-                f"whether it is of camera {' or '.join(named)}"
-                if named
-                else "which camera it is of"
-            )
+            which = "which camera it is of"
+            if named:
+                which = f"whether it is of camera {' or '.join(named)}"
             raise StereocalError(
                 f"{file}: its name does not tell {which}. Name the files after the cameras, as "
                 f"points_{cameras[0]}.csv, or give them one by one."

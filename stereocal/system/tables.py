@@ -288,10 +288,8 @@ def _reason(column: Column, cell: str, value: float, empty: frozenset[str]) -> s
     if np.isinf(value) or cell.lower().lstrip("+-") == "nan":
         return f"{column.name} is {text}, which is not a finite number"
     if np.isnan(value):
-        thousands = (
-            ": write it without a sign between thousands" if _THOUSANDS.fullmatch(cell) else ""
-        )
-        return f'{column.name} is "{text}", which is not a number{thousands}'
+        how = ": write it without a sign between thousands" if _THOUSANDS.fullmatch(cell) else ""
+        return f'{column.name} is "{text}", which is not a number{how}'
     if column.is_whole and abs(value) > LARGEST_WHOLE:
         return f"{column.name} is {text}; whole numbers are read up to 2^53 - 1"
     if column.is_whole:

@@ -122,9 +122,8 @@ def _exif_time(tags: Mapping[int, Any]) -> tuple[float, float, float | None] | N
         except ValueError:
             continue
         digits = re.match(r"\d*", _text(tags.get(fraction)))
-        seconds, step = _with_fraction(
-            moment.replace(tzinfo=UTC).timestamp(), digits[0] if digits else ""
-        )
+        seconds = moment.replace(tzinfo=UTC).timestamp()
+        seconds, step = _with_fraction(seconds, digits[0] if digits else "")
         return seconds, step, _zone(_text(tags.get(zone)))
     return None
 

@@ -63,9 +63,8 @@ class ExpectedFit:
             noise: factor of the noise of the points that are measured.
         """
         variances, jacobian = self._of_bars
-        return within_95(
-            self._relative_sigmas(noise**2 * variances, jacobian, information, precision)
-        )
+        variances = noise**2 * variances
+        return within_95(self._relative_sigmas(variances, jacobian, information, precision))
 
     def _relative_sigmas(
         self,
@@ -150,10 +149,8 @@ class ExpectedFit:
         if seen.any():
             away[seen], lengths = self.errors_at(grid[seen])
             length[seen] = lengths.mean(axis=0)
-        shape = (MAP_SIZE, MAP_SIZE)
-        return uncertainty.AccuracyMap(
-            plane, level, u, z, away.reshape(shape), length.reshape(shape)
-        )
+        point_m, relative = (errors.reshape(MAP_SIZE, MAP_SIZE) for errors in (away, length))
+        return uncertainty.AccuracyMap(plane, level, u, z, point_m, relative)
 
     @cached_property
     def _of_bars(self) -> tuple[FloatArray, FloatArray]:

@@ -118,7 +118,13 @@ class PlanForecast:
 
     def to_json(self) -> dict[str, Any]:
         """The content of `forecast.json`; errors are fractions, missing values null."""
-        depths = self.fit.by_depth
+        depths, needed = self.fit.by_depth, dict[str, Any]()
+        if self.plan.needed is not None:
+            needed["needed"] = {
+                "length_error": self.plan.needed,
+                "reached": self.reached,
+                "field_days": self.field_days_that_reach,
+            }
         content = {
             "format": FORECAST_FORMAT,
             "plan": self.plan.name,
@@ -131,7 +137,7 @@ class PlanForecast:
             },
             "position_error_m": vars(self.position_error_m),
             "points_per_frame": vars(self.points_per_frame),
-            **self._needed_to_json(),
+            **needed,
             "limited_by": self.advice.limited_by,
             "advice": list(self.advice.sentences),
             "by_depth": [
@@ -145,17 +151,6 @@ class PlanForecast:
             "seed": self.seed,
         }
         return {key: without_nan(value) for key, value in content.items()}
-
-    def _needed_to_json(self) -> dict[str, Any]:
-        if self.plan.needed is None:
-            return {}
-        return {
-            "needed": {
-                "length_error": self.plan.needed,
-                "reached": self.reached,
-                "field_days": self.field_days_that_reach,
-            }
-        }
 
     def dumps(self) -> bytes:
         """The file; equal plans and seeds give equal bytes."""

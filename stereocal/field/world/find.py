@@ -40,7 +40,11 @@ def find_world(
                 world = world_of_lines(pair, observed, stated)
         texts = (world.sentence, *world.notes)
         sentence, *notes = (_naming(cameras, text) for text in texts)
-        notes += _on_lengths(rig.metric_p95)
+        if rig.metric_p95 is not None:
+            notes.append(
+                f"95 % of lengths in this frame are within {percent(rig.metric_p95)} %, with the "
+                "error of the bar that the cameras were calibrated with."
+            )
         return replace(world, pose=world.pose @ of_first, sentence=sentence, notes=tuple(notes))
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
         if isinstance(error, StereocalError):
@@ -50,22 +54,11 @@ def find_world(
         ) from error
 
 
-def _on_lengths(within: float | None) -> list[str]:
-    """How well lengths in the frame are known: as by the parameters, with the error of the bar."""
-    if within is None:
-        return []
-    return [
-        f"95 % of lengths in this frame are within {percent(within)} %, with the error of the bar "
-        "that the cameras were calibrated with."
-    ]
-
-
 def _naming(pair: CameraPair, text: str) -> str:
     """A sentence with the names of the cameras in place of primary and secondary."""
     if pair == CAMERAS:
         return text
     for side, name in zip(CAMERAS, pair, strict=True):
-        text = text.replace(f"The {side}", f"Camera {name}").replace(
-            f"the {side}", f"camera {name}"
-        )
+        text = text.replace(f"The {side}", f"Camera {name}")
+        text = text.replace(f"the {side}", f"camera {name}")
     return text

@@ -136,16 +136,10 @@ def _recording(
     row, camera = np.nonzero(seen)
     order = np.lexsort([bars.target[row], camera, bars.frame[row]])
     row, camera = row[order], camera[order]
-    recording = Recording(
-        name,
-        {str(k): lens for k, lens in enumerate(cameras, 1)},
-        bar,
-        bars.frame[row],
-        camera,
-        bars.target[row],
-        bars.pixels[row, camera],
-        np.full(len(row), np.nan),
-    )
+    lenses = {str(k): lens for k, lens in enumerate(cameras, 1)}
+    frame, target, points = bars.frame[row], bars.target[row], bars.pixels[row, camera]
+    sigma_px = np.full(len(row), np.nan)
+    recording = Recording(name, lenses, bar, frame, camera, target, points, sigma_px)
     recording.refuse_points_outside()
     return recording.within_view()
 

@@ -230,9 +230,8 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
         taken.append(line)
         if table is not None:
             notes.append(f"{THROW} has a thrown object, recorded at {rate:g} frames a second.")
-    taken += [
-        lens_taken(*lens, LENS_FIELDS) for lens in zip(CAMERAS, (primary, secondary), strict=True)
-    ]
+    for which, camera in zip(CAMERAS, (primary, secondary), strict=True):
+        taken.append(lens_taken(which, camera, LENS_FIELDS))
     distance = file.bar_length(options.unit)
     if distance is not None:
         taken.append(Part("distance A-B", f"{distance:g} m", "wandLen"))

@@ -113,10 +113,8 @@ def lenses_of(files: Files, options: ExchangeOptions, no_pose: str) -> ForeignPa
     Args:
         no_pose: why there is no pose.
     """
-    cameras = [
-        read_camera(file.content, file.name, options.lens_model, size)
-        for file, size in zip(files, options.image_sizes, strict=False)
-    ]
+    sized = zip(files, options.image_sizes, strict=False)
+    cameras = [read_camera(f.content, f.name, options.lens_model, size) for f, size in sized]
     pair = ForeignPair(cameras[0], cameras[-1], None, no_pose, "camera files")
     names = files[0].name, files[-1].name
     return replace(pair, called=ONE_LENS * (len(files) == 1), files=names)

@@ -132,10 +132,8 @@ def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptio
     """The cameras and their pose from the structs of a .mat file by name."""
     for fields in structs.values():
         if all(isinstance(fields.get(part), Mapping) for part in PARTS):
-            primary, secondary = (
-                _camera(fields[part], options, k, f"{source}, {CAMERAS[k]}")
-                for k, part in enumerate(PARTS)
-            )
+            primary = _camera(fields[PARTS[0]], options, 0, f"{source}, {CAMERAS[0]}")
+            secondary = _camera(fields[PARTS[1]], options, 1, f"{source}, {CAMERAS[1]}")
             stating = [fields, *(fields[part] for part in PARTS)]
             units = [word for part in stating for word in np.ravel(part.get("WorldUnits", ""))]
             unit = _unit_of(units, source)

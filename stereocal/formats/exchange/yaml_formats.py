@@ -104,15 +104,9 @@ def rectification(two: Sequence[Posed]) -> list[FloatArray]:
     first, second = (
         np.zeros((1, 5)) if camera.is_fisheye else _row(camera) for camera in (primary, secondary)
     )
+    size, T, flags = primary.image_size, pose.T[:, None], cv2.CALIB_ZERO_DISPARITY
     rectified = cv2.stereoRectify(
-        primary.K,
-        first,
-        secondary.K,
-        second,
-        primary.image_size,
-        pose.R,
-        pose.T[:, None],
-        flags=cv2.CALIB_ZERO_DISPARITY,
+        primary.K, first, secondary.K, second, size, pose.R, T, flags=flags
     )
     R2, *rest = (np.asarray(matrix, dtype=np.float64) for matrix in rectified[1:5])
     return [R2 @ pose.R, R2, *rest]  # OpenCV's R1 knows no turn below 1e-5 rad
