@@ -7,7 +7,6 @@ is first used: all together take half a second, `import stereocal` alone takes 1
 from __future__ import annotations
 
 import importlib
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from stereocal.rig.compile_cache import use_writable_cache
@@ -22,8 +21,10 @@ if TYPE_CHECKING:
     from stereocal.formats.exchange.exchange import export as export
     from stereocal.formats.exchange.exchange import import_parameters as import_parameters
     from stereocal.library.calibrations import calibrate as calibrate
+    from stereocal.library.calibrations import calibrate_rig as calibrate_rig
     from stereocal.library.calibrations import evaluate as evaluate
     from stereocal.library.calibrations import read as read
+    from stereocal.library.field_day import calibrate_lens as calibrate_lens
     from stereocal.library.field_day import check as check
     from stereocal.library.field_day import plan as plan
     from stereocal.library.field_day import sample as sample
@@ -51,6 +52,8 @@ _MODULES = {
     "RigParameters": "rig.parameters",
     "StereocalError": "errors",
     "calibrate": "library.calibrations",
+    "calibrate_lens": "library.field_day",
+    "calibrate_rig": "library.calibrations",
     "check": "library.field_day",
     "detect": "library.targets",
     "evaluate": "library.calibrations",
@@ -66,9 +69,7 @@ _MODULES = {
     "simulate": "library.field_day",
     "sync": "library.field_day",
 }
-_FOLDERS = {"intrinsics": "library.field_day", "rig": "library.calibrations"}
-"""Folders of the package that are acts as well."""
-__all__ = [*_MODULES, *_FOLDERS]
+__all__ = [*_MODULES]
 
 
 def __getattr__(name: str) -> Any:
@@ -83,15 +84,4 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-class _Act(ModuleType):
-    """A folder that can also be called: `stereocal.rig(recording)`."""
-
-    def __call__(self, *arguments: Any, **named: Any) -> Any:
-        act = self.__name__.removeprefix(f"{__name__}.")
-        module = importlib.import_module(f"{__name__}.{_FOLDERS[act]}")
-        return getattr(module, act)(*arguments, **named)
-
-
-for _folder in _FOLDERS:
-    importlib.import_module(f"{__name__}.{_folder}").__class__ = _Act
 use_writable_cache()  # before anything is compiled

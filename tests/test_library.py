@@ -122,7 +122,7 @@ def test_a_rig_is_calibrated_matched_and_checked() -> None:
     with pytest.raises(stereocal.StereocalError, match=r"3 cameras.*recording\.pair"):
         stereocal.calibrate(recording, refined=None)
     some = recording.where(recording.frame % 12 == 0)
-    found = stereocal.rig(some)
+    found = stereocal.calibrate_rig(some)
     alike = stereocal.calibrate(some)
     assert isinstance(alike, CalibratedRig)
     assert np.array_equal(alike.covariance, found.covariance)
@@ -258,7 +258,7 @@ def test_calibrate_gives_the_refined_set_unless_told_not_to() -> None:
 def test_every_name_is_there() -> None:
     assert sorted(stereocal.__all__) == dir(stereocal)
     for name in stereocal.__all__:
-        assert getattr(stereocal, name).__name__.split(".")[-1] == name
+        assert getattr(stereocal, name).__name__ == name
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = stereocal.nothing
 

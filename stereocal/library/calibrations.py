@@ -84,7 +84,8 @@ def pair_of(given: Pair | Recording) -> Pair:
     if len(recording.cameras) > 2:
         raise StereocalError(
             f"{recording.name}: it has {len(recording.cameras)} cameras. Calibrate them as one "
-            "with `stereocal.rig(recording)`, or choose two with `recording.pair(first, second)`."
+            "with `stereocal.calibrate_rig(recording)`, or choose two with "
+            "`recording.pair(first, second)`."
         )
     return pair_to_calibrate(recording)
 
@@ -246,7 +247,7 @@ def calibrate(
     refined: RefineSettings | None = DEFAULT_REFINED,
 ) -> CalibrationRun | CalibratedRig:
     """Calibrate two cameras with the paper's three methods and the refined method; three and more
-    as `rig` does, with the refined method.
+    as `calibrate_rig` does, with the refined method.
 
     Frames that contradict the others are left out first, unless `settings.all_frames` is set. The
     2D and the 3D search use independent random streams derived from `settings.search.seed`.
@@ -389,7 +390,7 @@ class CalibratedRig(TableAnswer, RigFile):
 
 
 @checked
-def rig(
+def calibrate_rig(
     recording: Recording, time_offsets: bool | None = None, baseline_sigma_m: float | None = None
 ) -> CalibratedRig:
     """Calibrate all cameras of a recording as one rig.

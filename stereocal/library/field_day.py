@@ -21,7 +21,8 @@ from stereocal.formats.dataset_files import read_recording
 from stereocal.formats.plan_file import read_plan
 from stereocal.frames.video.extract import with_frames
 from stereocal.intrinsics.boards import find_boards
-from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens
+from stereocal.intrinsics.calibrate_lens import LensCalibration
+from stereocal.intrinsics.calibrate_lens import calibrate_lens as lens_from_boards
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.intrinsics.quality import LENS_COLUMNS, advice, lens_answer, lens_rows
 from stereocal.library.calibrations import pair_of
@@ -139,7 +140,7 @@ class Lens(TableAnswer, LensCalibration):
 
 
 @checked
-def intrinsics(
+def calibrate_lens(
     photographs: str | Path | Iterable[str | Path],
     board: str | BoardPattern,
     square_m: float | None = None,
@@ -161,7 +162,7 @@ def intrinsics(
     with tempfile.TemporaryDirectory(prefix="stereocal-") as store, engine() as workers:
         sources = with_frames(map(Path, several), Path(store))
         files = photographs_of(sources, Path(store))
-        lens = calibrate_lens(
+        lens = lens_from_boards(
             find_boards(files, board, workers), settings or LensSettings(), workers
         )
     return answering(Lens, lens)

@@ -30,10 +30,10 @@ WAYS = {
     "Camera": "Read a camera with stereocal.read_camera(path).",
     "DataFrame": "Read a table with pandas.read_csv(path).",
     "Pair": _RECORDING,
-    "PlacedCameras": f"{_SET} A rig is what stereocal.rig(recording) returns.",
+    "PlacedCameras": f"{_SET} A rig is what stereocal.calibrate_rig(recording) returns.",
     "Pose": "Make a pose with stereocal.Pose(R, T).",
     "Recording": _RECORDING,
-    "RigFile": "A rig is what stereocal.rig(recording) returns, or RigFile.load(path).",
+    "RigFile": "A rig is what stereocal.calibrate_rig(recording) returns, or RigFile.load(path).",
     "RigParameters": _SET,
 }
 """How to get what is of a type, by its name."""

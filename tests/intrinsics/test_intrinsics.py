@@ -29,7 +29,7 @@ from stereocal.intrinsics.lens_fit import (
     solve_lens,
 )
 from stereocal.intrinsics.quality import advice, coverage, lens_answer, lens_rows, note_on_model
-from stereocal.library.field_day import intrinsics
+from stereocal.library.field_day import calibrate_lens as lens_from_files
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
@@ -409,7 +409,7 @@ class TestFisheye:
 def test_a_video_in_the_place_of_photographs(tmp_path: Path) -> None:
     pytest.importorskip("av")
     video, other = film_boards(tmp_path / "board.mp4", 9, seed=5), tmp_path / "photographs"
-    found = intrinsics(video, PATTERN, settings=LensSettings(subset=6, repeats=4))
+    found = lens_from_files(video, PATTERN, settings=LensSettings(subset=6, repeats=4))
     # Nine small frames, compressed. Measured: 0.2 px.
     assert abs(found.camera.K[0, 0] - SMALL.K[0, 0]) < 3
     stages: list[str] = []

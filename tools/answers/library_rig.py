@@ -11,7 +11,7 @@ import stereocal
 np.set_printoptions(floatmode="unique", threshold=sys.maxsize, linewidth=100)
 recording = stereocal.read(sys.argv[1])
 assert isinstance(recording, stereocal.Recording)
-found = stereocal.rig(recording)
+found = stereocal.calibrate_rig(recording)
 print(found)
 for name, pose in found.poses.items():
     print(name, pose.R, pose.T, sep="\n")
