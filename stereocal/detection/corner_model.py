@@ -27,8 +27,18 @@ import numpy as np
 from stereocal.rig.compiled import compiled, inlined
 from stereocal.system.array_types import FloatArray
 
-CORE, ALL = 7, 13
+CORE, ALL, LIGHT = 7, 13, 11
+"""Parameters without priors, all of them, and the first of the gradient of the light."""
 FRAME = 17
+"""What all pixels share (`fill_frame`):
+    0 to 3  cosine and sine of the first normal's direction, then of the second's
+    4, 5    rho and sqrt(1 - rho^2)
+    6       asin(rho) / pi: 2 / pi times half the interval of Plackett's integral over theta
+    7       1 / s, 1/px
+    8       drho / d(direction of the first normal); by the second's it is minus that
+    9 to 14 sin(theta) at the nodes of the integral, theta from 0 to asin(rho)
+    15, 16  1 / radius of the window, 1/px, and the samples of a pixel
+"""
 ROOT_HALF, ROOT_TWO_BY_PI = math.sqrt(0.5), math.sqrt(2.0 / math.pi)
 CURVATURE_SIGMA = 3e-5
 """1/px. The curvature of a line at distance d from the optical axis is 2 k1 d / f^2: 5e-6 for
@@ -40,6 +50,9 @@ LIGHT_SIGMA = 0.1
 """Change of the light from the centre to the edge of the window, relative."""
 FAR = 5.0
 """Distance from an edge, in blurs, beyond which its effect is neglected: F is within 6e-7 of 1."""
+FAR_FROM_CROSSING = 40.0
+"""h^2 + k^2 beyond which the second term of F is neglected: of perpendicular edges dF/drho is at
+most 2 / pi exp(-20) = 1.3e-9 there."""
 NODES, WEIGHTS = (np.ascontiguousarray(part) for part in np.polynomial.legendre.leggauss(6))
 PIXEL_NODE = 0.5 / math.sqrt(3.0)
 """Gauss points of a pixel of width 1: 2x2 of them integrate cubics over its area exactly."""
@@ -71,7 +84,12 @@ def _quick_erf(h: float, bell: float) -> float:
 
 @inlined
 def _crossing(h: float, k: float, frame: FloatArray) -> tuple[float, float, float, float]:
-    """F and its derivatives by h, k and rho."""
+    """F and its derivatives by h, k and rho.
+
+    F = erf(h / sqrt 2) erf(k / sqrt 2) + (2 / pi) integral of exp(-q(theta) / 2) over theta from 0
+    to asin(rho), where q = (h^2 - 2 h k sin(theta) + k^2) / cos(theta)^2; dF/drho is the integrand
+    of rho, and dF/dh = 2 phi(h) erf((k - rho h) / sqrt(2 (1 - rho^2))).
+    """
     rho, root = frame[4], frame[5]
     near_h, near_k = abs(h) < FAR, abs(k) < FAR
     bell_h = math.exp(-0.5 * h * h) if near_h else 0.0
@@ -84,7 +102,7 @@ def _crossing(h: float, k: float, frame: FloatArray) -> tuple[float, float, floa
     erf_k = math.erf(k * ROOT_HALF) if near_k else math.copysign(1.0, k)
     value, by_h, by_k, by_rho = erf_h * erf_k, 0.0, 0.0, 0.0
     square, product = h * h + k * k, h * k
-    if square >= 40.0:
+    if square >= FAR_FROM_CROSSING:
         # Far from the crossing at most one edge is near, and F depends only on that edge.
         if near_h:
             by_h = math.copysign(ROOT_TWO_BY_PI, k) * bell_h

@@ -264,20 +264,23 @@ def _final(
         variance = math.exp(2.0 * p[4]) + (PIXEL_VARIANCE if samples > 1 else 0.0)
         shift = variance / radius
         measures = covariance_and_noise(pixels, p, radius, samples, penalty, shift)
-        noise = max(measures[3], smallest)
+        noise = max(measures.variance, smallest)
     # Not the mean over all pixels: those at the border of a small board do not move the centre.
-    variance = max(measures[4], smallest)
+    variance = max(measures.variance_of_centre, smallest)
     # Correlated residuals, as from the border of a shadow, count as fewer pixels: with r between
     # neighbours in rows and columns, a sum over an area has ((1 + r) / (1 - r))^2 the variance.
-    r = min(max(float(measures[6]) - 3.0 / math.sqrt(len(pixels)), 0.0), MAXIMUM_CORRELATION)
+    # Up to 3 / sqrt(n) may be noise: three standard deviations, if all pixels weighed the same.
+    r = min(max(measures.correlation - 3.0 / math.sqrt(len(pixels)), 0.0), MAXIMUM_CORRELATION)
     variance *= ((1.0 + r) / (1.0 - r)) ** 2
     if not np.isfinite(measures).all():
         return None
-    covariance = variance * np.array([[measures[0], measures[1]], [measures[1], measures[2]]])
+    uu, uv, vv = measures[:3]
+    covariance = variance * np.array([[uu, uv], [uv, vv]])
     contrast = 2.0 * abs(float(p[6]))
-    # The mean product of n residuals of pure noise has a standard deviation of 1 / sqrt(n).
-    pattern = float(measures[5] - 2.0 * measures[3] / math.sqrt(len(pixels)))
+    # The mean product of n residuals of pure noise has a standard deviation of 1 / sqrt(n) of
+    # their variance.
+    pattern = measures.product - 2.0 * measures.variance / math.sqrt(len(pixels))
     centre, blur, grey = p[:2] + shift * p[11:13], math.exp(p[4]), float(p[5])
     levels = contrast / gain, (grey - contrast / 2) / gain, (grey + contrast / 2) / gain
-    residual, misfit = math.sqrt(measures[3]) / gain, math.sqrt(max(0.0, pattern)) / contrast
+    residual, misfit = math.sqrt(measures.variance) / gain, math.sqrt(max(0.0, pattern)) / contrast
     return Corner(centre, covariance, _directions(p), *ends, blur, *levels, residual, misfit)

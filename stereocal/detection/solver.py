@@ -3,9 +3,11 @@
 Small dense systems are solved by Cholesky's method: `np.linalg.solve` takes 5 s to compile.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from stereocal.detection.corner_model import ALL, FRAME, fill_frame, fill_rows
+from stereocal.detection.corner_model import ALL, FRAME, LIGHT, fill_frame, fill_rows
 from stereocal.rig.compiled import compiled, internal
 from stereocal.rig.decompositions import backward, factor, forward
 from stereocal.system.array_types import FloatArray
@@ -13,6 +15,10 @@ from stereocal.system.array_types import FloatArray
 CHUNK = 64
 SMALLEST_PIVOT = 1e-14
 """Relative to the diagonal entry; a smaller pivot is rounding."""
+TINY = 1e-300
+"""Keeps 0 / 0 from being NaN, and changes no other value."""
+FIRST_DAMPING, EASED, RAISED, LEAST_RAISED, LARGEST_DAMPING = 1e-3, 0.1, 10.0, 1e-6, 1e8
+"""TODO"""
 
 
 @internal
@@ -96,12 +102,12 @@ def fit_parameters(
     g, step = np.empty(size), np.empty(size)
     H_new, g_new = np.empty((size, size)), np.empty(size)
     cost = _normal_equations(pixels, p, radius, samples, penalty, H, g)
-    damping = 1e-3
+    damping = FIRST_DAMPING
     for _ in range(rounds):
         _damp(H, g, damping, L, step)
         if not factor(L, SMALLEST_PIVOT):
-            damping = max(damping * 10.0, 1e-6)
-            if damping > 1e8:
+            damping = max(damping * RAISED, LEAST_RAISED)
+            if damping > LARGEST_DAMPING:
                 return cost, False
             continue
         forward(L, step)
@@ -115,16 +121,35 @@ def fit_parameters(
             for a in range(size):
                 p[a] = trial[a]
             H, H_new, g, g_new, cost = H_new, H, g_new, g, new
-            damping *= 0.1
+            damping *= EASED
             if small:
                 return cost, True
         else:
             if abs(step[0]) + abs(step[1]) < 0.01 * tolerance:
                 return cost, True
-            damping *= 10.0
-            if damping > 1e8:
+            damping *= RAISED
+            if damping > LARGEST_DAMPING:
                 return cost, False
     return cost, False
+
+
+class CornerMeasures(NamedTuple):
+    """Covariance of the centre of a corner, and measures of the n residuals e of its fit. All NaN
+    if the pixels do not determine the parameters."""
+
+    uu: float
+    """Covariance of the centre (u, v) for residuals of variance 1, px^2 over grey levels^2."""
+    uv: float
+    vv: float
+    variance: float
+    """Sum of e^2 / (n - 13), grey levels^2."""
+    variance_of_centre: float
+    """Mean of e^2 weighted by the squared influence of each pixel on the centre: noise and model
+    errors are different near the edges."""
+    product: float
+    """Mean of e e' of neighbours in a row: 0 for noise, positive for what is not a board."""
+    correlation: float
+    """The same weighted by the influence of both, over `variance_of_centre`."""
 
 
 @compiled
@@ -135,59 +160,55 @@ def covariance_and_noise(
     samples: int,
     penalty: FloatArray,
     shift: float,
-) -> FloatArray:
-    """Covariance of the centre and measures of the residuals.
+) -> CornerMeasures:
+    """Covariance of the centre and measures of the residuals, as of `fit_parameters` at its end.
 
-    Args:
-        shift: the centre is p[:2] + shift * p[11:13], where shading has not moved it.
-
-    Returns:
-        (7,): uu, uv, vv of the covariance for unit noise variance; the variance of the residuals;
-        their variance weighted by the influence of each pixel on the centre, since noise and model
-        errors are different near the edges; the mean product of neighbouring residuals, which is 0
-        for noise, and positive for objects that are not a board; the correlation of neighbouring
-        residuals with the weights. All NaN if the pixels do not determine the parameters.
+    With the normal equations H = J^T J + diag(penalty), the centre c = p[:2] + shift * p[11:13] =
+    A p, where shading has not moved it, has the covariance A H^-1 A^T for residuals of variance 1.
+    The influence of pixel i on it is A H^-1 J_i, J_i being the derivatives of its grey level.
     """
-    measures = np.full(7, np.nan)
+    n = pixels.shape[0]
     L, g = np.empty((ALL, ALL)), np.empty(ALL)
-    columns = np.zeros((2, ALL))
     _normal_equations(pixels, p, radius, samples, penalty, L, g)
     if not factor(L, SMALLEST_PIVOT):
-        return measures
+        return CornerMeasures(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan)
+    gain = np.zeros((2, ALL))  # A H^-1
     for a in range(2):
-        columns[a, a], columns[a, 11 + a] = 1.0, shift
-        forward(L, columns[a])
-        backward(L, columns[a])
+        gain[a, a], gain[a, LIGHT + a] = 1.0, shift
+        forward(L, gain[a])
+        backward(L, gain[a])
     frame, rows = np.empty(FRAME), np.empty((ALL + 1, CHUNK))
     fill_frame(p, radius, samples, frame)
-    total, weighted, weights = 0.0, 0.0, 0.0
-    beside, neighbours, before = 0.0, 0, 0.0
-    weighted_beside, weights_beside, weight_before = 0.0, 1e-300, 0.0
-    for i in range(pixels.shape[0]):
+    squares, weighted_squares, weights = 0.0, 0.0, 0.0
+    products, neighbours = 0.0, 0
+    weighted_products, product_weights = 0.0, TINY
+    error_before, weight_before = 0.0, 0.0
+    for i in range(n):
         column = i % CHUNK
         if column == 0:
-            fill_rows(p, frame, pixels, i, min(CHUNK, pixels.shape[0] - i), rows)
-        error = rows[ALL, column]
-        du, dv = 0.0, 0.0
+            fill_rows(p, frame, pixels, i, min(CHUNK, n - i), rows)
+        error, du, dv = rows[ALL, column], 0.0, 0.0
         for a in range(ALL):
-            du += columns[0, a] * rows[a, column]
-            dv += columns[1, a] * rows[a, column]
+            du += gain[0, a] * rows[a, column]
+            dv += gain[1, a] * rows[a, column]
         weight = du * du + dv * dv
-        total += error * error
-        weighted += weight * error * error
+        squares += error * error
+        weighted_squares += weight * error * error
         weights += weight
-        if i > 0 and pixels[i, 0] == pixels[i - 1, 0] + 1.0:
-            beside += error * before
+        if i > 0 and pixels[i, 0] == pixels[i - 1, 0] + 1.0:  # the next pixel of a row
+            products += error * error_before
             neighbours += 1
             both = np.sqrt(weight * weight_before)
-            weighted_beside += both * error * before
-            weights_beside += both
-        before, weight_before = error, weight
-    measures[0] = columns[0, 0] + shift * columns[0, 11]
-    measures[1] = columns[0, 1] + shift * columns[0, 12]
-    measures[2] = columns[1, 1] + shift * columns[1, 12]
-    measures[3] = total / max(pixels.shape[0] - ALL, 1)
-    measures[4] = weighted / weights
-    measures[5] = beside / max(neighbours, 1)
-    measures[6] = weighted_beside / weights_beside / measures[4] if measures[4] > 0.0 else 0.0
-    return measures
+            weighted_products += both * error * error_before
+            product_weights += both
+        error_before, weight_before = error, weight
+    of_centre = weighted_squares / weights
+    return CornerMeasures(
+        gain[0, 0] + shift * gain[0, LIGHT],
+        gain[0, 1] + shift * gain[0, LIGHT + 1],
+        gain[1, 1] + shift * gain[1, LIGHT + 1],
+        squares / max(n - ALL, 1),
+        of_centre,
+        products / max(neighbours, 1),
+        weighted_products / product_weights / of_centre if of_centre > 0.0 else 0.0,
+    )

@@ -10,10 +10,11 @@ no held-out bar shows it.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +36,8 @@ from stereocal.verdict.judging import JudgedSets, add_noise, judge, photograph
 
 DRAWS, BARS = 128, 200
 """Draws of the truth, and fresh bars of each half of a draw."""
+OWN_STREAM = 0x5E7
+"""Sets these random numbers apart from others of the same seed."""
 WRONG_PARTNERS = 3
 """Wrong partners of each point, of the nine in its group."""
 
@@ -227,53 +230,90 @@ def draw_forecast(
         workers: threads.
         knowledge: the same fit with other information about its parameters.
     """
-    rng = np.random.default_rng(np.random.SeedSequence([seed, 0x5E7]))
+    rng = np.random.default_rng(np.random.SeedSequence([seed, OWN_STREAM]))
     methods = tuple(method for method in ALL_METHODS if method in files)
     sets = [rig_at(files[method]) for method in methods]
-    of_noise = draw_noise(model, draws, rng)
-    truths = _truths(knowledge or model, of_noise.across, rng, knowledge is None)
-    ends = fresh_bars(model, draws, 2 * bars, rng)
-    noise = noise_of_points(of_noise.degrees, 4 * bars, rng)
-    noise *= (model.sigma_px.value * of_noise.across)[:, None, None]
+    drawn = _draw_recordings(model, knowledge, draws, 2 * bars, rng)
     partners = partners_in_groups(bars, rng)
-    bar = ends[:, :, 0] - ends[:, :, 1]
-    distances = np.sqrt(np.einsum("dbk,dbk->db", bar, bar))
-    factors = np.array([truth.q[FACTOR] for truth in truths])
-    distances /= factors[:, None]  # as measured, with the error of the bar at hand
-    pixels = np.empty(noise.shape)
 
-    def judge_draw(draw: int) -> list[JudgedSets]:
-        points, seen = ends[draw].reshape(-1, 3), pixels[draw]
-        photograph(truths[draw], points, seen)
-        start = add_noise(model.rig, points, of_noise.along[draw], noise[draw], seen)
-        of_halves = []
-        for half, rows in enumerate((slice(2 * bars), slice(2 * bars, None))):
-            rays = np.ascontiguousarray(start[:, rows])
-            true = distances[draw, bars * half : bars * (half + 1)]
-            of_halves.append(judge(sets, seen[rows], rays, true, partners))
-        return of_halves
+    def judge_draw(draw: int) -> tuple[FloatArray, list[JudgedSets]]:
+        """The pixels (4 bars, 4) of a draw, and what each half of its bars shows."""
+        pixels, rays = drawn.photographs(draw, model.rig)
+        halves = []
+        for first in (0, bars):
+            of_half, ends = slice(first, first + bars), slice(2 * first, 2 * (first + bars))
+            start, distances = np.ascontiguousarray(rays[:, ends]), drawn.distances[draw, of_half]
+            halves.append(judge(sets, pixels[ends], start, distances, partners))
+        return pixels, halves
 
     with ThreadPoolExecutor(workers) as pool:
-        judged = list(pool.map(judge_draw, range(draws)))
+        pixels, judged = zip(*pool.map(judge_draw, range(draws)), strict=True)
     counts, lengths, correct_px = (
-        np.array([[getattr(half, name) for half in draw] for draw in judged])
+        np.array([[getattr(half, name) for half in halves] for halves in judged])
         for name in JudgedSets._fields
     )
-    halves = (draws, 2, bars, 2)
-    radii = image_radii(model, pixels.reshape(-1, 4)).reshape(halves).mean(axis=-1)
-    depths = ends[..., 2].reshape(halves).mean(axis=-1)
-    recorded = int(np.isfinite(model.used_points_m).all(axis=(1, 2)).sum())
+    by_bar = (draws, 2, bars, 2)  # draw, half, bar, end
+    radii = image_radii(model, np.concatenate(pixels)).reshape(by_bar).mean(axis=-1)
     return ForecastDraws(
         methods,
         counts.astype(np.uint16),
         correct_px,
         lengths,
-        depths,
-        radii,
-        recorded,
-        factors,
-        further_recordings(model, files, seed),
+        depths=drawn.ends[..., 2].reshape(by_bar).mean(axis=-1),
+        radii=radii,
+        recorded=int(np.isfinite(model.used_points_m).all(axis=(1, 2)).sum()),
+        bar_factors=drawn.bar_factors,
+        further=further_recordings(model, files, seed),
     )
+
+
+class _Recordings(NamedTuple):
+    """Recordings that may come, one of b bars in each of d draws of the truth."""
+
+    truths: Sequence[Cameras]
+    """d, of two cameras."""
+    bar_factors: FloatArray
+    """(d,): the true over the stated length of the bar."""
+    ends: FloatArray
+    """(d, b, 2, 3): A and B of each bar in the primary's frame, in metres."""
+    distances: FloatArray
+    """(d, b): lengths of the bars as they are measured, with the error of the bar at hand: |A - B|
+    over `bar_factors`."""
+    noise: FloatArray
+    """(d, 2 b, 4): of u, v in both images of each end, px."""
+    along: FloatArray
+    """(d,): noise along the epipolar lines over that across them."""
+
+    def photographs(self, draw: int, rig: Rig) -> tuple[FloatArray, FloatArray]:
+        """Pixels (2 b, 4) with noise of all ends in a draw, and their rays (4, 2 b) without.
+
+        Args:
+            rig: whose epipolar lines tell the noise along from that across.
+        """
+        points = self.ends[draw].reshape(-1, 3)
+        pixels = np.empty((len(points), 4))
+        photograph(self.truths[draw], points, pixels)
+        rays = add_noise(rig, points, self.along[draw], self.noise[draw], pixels)
+        return pixels, rays
+
+
+def _draw_recordings(
+    model: RefinedResult,
+    knowledge: RefinedResult | None,
+    draws: int,
+    bars: int,
+    rng: np.random.Generator,
+) -> _Recordings:
+    """Draw recordings with this number of bars; the models are those of `draw_forecast`."""
+    of_noise = draw_noise(model, draws, rng)
+    truths = _truths(knowledge or model, of_noise.across, rng, knowledge is None)
+    ends = fresh_bars(model, draws, bars, rng)
+    noise = noise_of_points(of_noise.degrees, 2 * bars, rng)
+    noise *= (model.sigma_px.value * of_noise.across)[:, None, None]
+    bar = ends[:, :, 0] - ends[:, :, 1]
+    bar_factors = np.array([truth.q[FACTOR] for truth in truths])
+    distances = np.sqrt(np.einsum("dbk,dbk->db", bar, bar)) / bar_factors[:, None]
+    return _Recordings(truths, bar_factors, ends, distances, noise, of_noise.along)
 
 
 def bin_edge(threshold_px: float) -> int:
@@ -287,22 +327,31 @@ def _truths(
 ) -> list[Cameras]:
     """Draws of the cameras; the covariance grows with the drawn noise.
 
-    `of_boards` says whether lenses from the same boards are taken for what they are.
+    A draw moves the free parameters of the fit by p = A^-1/2 z, z standard normal, where the
+    information A = I / scale^2 + P is that of the images and lengths, I, with noise that is
+    `scale` times the estimated, and that of the priors, P. With A = u^-1 L L^T u^-1, u scaling the
+    diagonal to 1, p = u L^-T z. (Scaled, since metres and pixels stand in one matrix.)
+
+    Args:
+        scales: (d,): drawn over estimated noise.
+        of_boards: whether lenses that were calibrated from the same boards are taken for what they
+            are: then A is the inverse of `p_covariance` over the squared scale, with no prior.
     """
     M, k = model.unknowns.M, len(model.unknowns.names)
     of_images = M.T @ model.information @ M / model.design_effect
     prior = model.unknowns.precision
     if of_boards and lenses_without(model.dataset, model.settings):
         unit = np.sqrt(np.diag(model.p_covariance))
-        scaled = np.linalg.inv(model.p_covariance / np.outer(unit, unit))
+        correlation = model.p_covariance / np.outer(unit, unit)
+        scaled = np.linalg.inv(correlation)
         of_images = 0.5 * (scaled + scaled.T) / np.outer(unit, unit)
         prior = np.zeros((k, k))
     truths = list[Cameras]()
     for scale in scales:
         A = of_images / scale**2 + prior
         unit = 1.0 / np.sqrt(np.diag(A))
-        root = np.linalg.cholesky(A * np.outer(unit, unit))
-        step = unit * np.linalg.solve(root.T, rng.standard_normal(k))
+        L = np.linalg.cholesky(A * np.outer(unit, unit))
+        step = unit * np.linalg.solve(L.T, rng.standard_normal(k))
         truths.append(moved(model.at, M @ step))
     return truths
 

@@ -15,8 +15,9 @@ from stereocal.fit.timing.out_of_step import with_offset_if_out_of_step
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.frames.by_motion import found_by_motion
 from stereocal.frames.pairing import ByHand, Motion
-from stereocal.frames.video.extract import VideoSettings, by_themselves, extract
+from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.frames.video.sound import heard_later
+from stereocal.frames.video.time_stamps import by_themselves
 from stereocal.intrinsics.board_order import orders_of
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.rigid_object import BoardPattern, RigidObject

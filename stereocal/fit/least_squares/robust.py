@@ -69,6 +69,14 @@ LARGEST_SCATTER = 1.0
 """Of the lengths, in units of the longest, after a solve that did not converge and let it grow: the
 fit has given them up, and its scale drifts without end (four fifths of the time where depths are
 reversed)."""
+FIRST_DAMPING, EASED, RAISED, LEAST_RAISED = 1e-5, 0.05, 20.0, 1e-4
+"""TODO"""
+ROUNDING = 1e-6
+"""TODO"""
+LOWERED = 0.25
+"""TODO"""
+ROUGHLY_SAME_NOISE, OF_SMALLEST_SCATTER = 0.1, 0.1
+"""TODO"""
 SAME_NOISE = 0.01
 """Relative change of the noise in a round, below which it has converged."""
 
@@ -77,20 +85,23 @@ def about_first(turns: FloatArray, H: FloatArray, g: FloatArray) -> tuple[FloatA
     """Normal equations (Q, Q) and (Q,) by the rotation vectors of the cameras about their first
     rotations, instead of about the present ones.
 
+    To first order exp(w + d) = exp(L d) exp(w), with the Jacobian of SO(3) from the left (Sola et
+    al. 2018, arXiv:1812.01537, appendix B). With a = |w| and [u]x v = u x v, u = w / a:
+
+        L = 1 + (1 - cos a) / a [u]x + (1 - sin(a) / a) [u]x [u]x.
+
     Args:
         turns: (c, 3): where these vectors are.
     """
     if not turns.any():
         return H, g
-    left = np.eye(len(g))  # Jacobian of SO(3) from the left: exp(w + d) = exp(left d) exp(w)
+    L = np.eye(len(g))
     for number, w in enumerate(turns):
-        size, first = float(np.linalg.norm(w)), EACH * number
-        if size > 0.0:
-            across = np.cross(w / size, np.eye(3)).T
-            left[first : first + 3, first : first + 3] += (1.0 - np.cos(size)) / size * across + (
-                1.0 - np.sin(size) / size
-            ) * across @ across
-    return left.T @ H @ left, left.T @ g
+        a, rotation = float(np.linalg.norm(w)), slice(EACH * number, EACH * number + TRANSLATION)
+        if a > 0.0:
+            ux = np.cross(w / a, np.eye(3)).T
+            L[rotation, rotation] += (1 - np.cos(a)) / a * ux + (1 - np.sin(a) / a) * ux @ ux
+    return L.T @ H @ L, L.T @ g
 
 
 class RobustFit:
@@ -286,11 +297,23 @@ class RobustFit:
         self, limits: FloatArray, tolerance: float = TOLERANCE, most: float = np.inf
     ) -> None:
         """Minimise the cost with these limits (f,) of the loss, by Levenberg and Marquardt in at
-        most so many steps; updates all results."""
+        most so many steps; updates all results.
+
+        The cost of the free parameters p (k,) is sum_n rho(s_n) + baselines + p^T precision p, s_n
+        being the chi-square of unit n with its points fitted. With the normal equations H and g of
+        q = begin + M p, weighted by rho', a step d solves
+
+            (A + damping diag(A)) d = b,   A = M^T H M + precision,   b = M^T g + precision p,
+
+        and goes to p - d (Marquardt 1963, J. Soc. Indust. Appl. Math. 11, 431). b^T d, the `gain`,
+        is the decrease that the quadratic model predicts and, where it is small, the square of the
+        step in standard errors. A step that raises the cost is not taken: A and b stay, and the
+        damping grows.
+        """
         precision, units = self.unknowns.precision, self._units(1 / self.scatter)
         limits, into = limits[self.frame_of] * self.share_of_limit, equations_for(self.free)
         points, of_units, p = self.points.copy(), self.of_units.copy(), self.p
-        gain, damping, self.cost, self.converged = np.inf, 1e-5, np.inf, False
+        gain, damping, self.cost, self.converged = np.inf, FIRST_DAMPING, np.inf, False
         M = self.unknowns.M
         for step in range(int(min(most, self.settings.maximum_steps)) + 1):
             p, begin, cameras = self._placed(p)
@@ -304,20 +327,20 @@ class RobustFit:
                 self.points[:], self.of_units[:] = points, of_units
                 self.H[:], _ = about_first(turns, into.H, into.g)
                 self.converged = gain < tolerance
-                damping *= 0.05 if step > 0 else 1.0
+                damping *= EASED if step > 0 else 1.0
                 H, g = about_first(turns, H, g)
                 A, b = M.T @ H @ M + precision, M.T @ g + precision @ p
             else:
-                self.converged = gain < 1e-6  # rounding, or the remaining error of the points
+                self.converged = gain < ROUNDING
                 points[:] = self.points
-                damping = max(20.0 * damping, 1e-4)
+                damping = max(RAISED * damping, LEAST_RAISED)
             if self.converged:
                 break
             damped = A.copy()
             damped.flat[:: len(b) + 1] *= 1.0 + damping
             _, d, failed = dposv(damped, b)
             gain = float(b @ d)  # the predicted decrease
-            if failed or not gain >= 0.0:
+            if failed or not gain >= 0.0:  # A is not positive definite, or NaN
                 step += 1
                 break
             if gain < UNTAKEN * tolerance:
@@ -467,8 +490,8 @@ class RobustFit:
                     return False
                 if scale == 1.0:
                     break
-                scale *= 0.25
-            if self._is_unchanged(before, 0.1):
+                scale *= LOWERED
+            if self._is_unchanged(before, ROUGHLY_SAME_NOISE):
                 break
         self.outlying = ~(self.chi_squares <= self.limit)
         return bool((~self.outlying).any())
@@ -477,7 +500,8 @@ class RobustFit:
         sigma, scatter, outlying = before
         return (
             abs(self.sigma_px - sigma) <= same * sigma
-            and abs(self.scatter - scatter) <= max(same * scatter, 0.1 * self.smallest_scatter)
+            and abs(self.scatter - scatter)
+            <= max(same * scatter, OF_SMALLEST_SCATTER * self.smallest_scatter)
             and bool((outlying == self.outlying).all())
         )
 
@@ -517,7 +541,11 @@ class RobustFit:
     def _spent(self, of_pixels: FloatArray) -> tuple[float, float]:
         """Degrees of freedom used by the unknowns, of the pixels and of the lengths.
 
-        They are the traces of the two parts of the hat matrix.
+        They are the traces of the two parts of the hat matrix: with C the covariance of the free
+        parameters, trace(C H_pixels) and trace(C H_lengths).
+
+        Args:
+            of_pixels: (Q, Q): the part of H from the pixels alone.
         """
         M = self.unknowns.M
         pixels, everything = M.T @ of_pixels @ M, M.T @ self.H @ M

@@ -1,5 +1,5 @@
-"""Take frames out of videos: of two those that belong together by their time stamps, as photographs
-that pair by their names; of one, or of cameras started by hand, each by itself."""
+"""Take frames out of videos: of two those that belong together by their `time_stamps`, as
+photographs that pair by their names; of one, or of cameras started by hand, each by itself."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -10,7 +10,6 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import median_filter
 
 from stereocal.errors import StereocalError
 from stereocal.frames.video.decoding import (
@@ -21,22 +20,22 @@ from stereocal.frames.video.decoding import (
     score_frames,
 )
 from stereocal.frames.video.sound import heard_later, read_rises
+from stereocal.frames.video.time_stamps import (
+    VideoPairs,
+    by_themselves,
+    describe_times,
+    every,
+    gaps_of,
+    of_one,
+    pair_times,
+    stillest,
+)
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.guarded import Guard
 from stereocal.system.limits import Limits
 from stereocal.system.numbers import rounded
 
-GAP = 1.5
-"""Frame periods above which a step between time stamps is a gap."""
-NEIGHBOURS = 11
-"""Steps whose median is the frame period at a place: a variable rate is no gap."""
-NEAREST = 0.5
-"""Most frame periods between the frames of a pair."""
-FEWEST = 30
-"""Parts of a short video of which one pair each is taken, as many as frames serve well."""
-DENSE = 15.0
-"""Frames a second that tell the motion of what is waved by hand."""
 HEARD_APART_S = 0.25
 """Less may be the sound's way to the cameras, and what they store late."""
 FrameChoice = Literal["every", "still"]
@@ -65,7 +64,7 @@ class VideoSettings:
     """How much the clock of the secondary is ahead of the primary's, as `pair_times` takes it."""
     by_hand: bool = False
     """The cameras were started by hand: frames are taken of each video by itself, every n-th of
-    `every`, else at most `DENSE` a second."""
+    `every`, else at most `time_stamps.DENSE` a second."""
     coloured: bool = False
     """Frames keep their colours, for balls that differ by them; else they are grey."""
 
@@ -110,45 +109,54 @@ def extract(
             "started by hand only, whose motion tells which belong together: say so."
         )
     guard = Guard((read_times, score_frames, encoded_frames, read_rises), CHILDREN, LEAST_SECONDS)
-    step_s, rises = None, list[FloatArray]()
     try:
         files, look = [(path, path.name) for path in paths], partial(progress, 0, 1)
         times: list[VideoTimes] = guard.read_all(read_times, files, look)
-        seconds = [video.seconds for video in times]
-        n = settings.n if settings.choice == "every" else None
+        rises = list[FloatArray]()
         with suppress(StereocalError):  # no sound that can be read
             rises = guard.read_all(read_rises, files, look) if len(files) > 1 else []
-        if settings.by_hand:
-            pairs, step_s = by_themselves(seconds, n)
-        elif len(seconds) == 1:
-            pairs = of_one(*seconds)
-        else:
-            pairs = pair_times(seconds[0], seconds[1], settings.later_s)
+        seconds = {name: video.seconds for name, video in zip(names, times, strict=True)}
+        pairs, step_s = _paired([*seconds.values()], settings)
         work = _Work(guard, names, paths, times, pairs, settings.coloured, begin, progress)
-        if settings.by_hand or n is not None:
-            chosen = every(pairs, 1 if settings.by_hand else settings.n)
+        if settings.by_hand:
+            chosen = every(pairs, 1)
         else:
-            chosen = work.stillest()
+            chosen = work.stillest() if settings.choice == "still" else every(pairs, settings.n)
         Limits.from_environment().check_count(len(names) * len(chosen), "The frames of the videos")
         lost = work.take(chosen, keep)
     finally:
         guard.close()
-    if lost == len(chosen):
-        of = "videos" if len(names) > 1 else "video"
-        raise StereocalError(f"No frame of the {of} could be decoded.")
-    sentences = describe_times(by_name := dict(zip(names, seconds, strict=True)), pairs)
-    pairs_of = "pairs of " * (len(names) > 1)
-    taken = f"{len(chosen) - lost:,} {pairs_of}frames were taken."
+    taken = len(chosen) - lost
+    if not taken:
+        raise StereocalError(f"No frame of the video{'s' * (len(names) > 1)} could be decoded.")
+    heard, by_sound = _heard(seconds, rises, settings, step_s)
+    sentences = [
+        *describe_times(seconds, pairs),
+        _taken_in_words(pairs, taken, step_s),
+        *by_sound,
+        *([f"{lost} could not be decoded."] if lost else []),
+    ]
+    missing = any(gaps_of(video.seconds) for video in times)
+    return VideoReport(tuple(sentences), taken, missing, heard)
+
+
+def _paired(
+    seconds: Sequence[FloatArray], settings: VideoSettings
+) -> tuple[VideoPairs, float | None]:
+    """The frames that belong together by the time stamps of each video, in seconds; and the step in
+    seconds of frames that are taken of each video by itself."""
+    if settings.by_hand:
+        return by_themselves(seconds, settings.n if settings.choice == "every" else None)
+    if len(seconds) == 1:
+        return of_one(*seconds), None
+    return pair_times(seconds[0], seconds[1], settings.later_s), None
+
+
+def _taken_in_words(pairs: VideoPairs, taken: int, step_s: float | None) -> str:
     if step_s is not None:
         counts = " and ".join(f"{count:,}" for count in (pairs.frames >= 0).sum(axis=0))
-        taken = f"Of each by itself, a frame every {rounded(step_s)} s was taken: {counts}."
-    sentences.append(taken)
-    heard, by_sound = _heard(by_name, rises, settings, step_s)
-    sentences += by_sound
-    if lost:
-        sentences.append(f"{lost} could not be decoded.")
-    missing = any(gaps_of(video.seconds) for video in times)
-    return VideoReport(tuple(sentences), len(chosen) - lost, missing, heard)
+        return f"Of each by itself, a frame every {rounded(step_s)} s was taken: {counts}."
+    return f"{taken:,} {'pairs of ' * (pairs.frames.shape[1] > 1)}frames were taken."
 
 
 def with_frames(
@@ -218,7 +226,7 @@ class _Work:
     names: list[str]
     paths: list[Path]
     times: list[VideoTimes]
-    pairs: "VideoPairs"
+    pairs: VideoPairs
     coloured: bool
     begin: Callable[[str], None]
     progress: Callable[[int, int], None]
@@ -306,163 +314,3 @@ def _at(scores: FloatArray, seconds: FloatArray) -> FloatArray:
         np.maximum.at(known, row[exact], scores[exact, 2])
         values[known >= 0, 1] = known[known >= 0]
     return values
-
-
-def _period(seconds: FloatArray) -> float:
-    """The usual time from frame to frame, in seconds."""
-    return float(np.median(np.diff(seconds)))
-
-
-def gaps_of(seconds: FloatArray) -> list[tuple[float, int]]:
-    """The steps of more than 1.5 frame periods, by the period at the place: time stamp of the frame
-    before, from the first, and number of missing frames.
-    """
-    steps = np.diff(seconds)
-    periods = median_filter(steps, NEIGHBOURS, mode="mirror")
-    return [
-        (float(seconds[k] - seconds[0]), round(float(steps[k] / periods[k])) - 1)
-        for k in np.flatnonzero(steps > GAP * periods)
-    ]
-
-
-@dataclass(frozen=True, eq=False)
-class VideoPairs:
-    """Frames of videos that belong together."""
-
-    frames: IntArray
-    """(n, c): indices into the time stamps of each camera; ascending, but -1 of a camera that has
-    no frame then."""
-    apart_s: FloatArray
-    """(n,): time of the secondary's frame after the primary's; empty if that is still open."""
-    numbers: IntArray
-    """(n,): numbers of the recorded frames, from 1, which count missing frames too."""
-
-
-def pair_times(
-    primary: FloatArray, secondary: FloatArray, later_s: float | None = None
-) -> VideoPairs:
-    """Pair the frames whose time stamps agree best.
-
-    Args:
-        primary, secondary: time stamps in seconds, ascending.
-        later_s: by how much the clock of the secondary is ahead of the primary's; None: both
-            videos start at the same moment.
-    """
-    shift = secondary[0] - primary[0] if later_s is None else later_s
-    theirs = secondary - shift
-    nearest = _nearest(theirs, primary)
-    apart = theirs[nearest] - primary
-    limit = NEAREST * max(_period(primary), _period(secondary))
-    ours = np.flatnonzero(np.abs(apart) <= limit)
-    # A frame of the secondary belongs to the nearest of the primary's frames.
-    ours = ours[np.argsort(np.abs(apart[ours]), kind="stable")]
-    ours = np.sort(ours[np.unique(nearest[ours], return_index=True)[1]])
-    if not len(ours):
-        raise StereocalError(
-            "The two videos have no frames of the same moment: check that they are of the same "
-            "recording, and by how much the secondary's clock is ahead."
-        )
-    frames = np.column_stack([ours, nearest[ours]])
-    return VideoPairs(frames, apart[ours], _numbered(primary, ours))
-
-
-def of_one(seconds: FloatArray) -> VideoPairs:
-    """All frames of one video, by their time stamps."""
-    every = np.arange(len(seconds))
-    return VideoPairs(every[:, None], np.empty(0), _numbered(seconds, every))
-
-
-def _numbered(seconds: FloatArray, chosen: IntArray) -> IntArray:
-    """Numbers of the chosen frames from 1, ascending, which count missing frames too."""
-    times = seconds[chosen] - seconds[0]
-    numbers: IntArray = 1 + np.round(times / _period(seconds)).astype(np.int64)
-    for k in range(1, len(numbers)):  # a variable rate
-        numbers[k] = max(numbers[k], numbers[k - 1] + 1)
-    return numbers
-
-
-def _nearest(seconds: FloatArray, wanted: FloatArray) -> IntArray:
-    """Which of ascending times is the nearest to each wanted one."""
-    after = np.clip(np.searchsorted(seconds, wanted), 1, len(seconds) - 1)
-    return np.asarray(after - (wanted - seconds[after - 1] < seconds[after] - wanted))
-
-
-def by_themselves(times: Sequence[FloatArray], n: int | None) -> tuple[VideoPairs, float]:
-    """Frames of each video at equal steps of time from its first, and the step in seconds: their
-    numbers are not of the same moments.
-
-    Args:
-        times: the time stamps of each video, in seconds.
-        n: a step is so many frames of the slowest camera; None: not shorter than 1 / `DENSE`.
-    """
-    slowest = max(map(_period, times))
-    step_s = slowest * (n or int(np.ceil(1.0 / (DENSE * slowest) - 0.01)))
-    columns = []
-    for seconds in times:
-        wanted = np.arange(seconds[0], seconds[-1] + 0.1 * slowest, step_s)
-        nearest = _nearest(seconds, wanted)
-        near = np.abs(seconds[nearest] - wanted) <= NEAREST * slowest
-        columns.append(np.where(near, nearest, -1))
-    most = max(map(len, columns))
-    frames = [np.pad(column, (0, most - len(column)), constant_values=-1) for column in columns]
-    return VideoPairs(np.column_stack(frames), np.empty(0), np.arange(1, most + 1)), step_s
-
-
-def every(pairs: VideoPairs, n: int) -> IntArray:
-    """The pairs of every n-th recorded frame: the first of each n numbers."""
-    groups = (pairs.numbers - 1) // n
-    return np.unique(groups, return_index=True)[1].astype(np.int64)
-
-
-def stillest(
-    pairs: VideoPairs, seconds: FloatArray, sharpness: FloatArray, motion: FloatArray
-) -> IntArray:
-    """In each second, the sharpest pair of the still half; of short videos in each
-    `FEWEST`-th part. Both are relative to the median of each camera, and added over the cameras.
-
-    Args:
-        seconds: time stamps of the primary.
-        sharpness, motion: (n, c), of each pair in all cameras.
-    """
-
-    def relative(values: FloatArray) -> FloatArray:
-        middle = np.median(values, axis=0)
-        return np.asarray((values / np.where(middle > 0, middle, 1.0)).sum(axis=1))
-
-    still, sharp = relative(motion), relative(sharpness)
-    times = seconds[pairs.frames[:, 0]]
-    part_s = min(1.0, (times[-1] - times[0]) / FEWEST) if len(times) > 1 else 1.0
-    bins = np.floor((times - times[0]) / part_s + 1e-9).astype(np.int64)
-    chosen = []
-    for second in np.unique(bins):
-        rows = np.flatnonzero(bins == second)
-        calm = rows[still[rows] <= np.median(still[rows])]
-        chosen.append(calm[np.argmax(sharp[calm])])
-    return np.array(chosen, dtype=np.int64)
-
-
-def describe_times(videos: Mapping[str, FloatArray], pairs: VideoPairs) -> list[str]:
-    """The rates, the gaps and the agreement of videos, in words."""
-    sentences = []
-    for which, seconds in videos.items():
-        period, steps = _period(seconds), np.diff(seconds)
-        low, high = np.percentile(steps, [5, 95])
-        rate = f"{rounded(1 / period, 4)} frames a second"
-        if high > 1.1 * low:
-            rate = f"a variable rate, about {rate}"
-        gaps = gaps_of(seconds)
-        lost = "no frame is missing"
-        if gaps:
-            first = ", ".join(f"{missing} after {at_s:.3f} s" for at_s, missing in gaps[:3])
-            more = f" and at {len(gaps) - 3} more places" if len(gaps) > 3 else ""
-            count = sum(missing for _, missing in gaps)
-            lost = f"{count} frame{'s are' if count > 1 else ' is'} missing: {first}{more}"
-        sentences.append(f"The {which} video has {len(seconds)} frames, {rate}; {lost}.")
-    if not len(pairs.apart_s):
-        return sentences
-    largest = 1000 * float(np.abs(pairs.apart_s).max())
-    sentences.append(
-        f"{len(pairs.frames)} frames of both belong together; their time stamps differ by at most "
-        f"{rounded(largest)} ms."
-    )
-    return sentences

@@ -13,7 +13,8 @@ import numpy.typing as npt
 from stereocal.detection.intensity import eight_bits
 from stereocal.errors import StereocalError
 from stereocal.frames.video.decoding import encoded_frames, read_times
-from stereocal.frames.video.extract import LEAST_SECONDS, pair_times
+from stereocal.frames.video.extract import LEAST_SECONDS
+from stereocal.frames.video.time_stamps import pair_times
 from stereocal.system.guarded import Guard
 from stereocal.system.latest import Latest
 from stereocal.system.photograph import PhotographFile, read_colours
