@@ -169,8 +169,9 @@ def _misfit(pairs: FloatArray) -> float:
 
 @internal
 def _normalised(pairs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The mean distances of each camera's points from their middle, and the coefficients of a
-    matrix of the normalised points, (n, 9)."""
+    """The mean distances of each camera's points from their middle (2,), and the coefficients (n,
+    9) of the entries of F, row by row, in q_s^T F q_p = 0: with the normalised points (x, y) of the
+    primary and (u, v) of the secondary, (u x, u y, u, v x, v y, v, x, y, 1)."""
     n = len(pairs)
     middle, scale, rows = np.sum(pairs, axis=0) / n, np.zeros(2), np.ones((n, 9))
     for k in range(n):
@@ -202,7 +203,14 @@ def _fill_normal(rows: FloatArray, weights: FloatArray, A: FloatArray) -> None:
 
 @internal
 def _distance(row: FloatArray, scale: FloatArray, f: FloatArray) -> float:
-    """Sampson's distance, on the planes z = 1, as in `geometry.sampson`."""
+    """Sampson's distance, on the planes z = 1, as in `geometry.sampson`: the residual over the
+    length of its gradient by the four coordinates, that is of F q_p and F^T q_s without their last
+    entries, over the scales of the normalised points.
+
+    Args:
+        row: (9,), scale: (2,): as of `_normalised`.
+        f: (9,): the entries of F.
+    """
     x, y, u, v = row[6], row[7], row[2], row[5]
     a, b = (f[0] * x + f[1] * y + f[2]) / scale[1], (f[3] * x + f[4] * y + f[5]) / scale[1]
     c, d = (f[0] * u + f[3] * v + f[6]) / scale[0], (f[1] * u + f[4] * v + f[7]) / scale[0]

@@ -32,7 +32,10 @@ RING = np.vstack([RING, -RING]).astype(np.int64)
 RING_ANGLES = np.unwrap(np.arctan2(RING[:, 1], RING[:, 0]).astype(np.float64))
 BORDER = 5
 ASYMMETRY = 0.3
-"""Largest mean square difference of opposite sides of the ring, over its variance."""
+"""Largest mean square difference of opposite points of the ring, over twice its variance, which
+points that have nothing in common differ by."""
+START_BLUR = 0.4
+"""Logarithm of the blur, 1.5 px, at which fits begin."""
 SMALLEST_CONTRAST = 8.0
 """Least difference of white and black, in grey levels of 255."""
 HALF_WINDOW = 5.0
@@ -80,7 +83,15 @@ def _crossings(ring: FloatArray, middle: float, edges: FloatArray) -> bool:
 
 @internal
 def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> bool:
-    """Whether a ring looks like that of an X-corner; the initial parameters are written to p."""
+    """Whether a ring looks like that of an X-corner; the initial parameters are written to p.
+
+    The ring of an X-corner crosses its middle grey level four times, and is the same after half a
+    turn (`ASYMMETRY`). Each edge has the mean direction of its two crossings.
+
+    Args:
+        ring: (n,), for work.
+        p: (13,), written.
+    """
     n, darkest, brightest = ring.size, math.inf, -math.inf
     for i in range(n):
         ring[i] = image[y + RING[i, 1], x + RING[i, 0]]
@@ -110,13 +121,14 @@ def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> 
     p[0], p[1] = x, y
     p[2] = first - 0.5 * math.pi if bright else first + 0.5 * math.pi
     p[3] = second + 0.5 * math.pi
-    p[4], p[5], p[6] = 0.4, middle, math.sqrt(variance / n)
+    p[4], p[5], p[6] = START_BLUR, middle, math.sqrt(variance / n)
     return True
 
 
 @internal
 def _correlation(image: GreyImage, x: int, y: int, p: FloatArray) -> float:
-    """Correlation of 9x9 pixels with a crossing whose edges are ramps of 4 px."""
+    """Correlation of 9x9 pixels with a crossing whose edges are ramps of 4 px: h and k are half the
+    distances from the edges, cut off at -1 and 1."""
     cos1, sin1, cos2, sin2 = math.cos(p[2]), math.sin(p[2]), math.cos(p[3]), math.sin(p[3])
     n, one, two, both, square1, square2 = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(-4, 5):

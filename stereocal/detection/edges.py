@@ -10,6 +10,12 @@ from stereocal.system.array_types import FloatArray
 
 LONG_ARM = 6.0
 """Length in blurs beyond which a longer arm does not increase the quality."""
+STEPS, SMOOTH, AHEAD = 120.0, 0.08, (1.2, 1.8)
+"""Samples along the longest arm, at least 0.5 px apart; the part of the first distance over which
+their difference is averaged, at least 2 px; and where, in lengths of the arm, the next square is
+looked for."""
+SQUARE_SPREAD = 0.35
+"""Largest deviation of the difference along the next square, from -1 and in itself."""
 UNEQUAL_ARMS = 0.68
 """Least factor for opposite arms of different lengths, which the bar or something in the background
 can cause by extending an edge; below `checks.CERTAIN_QUALITY`."""
@@ -89,7 +95,7 @@ def _is_inverted(seen: FloatArray) -> bool:
     for value in seen:
         mean += value / seen.size
         square += value * value / seen.size
-    return abs(mean + 1.0) < 0.35 and square - mean * mean < 0.35**2
+    return abs(mean + 1.0) < SQUARE_SPREAD and square - mean * mean < SQUARE_SPREAD**2
 
 
 @internal
@@ -106,9 +112,9 @@ def _arm(
         along, side: (2,): direction of the arm, and step from the edge into a square.
         length: maximum distance, px.
     """
-    step = max(0.5, length / 120.0)
-    smooth = max(1, int(2.0 / step), int(0.08 * start[3] / step))
-    seen = np.empty(int(1.9 * length / step) + smooth)
+    step = max(0.5, length / STEPS)
+    smooth = max(1, int(2.0 / step), int(SMOOTH * start[3] / step))
+    seen = np.empty(int(1.9 * length / step) + smooth)  # a little more than AHEAD
     expected = np.empty(seen.size)
     first = start[3]
     start[3] -= (smooth // 2) * step
@@ -124,8 +130,8 @@ def _arm(
         if end > length:
             return math.inf, False, False
         if i >= smooth - 1 and total < 0.5 * model:
-            low = min(last, max(0, math.ceil((1.2 * end - start[3]) / step)))
-            high = min(last, max(low, math.ceil((1.8 * end - start[3]) / step)))
+            low = min(last, max(0, math.ceil((AHEAD[0] * end - start[3]) / step)))
+            high = min(last, max(low, math.ceil((AHEAD[1] * end - start[3]) / step)))
             return end, _is_inverted(seen[low:high]), False
     if last < seen.size:
         return start[3] + last * step, False, True
@@ -157,10 +163,11 @@ def follow(
     sine = abs(math.sin(p[2] - p[3]))
     start = np.empty(5)
     start[0], start[1] = p[0], p[1]
-    start[4] = max(blur, 0.3) * math.sqrt(2.0) / sine
+    start[4] = max(blur, 0.3) * math.sqrt(2.0) / sine  # erf(t / it) along the other edge
     for i in range(4):
         e, o = i // 2, 1 - i // 2
         forward = 1.0 - 2.0 * (i % 2)
+        # Far enough from the edge for 97 % of the contrast (2.2 blurs), within the board.
         offset = max(1.0, min(max(2.0, 2.2 * blur) / sine, 0.8 * half[o]))
         # The bright side follows from F being positive where both distances have the same sign.
         aside = along[o, 0] * normal[e, 0] + along[o, 1] * normal[e, 1]

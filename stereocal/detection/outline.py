@@ -12,7 +12,10 @@ from stereocal.fit.screening.outliers import MAD_TO_SIGMA
 from stereocal.rig.camera import Camera
 from stereocal.system.array_types import FloatArray
 
-ANGLES_PX = 1.5
+ANGLES_PX, FEWEST_PROFILES, MOST_PROFILES = 1.5, 24, 120
+"""Profiles across the outline are so far apart, px; their least and largest number."""
+LEAST_REACH_PX = 3.0
+ROUNDS, FEWEST_EDGES = 8, 6
 REACHES = (0.25, 0.16, 0.12)
 """Reach of the profiles in each round of the fit, in radii."""
 LEAST_SIGMA_PX, SHADING_OF_BLUR = 0.005, 0.85
@@ -33,6 +36,18 @@ STRAYED = (4.0, 8.0)
 """What the low harmonics have beyond this times the noise is added, this many times: by chance in
 1 of 80 balls. In even light renderings, what they have below that does not move the centre."""
 WEAKEST_EDGE = 6.0
+"""Grey levels by which the colour changes across an edge."""
+STRONG, SHARP = 0.75, 0.25
+"""Quantiles of the edges' steps and spreads: what the outline has, where others may be of the
+border between day and night on the ball, which is wider and weaker."""
+LEAST_STRENGTH, WIDEST, LEAST_SHARPNESS = 0.05, 2.5, 0.01
+"""A weight is the square of the step over the strong one, at least the first, at most 1; times
+`WIDEST` less the spread over the sharp one, at least the last, at most 1. TODO"""
+PER_UNEVENNESS = 10.0
+"""One over the resultant of the steps around the rim by their sum at which light counts as from the
+side."""
+FIRST_LIMIT, SCATTERS, LEAST_LIMIT_PX = 0.25, 4.0, 0.8
+"""Of Tukey's biweight: at first in radii, then in scatters of the edges, at least in px. TODO"""
 LEAST_SEEN = 0.25
 
 
@@ -70,7 +85,8 @@ def fit_outline(
     fitted: Outline | None = None
     for reach in REACHES:
         lens = camera if reach == REACHES[-1] else None
-        fitted = _round(part, centre - origin, radius, max(3.0, reach * radius), lens, origin)
+        reach_px = max(LEAST_REACH_PX, reach * radius)
+        fitted = _round(part, centre - origin, radius, reach_px, lens, origin)
         if fitted is None or fitted.seen < LEAST_SEEN:
             return None
         if not 0.5 * first < fitted.radius < 1.6 * first:
@@ -87,8 +103,12 @@ def _round(
     camera: Camera | None,
     origin: FloatArray,
 ) -> Outline | None:
-    """One round of the fit, in a part of the photograph at `origin`; `centre` is in the part."""
-    n = int(np.clip(2.0 * math.pi * radius / ANGLES_PX, 24, 120))
+    """One round of the fit, in a part of the photograph at `origin`; `centre` is in the part.
+
+    Of n profiles across the outline, the edge of each (n,) is where its colour changes most along
+    the line from the colour inside to the one outside.
+    """
+    n = int(np.clip(2.0 * math.pi * radius / ANGLES_PX, FEWEST_PROFILES, MOST_PROFILES))
     turn = 2.0 * math.pi * np.arange(n) / n
     normals = np.column_stack([np.cos(turn), np.sin(turn)])
     points = centre + radius * normals
@@ -110,14 +130,14 @@ def _round(
         coded = (step**2 * shift).sum(axis=1) / height**2
     blur = float(np.median(spread[good]))
     coded = 0.5 * math.sqrt(blur) * coded[good]
-    # The border between day and night on the ball is wider and weaker than its outline.
-    weight = np.clip(fall[good] / float(np.quantile(fall[good], 0.75)), 0.05, 1.0) ** 2
-    sharp = float(np.quantile(spread[good], 0.25))
-    weight *= np.clip(2.5 - spread[good] / sharp, 0.01, 1.0)
+    strong = float(np.quantile(fall[good], STRONG))
+    sharp = float(np.quantile(spread[good], SHARP))
+    weight = np.clip(fall[good] / strong, LEAST_STRENGTH, 1.0) ** 2
+    weight *= np.clip(WIDEST - spread[good] / sharp, LEAST_SHARPNESS, 1.0)
     edges = origin + points[good] + (away[good] - coded)[:, None] * normals[good]
     fitted = _circle(edges, weight, coded, origin + centre, radius, camera, n)
     uneven = float(np.linalg.norm(fall[good] @ normals[good])) / float(fall[good].sum())
-    shading = SHADING_OF_BLUR * blur / radius * min(1.0, 10.0 * uneven) ** 2
+    shading = SHADING_OF_BLUR * blur / radius * min(1.0, PER_UNEVENNESS * uneven) ** 2
     shading = math.hypot(LEAST_SIGMA_PX, shading)
     return fitted and replace(fitted, sigma=math.hypot(fitted.sigma, shading))
 
@@ -132,7 +152,14 @@ def _circle(
     n: int,
 ) -> Outline | None:
     """The outline of a sphere through edges (m, 2) px, found in n profiles, robustly; `coded` (m,)
-    is how far the edges may lie farther outside, or inside, px."""
+    is how far the edges may lie farther outside, or inside, px.
+
+    With a lens, edges are taken to the plane across the ray of the centre (`_axes`), where the
+    sphere is a circle about it. There the residuals are |edge - middle| - radius, and Gauss and
+    Newton's step solves (J^T W J) step = J^T W off with J (m, 3) by the middle and the radius, and
+    the weights times Tukey's biweight. The variance of the middle is that of J with the power of
+    the residuals' harmonics (`HARMONICS`), and the square of how far `coded` would move it.
+    """
     flat = edges - centre
     if camera is not None:
         axes = _axes(camera, centre)
@@ -141,13 +168,13 @@ def _circle(
         flat = scale * rays[:, :2] / rays[:, 2:]
     if not np.isfinite(flat).all():
         return None
-    limit, middle = 0.25 * radius, np.zeros(2)
-    for _ in range(8):
+    limit, middle = FIRST_LIMIT * radius, np.zeros(2)
+    for _ in range(ROUNDS):
         away = flat - middle
         size = np.linalg.norm(away, axis=1)
         off = size - radius
         robust = weight * np.clip(1.0 - (off / limit) ** 2, 0.0, 1.0) ** 2
-        if (robust > 0).sum() < 6:
+        if (robust > 0).sum() < FEWEST_EDGES:
             return None
         J = np.column_stack([away / size[:, None], np.ones(len(flat))])
         try:
@@ -157,7 +184,7 @@ def _circle(
         step = inverse @ (J.T @ (robust * off))
         middle = middle + step[:2]
         radius += float(step[2])
-        limit = max(4.0 * MAD_TO_SIGMA * float(np.median(np.abs(off))), 0.8)
+        limit = max(SCATTERS * MAD_TO_SIGMA * float(np.median(np.abs(off))), LEAST_LIMIT_PX)
     centre = centre + middle
     if camera is not None:
         ray = np.append(middle / scale, 1.0) @ axes
@@ -165,7 +192,8 @@ def _circle(
     used = robust > 0
     scatter = math.sqrt(float((robust * off**2).sum() / robust.sum()))
     turned = np.arctan2(away[:, 1], away[:, 0])[:, None] * HARMONICS
-    waves = np.stack([np.cos(turned), np.sin(turned)])
+    waves = np.stack([np.cos(turned), np.sin(turned)])  # (2, m, harmonics)
+    # Less what the fit explains of them; their power (2, harmonics) in the residuals.
     waves -= J @ (inverse @ (J.T @ (robust[:, None] * waves)))
     power = ((robust * off) @ waves) ** 2 / (robust @ waves**2 + 1e-9)
     noise, low = (float(part.mean()) for part in np.split(power, [LOW], axis=1)[::-1])

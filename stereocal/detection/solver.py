@@ -18,7 +18,11 @@ SMALLEST_PIVOT = 1e-14
 TINY = 1e-300
 """Keeps 0 / 0 from being NaN, and changes no other value."""
 FIRST_DAMPING, EASED, RAISED, LEAST_RAISED, LARGEST_DAMPING = 1e-3, 0.1, 10.0, 1e-6, 1e8
-"""TODO"""
+"""Marquardt's damping: at first; its factors after a step that lowers the cost and after one that
+does not; its least value where the matrix has no factor; and that at which the fit gives up.
+Measured on 24 windows of sample_data/photographs, each number a quarter and four times as large:
+180 to 183 evaluations instead of 181, all fits converge, centres move by 0.006 px at most while the
+window grows, within the tolerance of 0.01 px."""
 
 
 @internal

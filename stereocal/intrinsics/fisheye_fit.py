@@ -199,7 +199,13 @@ def _linearised(
 ) -> tuple[FloatArray, FloatArray]:
     """Residuals (n, 2) in px, found minus projected, and the derivatives (n, 2, 14) of the
     projected points by the lens (0 if it is held), a turn of the board about the camera's axes,
-    and its position."""
+    and its position.
+
+    A point (x, y, z) at the angle theta = atan2(r, z) from the axis, r = |(x, y)|, is imaged at
+    f rho(theta) (x, y) / r + c, with rho = theta + k1 theta^3 + ... + k4 theta^9. `along` is (x, y)
+    / r (2, n); the derivatives of theta by the point are (z x / r, z y / r, -r) / (r^2 + z^2), and
+    those of `along` 1 / r across it.
+    """
     turned = np.einsum("nij,nj->ni", R[boards.of], boards.points)
     x, y, z = (turned + t[boards.of]).T
     r = np.maximum(np.hypot(x, y), TINY)

@@ -311,6 +311,14 @@ class _Both:
         """The offset by points in pairs, if they tell it and it is not the one near it that was
         tried.
 
+        The errors e (k,) of the pairs, signed distances from their epipolar lines, have the
+        derivatives J (k, 1 or 2) by the offset in the middle and, of a long recording, by its
+        drift: an image point moves by minus its velocity a frame. Newton's steps lower Cauchy's
+        sum of log(1 + f), f = (e / c)^2, with c `FAR` medians of |e|. The covariance is the
+        sandwich H^-1 (sum of s s^T) H^-1 of the scores s = J e / (1 + f) and the curvature H = sum
+        of J J^T (1 - f) / (1 + f)^2; the larger one of single pairs and of sums over `BLOCKS` runs
+        in time, whose errors may be alike.
+
         Args:
             i, j: (k,): of the first and of the second.
             moment: (n,): the first's frames.
@@ -336,6 +344,7 @@ class _Both:
             if use.sum() < TELLING:
                 return None
             e, J = here[use], (since * ((ahead - here) / STEP)[:, None])[use]
+            # 1e-9: exact points have a median of 0.
             far = np.square(e / (FAR * np.median(np.abs(e)) + 1e-9))
             scores = J * (e / (1.0 + far))[:, None]
             step = np.linalg.pinv(J.T @ (J / (1.0 + far)[:, None])) @ scores.sum(axis=0)

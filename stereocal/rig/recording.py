@@ -234,60 +234,49 @@ class Recording(TableAnswer):
         """
         rigid_object = RigidObject.of(held)
         cameras = {str(called): lens for called, lens in cameras.items()}
-        pixels, numbers = _numbers("image point", points), _numbers("frame", frame)
+        pixels, frames = _numbers("image point", points), _numbers("frame", frame)
         camera, target = [*camera], [*target]
-        lengths = [len(column) for column in (camera, target)]
-        refuse(
-            (len(cameras) < 2, "A recording needs two cameras or more."),
-            (
-                lengths != [numbers.size] * 2 or pixels.shape not in ((numbers.size, 2), (0,)),
-                "Frame, camera and target need n values each, and the points the shape (n, 2).",
-            ),
-            (not np.isfinite(pixels).all(), "An image point is not a finite number."),
-            (not (numbers == np.round(numbers)).all(), "A frame is not a whole number."),
-            (
-                np.abs(numbers).max(initial=0) > LARGEST_WHOLE,
-                "A frame is above 2^53 - 1, up to which numbers are told apart.",
-            ),
-        )
+        _refuse_unusable(frames, len(camera), len(target), pixels, len(cameras))
+        pixels = pixels.reshape(-1, 2)
+        sigmas = np.full(len(pixels), np.nan) if sigma_px is None else sigma_px
         recording = cls(
             name,
             cameras,
             rigid_object,
-            numbers.astype(np.int64),
+            frames.astype(np.int64),
             _codes("camera", camera, [*cameras]),
             _codes("target", target, rigid_object.names),
-            pixels.reshape(-1, 2),
-            np.full(len(pixels), np.nan)
-            if sigma_px is None
-            else np.array(sigma_px, dtype=np.float64),
+            pixels,
+            np.array(sigmas, dtype=np.float64),
             baseline_sigma_m=baseline_sigma_m,
         )
-        keys = pd.DataFrame(
-            {"frame": recording.frame, "camera": recording.camera, "target": recording.target}
-        )
-        if keys.duplicated().any():
-            row = int(np.flatnonzero(keys.duplicated())[0])
-            which, what = (
-                [*cameras][recording.camera[row]],
-                rigid_object.names[recording.target[row]],
-            )
-            raise StereocalError(
-                f"Frame {recording.frame[row]}, camera {which}, target {what} is there twice."
-            )
+        recording._refuse_repeated()
         check_length("longest distance between points of the object", rigid_object.longest_m)
         check_uncertainty("object", rigid_object.sigma_m, rigid_object.longest_m)
-        if baselines_m is not None and not isinstance(baselines_m, Mapping):
-            baselines_m = {"-".join(recording.pairs[0]): float(baselines_m)}
-        measured = {
-            recording.pair_named(pair): value for pair, value in (baselines_m or {}).items()
-        }
-        for pair, value in measured.items():
-            check_length(f"baseline {'-'.join(pair)}", value)
-        if baseline_sigma_m == np.inf:  # said not to be measured: found anew
-            measured = {}
+        measured = recording._baselines_by_pair(baselines_m)
         recording.refuse_points_outside()
         return replace(recording, baselines_m=measured).within_view()
+
+    def _refuse_repeated(self) -> None:
+        """Raise an error if a point is there twice."""
+        rows = {"frame": self.frame, "camera": self.camera, "target": self.target}
+        if (repeated := pd.DataFrame(rows).duplicated().to_numpy()).any():
+            row = int(np.argmax(repeated))
+            camera, target = [*self.cameras][self.camera[row]], self.object.names[self.target[row]]
+            raise StereocalError(
+                f"Frame {self.frame[row]}, camera {camera}, target {target} is there twice."
+            )
+
+    def _baselines_by_pair(
+        self, stated_m: float | Mapping[str, float] | None
+    ) -> dict[CameraPair, float]:
+        """The baselines of `from_arrays` by pair; none that are to be found from the lengths."""
+        if stated_m is not None and not isinstance(stated_m, Mapping):
+            stated_m = {"-".join(self.pairs[0]): float(stated_m)}
+        measured = {self.pair_named(pair): value for pair, value in (stated_m or {}).items()}
+        for pair, value in measured.items():
+            check_length(f"baseline {'-'.join(pair)}", value)
+        return {} if self.baseline_sigma_m == np.inf else measured
 
     @classmethod
     def of_two(
@@ -369,8 +358,12 @@ class Recording(TableAnswer):
 
     def where(self, kept: BoolArray) -> "Recording":
         """The rows for which `kept` (n,) is true."""
+        return replace(self, **self._columns(kept))
+
+    def _columns(self, rows: BoolArray | IntArray) -> dict[str, Any]:
+        """The columns that are known, at these rows, by name."""
         known = {name: getattr(self, name) for name in (*COLUMNS, *OF_TABLES, *SHIFTED)}
-        return replace(self, **{k: v[kept] for k, v in known.items() if v is not None})
+        return {name: column[rows] for name, column in known.items() if column is not None}
 
     def with_targets_exchanged(self, camera: str, frames: npt.ArrayLike) -> "Recording":
         """The recording with A and B exchanged in the images of one camera in the given frames.
@@ -574,9 +567,7 @@ class Recording(TableAnswer):
                 "hand, bring them into step first, with `sync`."
             )
         both = [first, second]
-        rows = np.concatenate([a, b])
-        known = {name: getattr(self, name) for name in (*COLUMNS, *OF_TABLES, *SHIFTED)}
-        columns = {name: column[rows] for name, column in known.items() if column is not None}
+        columns = self._columns(np.concatenate([a, b]))
         columns["camera"] = np.repeat([0, 1], len(a))
         if first != next(iter(self.cameras)):  # they are in the frame of the first camera
             columns["known_points_m"] = None
@@ -643,6 +634,32 @@ def _of_two(rows: Correspondences) -> dict[str, Any]:
             for column in [getattr(rows, name)]
         },
     }
+
+
+def _refuse_unusable(
+    frames: FloatArray, cameras: int, targets: int, pixels: FloatArray, of_cameras: int
+) -> None:
+    """Raise an error if columns of `from_arrays` have other shapes than (n,) and (n, 2), or values
+    that are none of a recording.
+
+    Args:
+        cameras, targets: the numbers of names in these columns.
+        of_cameras: the number of cameras.
+    """
+    n = frames.size
+    refuse(
+        (of_cameras < 2, "A recording needs two cameras or more."),
+        (
+            [cameras, targets] != [n, n] or pixels.shape not in ((n, 2), (0,)),
+            "Frame, camera and target need n values each, and the points the shape (n, 2).",
+        ),
+        (not np.isfinite(pixels).all(), "An image point is not a finite number."),
+        (not (frames == np.round(frames)).all(), "A frame is not a whole number."),
+        (
+            np.abs(frames).max(initial=0) > LARGEST_WHOLE,
+            "A frame is above 2^53 - 1, up to which numbers are told apart.",
+        ),
+    )
 
 
 def _numbers(what: str, values: npt.ArrayLike) -> FloatArray:

@@ -54,6 +54,16 @@ def distort(
 ) -> tuple[float, float, float, float, float, float]:
     """The distorted point (x', y') of a normalised point, and dx'/dx, dx'/dy, dy'/dx, dy'/dy.
 
+    OpenCV's model (its documentation of `calib3d`), with rr = x^2 + y^2:
+
+        radial = (1 + k1 rr + k2 rr^2 + k3 rr^3) / (1 + k4 rr + k5 rr^2 + k6 rr^3)
+        u = x radial + 2 p1 x y + p2 (rr + 2 x^2) + s1 rr + s2 rr^2
+        v = y radial + p1 (rr + 2 y^2) + 2 p2 x y + s3 rr + s4 rr^2
+
+    and, of a tilted sensor, (x', y') is (u, v) after its homography (entries 13 to 21 of
+    `lens_terms`, row by row); else (u, v) itself. `by_rr` is d radial / d rr, (a, b, c, d) are the
+    derivatives of the homography.
+
     Args:
         lenses: (c, 23): of each camera the skew, which is not used here, and `lens_terms`.
     """
@@ -93,7 +103,7 @@ def distortion_derivatives(
     x: float, y: float, lenses: FloatArray, camera: int, by_lens: FloatArray
 ) -> None:
     """Write the derivatives of the distorted point by k1, k2, p1, p2 to `by_lens` (2, 4);
-    of a fisheye by k1, k2, k3, k4."""
+    of a fisheye by k1, k2, k3, k4. Names as in `distort`."""
     terms = lenses[camera, 1:]
     if terms[12] == FISHEYE:
         fisheye_derivatives(x, y, by_lens)

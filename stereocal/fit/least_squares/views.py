@@ -24,8 +24,11 @@ from stereocal.rig.decompositions import backward, factor, forward
 from stereocal.system.array_types import FloatArray
 
 EACH = 16
+"""Unknowns of a camera."""
 TRANSLATION, LENS, DISTORTION, TIME, DRIFT = 3, 6, 10, 14, 15
+"""Where they begin, after the rotation at 0."""
 OWN = 6
+"""Coordinates of the two points of a unit; the length's residual stands after its derivatives."""
 MAXIMUM_STEPS = 12
 TOLERANCE = 1e-6
 """Relative reduction of a unit's sum of squares by a step, below which its points have converged
@@ -110,7 +113,16 @@ def work_of(cameras: int) -> Work:
 @borrowing
 def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> float:
     """Write the residuals of a unit at points x (6,), in the reference's frame, and their
-    derivatives by these; return the sum of squares, infinite behind a camera."""
+    derivatives by these; return the sum of squares, infinite behind a camera.
+
+    End e in camera c: X = R x_e + T, n = (X, Y) / Z, b = distort(n), and with the weight w, the
+    seen pixel (u, v) and its velocity (u', v'), which a delay shifts,
+
+        r = w (fx bx + skew by + cx - (u - delay u'),  fy by + cy - (v - delay v')).
+
+    Its derivatives by X are those by n, divided by Z, and by Z minus n times these; by x_e they are
+    that row times R. The length's residual is w_l (|x_A - x_B| / factor - distance).
+    """
     q, R, lenses = cameras
     pixels, motion, distance, weight, length_weight = unit
     r, Jx, along = work.r, work.Jx, work.along
@@ -137,6 +149,7 @@ def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> f
             r[e, c, 1] = weight * (fy * by + q[first + LENS + 3] - v)
             total += r[e, c, 0] ** 2 + r[e, c, 1] ** 2
             scale = weight * near
+            # Derivatives of both residuals by X, Y and Z.
             ux, uy = scale * (fx * xx + skew * yx), scale * (fx * xy + skew * yy)
             vx, vy = scale * fy * yx, scale * fy * yy
             uz, vz = -(ux * nx + uy * ny), -(vx * nx + vy * ny)
@@ -196,6 +209,12 @@ def fill_gradient(unit: Unit, work: Work, b: FloatArray) -> None:
 def fit_unit(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> float:
     """Minimise a unit's sum of squares over its points x (6,) in place (Levenberg-Marquardt).
 
+    Solves (V + damping diag(V)) step = Jx^T r by V = L L^T; |L^-1 Jx^T r|^2, the `gain`, is the
+    predicted decrease. It begins undamped (Gauss-Newton), as the points nearest to the rays are so
+    near that no step of the bars of sample_data/field fails: 108 evaluations for 25 bars, and 174
+    beginning at 1e-3. The factors 0.1 and 10 and the least damping of 1e-3 after a step that fails
+    serve points far off; a quarter or four times of each changes nothing there.
+
     Returns:
         The minimum, infinite behind a camera; the residuals and derivatives are those there.
     """
@@ -251,7 +270,16 @@ def start_unit(cameras: Cameras, rays: FloatArray, x: FloatArray, V: FloatArray)
 def nearest_point(
     R: FloatArray, q: FloatArray, rays: FloatArray, b: FloatArray, V: FloatArray
 ) -> None:
-    """Write the point nearest to the rays (c, 2) to b; 1 m in front where there is none."""
+    """Write the point nearest to the rays (c, 2) to b; 1 m in front where there is none.
+
+    A ray begins at the camera's centre C = -R^T T with the direction a = R^T (x, y, 1) / |(x, y,
+    1)|. The squared distances of a point from the rays have their least sum where
+    sum(1 - a a^T) point = sum(1 - a a^T) C; as a^T C = -(x, y, 1) T / |(x, y, 1)|, which is minus
+    `inner`, the right side is sum(inner a + C).
+
+    Args:
+        b: (3,), V: (3, 3), for work too.
+    """
     seen = 0
     b[:] = 0.0
     V[:] = 0.0
@@ -281,6 +309,10 @@ def nearest_point(
 def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, distorted: bool, work: Work) -> None:
     """Write the derivatives by the unknowns of the cameras, after `fill_residuals`.
 
+    With y = R x_e = (a, b, d) and s the derivative of a residual by the point X = y + T in the
+    camera's frame (its row of Jx times R^T): by the rotation y x s, as exp(w) y = y + w x y; by T
+    s; by fx and fy the distorted point; by cx and cy 1, all times the weight.
+
     Args:
         distorted: whether those by the distortion are wanted; else they stay as they are.
     """
@@ -300,7 +332,6 @@ def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, distorted: bool, wo
             bx, by, _, _, _, _ = distort(nx, ny, lenses, c)
             for k in range(2):
                 row, by_point = Js[e, c, k], Jx[e, c, k]
-                # by the point in the camera's frame
                 s0 = by_point[0] * R[c, 0, 0] + by_point[1] * R[c, 0, 1] + by_point[2] * R[c, 0, 2]
                 s1 = by_point[0] * R[c, 1, 0] + by_point[1] * R[c, 1, 1] + by_point[2] * R[c, 1, 2]
                 s2 = by_point[0] * R[c, 2, 0] + by_point[1] * R[c, 2, 1] + by_point[2] * R[c, 2, 2]
