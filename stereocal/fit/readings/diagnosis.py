@@ -11,8 +11,8 @@ from stereocal.fit.errors.stated_inputs import moved_length
 from stereocal.fit.least_squares.robust import RobustFit
 from stereocal.fit.least_squares.small_steps import lens_places
 from stereocal.fit.least_squares.unknowns import RefineSettings, lenses_of
-from stereocal.fit.readings.judge import CONTRADICTED
 from stereocal.fit.readings.likely_cause import heads_in_words
+from stereocal.fit.readings.noise_left import CONTRADICTED
 from stereocal.fit.rig_calibration import RigCalibration
 from stereocal.fit.screening.movement import Movement
 from stereocal.fit.start.pairs import MOST_NOISE

@@ -13,11 +13,10 @@ from stereocal.calibration.corrections import fitting_px
 from stereocal.calibration.wrong_inputs import MINIMUM_BARS, essential_fit, inconsistency_message
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.robust import RobustFit
-from stereocal.fit.readings.judge import (
-    CERTAIN_GAIN,
+from stereocal.fit.readings.judge import CERTAIN_GAIN, Judge
+from stereocal.fit.readings.noise_left import (
     HELD_LENGTHS,
-    Judge,
-    Noise,
+    NoiseLeft,
     fewer_points,
     largest_noise,
     noise_of,
@@ -92,7 +91,7 @@ def _fits(fit: RobustFit, best_pair_px: float) -> bool:
     """Whether all cameras together leave noise, with lengths and lenses as they are stated."""
     scatter = fit.scatter / fit.recording.object.longest_m
     largest = largest_noise(fit.recording, best_pair_px)
-    noise = Noise(fit.sigma_px, largest, fit.prior_cost)
+    noise = NoiseLeft(fit.sigma_px, largest, fit.prior_cost)
     return noise.fits and scatter < HELD_LENGTHS and not fit.settings.lenses
 
 
