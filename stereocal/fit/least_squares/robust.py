@@ -77,8 +77,8 @@ and four times each number: 18 to 23, 36 to 43, 365 to 432 steps, and the same a
 standard errors). Where field begins up to 0.55 rad off, 10 starts of 10 come to the same fit in
 2940 steps, or 2738 to 3206."""
 ROUNDING = 1e-6
-"""A step that is predicted to gain less, and gains nothing, ends the solve: what is left is rounding
-and the remaining error of the points. (2.5e-7 and 4e-6: the same steps, but 4 of 2940.)"""
+"""A step that is predicted to gain less, and gains nothing, ends the solve: what is left is
+rounding and the remaining error of the points. (2.5e-7 and 4e-6: the same steps, but 4 of 2940.)"""
 LOWERED = 0.25
 """Factor of the biweight's limit from one solve of the annealing to the next. The noise comes from
 the same third of the frames as the first limit, so that one solve is nearly always enough: with
