@@ -50,7 +50,7 @@ pictures: $(VENV)/.dev $(VENV)/.compiled
 
 benchmark: $(VENV)/.dev
 	$(BIN)/python -m pytest benchmarks
-	$(BIN)/python -m benchmarks.ratios
+	$(BIN)/python -m benchmarks.speed costs searches
 
 # Known vulnerabilities of everything that requirements.txt brings; asks the package index.
 audit: $(VENV)/.run

@@ -1,15 +1,14 @@
 """A board before two cameras, against OpenCV's `stereoCalibrate`.
 
-    python -m benchmarks.boards {halves,bootstrap,orders} [FOLDER]
+    python -m benchmarks.boards [halves|bootstrap] [--trials N] [--data sample_data/boards]
 
-`halves`: lenses and pose from a random half of the boards, the other half tested, ten times. Both
-have the lens of `calibrateCamera`; `stereoCalibrate` holds it, the refined set moves it within its
-standard errors. `bootstrap`: the spread over boards drawn with replacement, lenses included, over
-the stated standard errors. `orders`: renderings of a board that looks the same turned by half, the
-secondary rolled by any angle. The folder holds OpenCV's sample.
+- halves: lenses and pose from a random half of the boards, the other half tested. Both have the
+  lens of `calibrateCamera`; `stereoCalibrate` holds it, the refined set moves it within its
+  standard errors;
+- bootstrap: the spread over boards drawn with replacement, lenses included, over the stated
+  standard errors.
 """
 
-import argparse
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
@@ -18,31 +17,25 @@ from typing import Any
 import cv2
 import numpy as np
 
+from benchmarks.studies import SAMPLES, Asked, run_studies
 from stereocal.fit.parameter_file import standard_errors
 from stereocal.fit.refine import refine
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.frames.pairing import Pairing, pair_names
-from stereocal.intrinsics.boards import BoardSearch, find_board
+from stereocal.intrinsics.boards import BoardSearch
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings, solve_lens
-from stereocal.intrinsics.stereo_boards import (
-    StereoBoards,
-    find_stereo_boards,
-    found_of,
-    stereo_boards,
-)
+from stereocal.intrinsics.stereo_boards import StereoBoards, find_stereo_boards, found_of
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
-from tests.lens import PATTERN, SMALL, AtOnce, photographed
-from tests.rigs.boards import HERE, placings, stereo
+from tests.lens import AtOnce
 
 OPENCV = BoardPattern(9, 6, 0.03)
 BOTH: tuple[str, str] = CAMERAS
-HALVES, DRAWS, RENDERED = 10, 100, 100
 SETTINGS = LensSettings(subset=4, fix_k3=True)
 ENDS = np.array([(i, 53 - i) for i in range(27)])
 
@@ -131,16 +124,16 @@ def errors(rig: Rig, boards: StereoBoards) -> tuple[float, float]:
     return float(np.mean(px)), 100 * float(np.mean(lengths))
 
 
-def halves(boards: StereoBoards) -> None:
-    rows = []
-    for seed in range(HALVES):
+def halves(asked: Asked) -> None:
+    """Seven of the boards fitted, the others tested."""
+    boards, rows = boards_in(Path(asked.data)), []
+    for seed in asked.numbers:
         order = np.random.default_rng(seed).permutation(len(boards.seen))
         fitted, tested = some(boards, order[:7]), some(boards, order[7:])
         ours = refined(fitted, uncertainties(fitted, 4))
         first, second = cameras_of(fitted, [None, None]).values()
         theirs = by_opencv(fitted, (first, second))
         rows.append([*errors(theirs, tested), *errors(ours.rig, tested)])
-        print(seed, np.round(rows[-1], 3))
     mean = np.mean(rows, axis=0)
     print(
         f"stereoCalibrate {mean[0]:.3f} px {mean[1]:.3f} %, refined {mean[2]:.3f} px "
@@ -148,13 +141,15 @@ def halves(boards: StereoBoards) -> None:
     )
 
 
-def bootstrap(boards: StereoBoards) -> None:
+def bootstrap(asked: Asked) -> None:
+    """Stated standard errors over the spread."""
+    boards = boards_in(Path(asked.data))
     whole = some(boards, range(13))
     known = uncertainties(whole, 20)
     one = refined(whole, known)
     stated = standard_errors(one.covariance, one.rig)
     found: list[FloatArray] = []
-    for seed in range(DRAWS):
+    for seed in asked.numbers:
         chosen = np.random.default_rng(seed).choice(13, 13)
         fit = refined(some(boards, chosen), known)
         own = standard_errors(fit.covariance, fit.rig).values()
@@ -167,41 +162,6 @@ def bootstrap(boards: StereoBoards) -> None:
         )
 
 
-def orders() -> None:
-    """Three boards each, by which the geometry has to decide."""
-    right = 0
-    moments = {i: {camera: f"{camera}{i}.png" for camera in BOTH} for i in range(3)}
-    for at in range(RENDERED):
-        rng = np.random.default_rng(at)
-        rig = stereo(rng.uniform(-np.pi, np.pi))
-        searches = dict[str, BoardSearch]()
-        poses = placings(rig, 3, at)
-        for name, camera in zip(BOTH, (HERE, rig), strict=True):
-            found = [
-                find_board(photographed(camera @ pose), PATTERN, f"{name}{i}.png")
-                for i, pose in enumerate(poses)
-            ]
-            searches[name] = BoardSearch(PATTERN, tuple(found))  # type: ignore[arg-type]
-        boards = stereo_boards(Pairing(moments), searches)
-        data = found_of(boards, dict.fromkeys(BOTH, SMALL)).recording.pair(*CAMERAS)
-        px = Rig(SMALL, SMALL, rig).epipolar_distances(
-            data.correspondences.primary, data.correspondences.secondary
-        )
-        right += bool(px.max() < 1.0)
-    print(f"{right} of {RENDERED} in the right order")
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("halves", "bootstrap", "orders"))
-    parser.add_argument("folder", type=Path, nargs="?", default=Path("sample_data/boards"))
-    parsed = parser.parse_args()
-    if parsed.what == "orders":
-        orders()
-        return
-    boards = boards_in(parsed.folder)
-    halves(boards) if parsed.what == "halves" else bootstrap(boards)
-
-
 if __name__ == "__main__":
-    main()
+    studies = {"halves": (halves, 10), "bootstrap": (bootstrap, 100)}
+    run_studies(studies, __doc__, data=str(SAMPLES / "boards"))

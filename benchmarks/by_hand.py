@@ -1,6 +1,6 @@
 """Are real cameras that were started by hand brought into step, and is what is not certain open?
 
-    python -m benchmarks.by_hand [--cases 300] [--seed 0] [--half 0] [--alike 0] [--smooth 0]
+    python -m benchmarks.by_hand [named|alike] [--trials 300] [--first 0] [--draws 0]
 
 Windows of 60 to 400 frames of the real recordings ewand12 and ewand123 (`STEREOCAL_REAL_DATA`), the
 second camera's frames counted by itself: offsets of 0 to 10,000 frames and a part of a frame, its
@@ -8,26 +8,20 @@ clock 0 to 50 ppm off (both put in by interpolation), 50 to 100 % of the moments
 second case noise of 0 to 2 px is added and up to 30 % of the points are missing; of every fifth one
 the second camera recorded something else: half a minute later, nothing is in common.
 
-With `--half 1` one of the cameras took every second frame only, and its rate is stated.
-
-With `--alike 1` the two ends look alike: in each image they come left to right, or top to bottom,
-as detection orders them, so that a camera's names change and those of both cameras differ.
-
-With `--smooth 1` a simulated bar is on a smooth path instead, with many frames to each turn, as
-films of 30 and 60 frames a second show it: short arcs of it fit at wrong offsets. Of every second
-case the second camera recorded something else.
+- named: markers with names;
+- alike: the two ends look alike: in each image they come left to right, or top to bottom, as
+  detection orders them, so that a camera's names change and those of both cameras differ.
 
 Printed: right, open and wrong whole offsets, and how many fractions are in their 95 % intervals.
 """
 
-import os
 from collections import Counter
 from dataclasses import dataclass, replace
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 
-from benchmarks.studies import exact_interval, numbers_asked
+from benchmarks.studies import RECORDING, Asked, exact_interval, real_data, rms, run_studies
 from stereocal.detection.target import in_reading_order
 from stereocal.errors import StereocalError
 from stereocal.fit.timing.offset_of_pair import OffsetOfPair, offset_of_pair
@@ -35,18 +29,13 @@ from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.frames.by_motion import found_by_motion
 from stereocal.frames.pairing import ByHand
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.frame_rates import at_slowest
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.rig.tracks import TimeOffset, interpolate
-from stereocal.simulation.simulate import field_rig
+from stereocal.rig.tracks import interpolate
 from stereocal.system.array_types import FloatArray
-from tests.rigs.moving_bar import move_bar, record
 
 SHORTEST, LONGEST, MOST_OFFSET, MOST_DRIFT = 60, 400, 10_000, 50e-6
 WITHIN = 1.96
-BAR_M, NOISE_PX = 0.9, 0.3
-"""Of the simulated recordings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +56,8 @@ class Case:
 
 def recordings() -> list[tuple[Recording, CameraPair]]:
     """The pairs of both recordings, with the numbers of frames as they were recorded."""
-    folder = Path(os.environ["STEREOCAL_REAL_DATA"])
-    three = read_recording(folder / "ewand123")
-    pair = read_dataset("sample_data/recording").recording
+    three = read_recording(real_data() / "ewand123")
+    pair = read_dataset(RECORDING).recording
     return [(three, pair) for pair in three.pairs] + [(pair, pair.pairs[0])]
 
 
@@ -107,31 +95,6 @@ def case_of(whole: Recording, pair: CameraPair, rng: np.random.Generator, number
     recording = recording.counted_from({pair[1]: counted})
     start = part + (own_start - counted) * (1 + drift)
     return Case(recording, pair, start, drift, common)
-
-
-def smooth_case(rng: np.random.Generator, number: int) -> Case:
-    """Two cameras of 200 to 900 frames each, before a bar that is smoothly moved."""
-    frames, common = int(rng.integers(200, 900)), number % 2 == 1
-    between, late = int(rng.choice([15, 30, 60])), float(rng.uniform(-0.5, 0.5))
-    bar = move_bar(field_rig(), rng, 2 * frames + 400, BAR_M, frames_between=between)
-    seen = record(bar, rng, NOISE_PX, "smooth", TimeOffset(late))
-    whole = seen.recording
-    frame = np.tile(seen.correspondences.time_frame, len(CAMERAS))
-    start = int(rng.integers(0, frames)) if common else frames + 100
-    begin = np.array([frames // 2 if common else 0, start])[whole.camera]
-    kept = replace(whole, frame=frame).where((frame >= begin) & (frame < begin + frames))
-    return Case(kept.counted_from({CAMERAS[1]: -start}), CAMERAS, start + late, 0.0, common)
-
-
-def halved(case: Case, number: int, rng: np.random.Generator) -> Case:
-    """One camera took every second frame; all are brought to its frames by the rates."""
-    slow = number % 2
-    two, phase = case.recording.of_cameras(case.pair), int(rng.integers(0, 2))
-    two = two.where((two.camera != slow) | (two.frame % 2 == phase))
-    own = np.where(two.camera == slow, (two.frame - phase) // 2, two.frame)
-    rates = {case.pair[slow]: 30.0, case.pair[1 - slow]: 60.0}
-    start = (case.start + phase * (1 + case.drift) if slow else case.start - phase) / 2
-    return replace(case, recording=at_slowest(replace(two, frame=own), rates), start=start)
 
 
 def _resampled(own: Recording, part: float, drift: float) -> Recording:
@@ -174,41 +137,40 @@ def judged(case: Case, found: OffsetOfPair) -> tuple[str, float]:
     return "right" if right else "wrong", off / max(measured.sigma, 1e-9)
 
 
-def main() -> None:
+def study(asked: Asked, alike: bool) -> None:
     """All cases."""
-    asked = numbers_asked(__doc__, cases=300, seed=0, half=0, alike=0, smooth=0)
     counts: Counter[str] = Counter()
     scores: list[float] = []
-    every = [] if asked.smooth else recordings()
-    for number in range(asked.cases):
-        rng = np.random.default_rng([asked.seed, number])
-        if asked.smooth:
-            case = smooth_case(rng, number)
-        else:
-            case = case_of(*every[number % len(every)], rng, number)
-        case = halved(case, number, rng) if asked.half else case
+    every = recordings()
+    for number in asked.numbers:
+        rng = np.random.default_rng([asked.draws, number])
+        whole, pair = every[int(number) % len(every)]
+        case = case_of(whole, pair, rng, number)
         kind = "in common" if case.common else "apart"
         try:
-            if asked.alike:
+            if alike:
                 off = offset_of_alike(case) - case.true_at(float(np.median(case.recording.frame)))
                 told, score = "right" if case.common and abs(off) < 0.5 else "wrong", np.nan
             else:
                 told, score = judged(case, offset_of_pair(case.recording, case.pair))
         except StereocalError as error:
             told, score = "open", np.nan
-            print(f"{number} ({kind}): {error}")
+            print(f"  {number} ({kind}): {error}")
         counts[f"{kind}, {told}"] += 1
         if told == "right":
             scores.append(score)
         elif told == "wrong":
-            print(f"{number} ({kind}): wrong by {score:.1f} standard errors")
-    z: FloatArray = np.array(scores)
-    print(", ".join(f"{name} {count}" for name, count in sorted(counts.items())))
-    if asked.alike:
-        return
-    held = exact_interval(int((np.abs(z) < WITHIN).sum()), len(z))
-    print(f"fractions within their 95 % interval: {held}; rms {np.sqrt(np.mean(z**2)):.2f}")
+            print(f"  {number} ({kind}): wrong by {score:.1f} standard errors")
+    print("  " + ", ".join(f"{name} {count}" for name, count in sorted(counts.items())))
+    if not alike:
+        within = int((np.abs(scores) < WITHIN).sum())
+        held = exact_interval(within, len(scores))
+        print(f"  fractions within their 95 % interval: {held}; rms {rms(scores):.2f}")
 
 
 if __name__ == "__main__":
-    main()
+    studies = {
+        "named": (partial(study, alike=False), 300),
+        "alike": (partial(study, alike=True), 100),
+    }
+    run_studies(studies, __doc__, draws=0)

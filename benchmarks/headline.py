@@ -14,8 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.quarters import recording
-from benchmarks.studies import run_studies
+from benchmarks.studies import RECORDING, Asked, pair_of, parts_in_time, run_studies
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.evaluation.evaluate import EvaluationSettings
 from stereocal.evaluation.summary import Estimate
@@ -61,10 +60,10 @@ def errors_in_metres(answer: PairAnswer, scene: Scene, noise_px: float, number: 
     return np.asarray(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / BAR_M - 1.0)
 
 
-def metres(rigs: int) -> None:
+def metres(asked: Asked) -> None:
     """How many lengths in metres are within the headline."""
     within: dict[tuple[float, float], list[tuple[float, float, float]]] = {}
-    for number in range(rigs):
+    for number in asked.numbers:
         scene, run, off = run_of(number)
         answer = PairAnswer(run)
         found = answer.recommendation.measure
@@ -90,42 +89,38 @@ def metres(rigs: int) -> None:
     )
 
 
-def real(draws: int) -> None:
+def real(asked: Asked) -> None:
     """The same on a real recording cut in time, against a bar that is stated wrongly."""
-    data = recording("sample_data/recording")
+    data = pair_of(str(RECORDING))
+    parts = [*parts_in_time(data, 4)]
     for known in BARS:
         rng = np.random.default_rng([58, round(1e6 * known)])
-        shares = np.empty((draws, 2))
-        for number in range(draws):
-            quarter = np.array_split(data.correspondences.frames, 4)[number % 4]
-            rest = data.of_frames(np.setdiff1d(data.correspondences.frames, quarter))
+        shares = np.empty((asked.trials, 2))
+        for number in range(asked.trials):
+            test, rest = parts[number % 4]
             bar = data.target_distance_m * (1.0 + known * rng.normal())
             sigma = known * data.target_distance_m
-            asked = rest.changed(target_distance_m=bar, target_distance_sigma_m=sigma)
-            answer = PairAnswer(PairRun(asked))
-            test = data.of_frames(quarter)
+            given = rest.changed(target_distance_m=bar, target_distance_sigma_m=sigma)
+            answer = PairAnswer(PairRun(given))
             found = answer.recommendation.measure
-            file = answer.sets[found.method]
             rows = test.correspondences
-            ends = file.reconstruct(rows.primary, rows.secondary)[rows.bars]
+            ends = answer.sets[found.method].reconstruct(rows.primary, rows.secondary)[rows.bars]
             lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
             errors = np.abs(lengths / data.target_distance_m - 1.0)
-            said = found.metric_p95.best(True), found.length_p95.best(True)
-            for at, own in enumerate(said):
+            for at, own in enumerate((found.metric_p95.best(True), found.length_p95.best(True))):
                 assert isinstance(own, Estimate)
                 shares[number, at] = np.nanmean(errors <= own.value)
         whole, alone = 100 * shares.mean(axis=0)
         print(
-            f"  bar to {100 * known:g} %: {whole:.1f} % of lengths of {draws} quarters within the "
-            f"headline, {alone:.1f} % within the scatter alone; by quarter "
-            f"{', '.join(f'{100 * shares[q::4, 0].mean():.0f}' for q in range(4))}"
+            f"  bar to {100 * known:g} %: {whole:.1f} % of lengths of {asked.trials} quarters "
+            f"within the headline, {alone:.1f} % within the scatter alone"
         )
 
 
-def agree(rigs: int) -> None:
+def agree(asked: Asked) -> None:
     """How often held-out frames are said to contradict the forecast of sound rigs."""
     said = []
-    for number in range(rigs):
+    for number in asked.numbers:
         _, run, _ = run_of(number, FRAMES[number % len(FRAMES)])
         frames = usual_frames(len(run.calibration.screening.dataset.correspondences.frames))
         settings = EvaluationSettings(run.settings, 100, frames, refined=run.refined)
@@ -134,7 +129,7 @@ def agree(rigs: int) -> None:
         if found.contradiction:
             said.append(number)
             print(f"  rig {number}: {found.contradiction}")
-    print(f"  {len(said)} of {rigs} contradict")
+    print(f"  {len(said)} of {asked.trials} contradict")
 
 
 STUDIES = {"metres": (metres, 200), "real": (real, 40), "agree": (agree, 100)}

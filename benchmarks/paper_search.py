@@ -1,19 +1,20 @@
 """The search to the paper's letter against ours, and what the seed of the search changes.
 
-    python -m benchmarks.paper_search      # about three minutes of CPU
+    python -m benchmarks.paper_search [nineteen|ewand12] [--trials 20]    # three minutes of CPU
 
 On the nineteen data sets each fifth of the frames is held out once; on ewand12
 (`sample_data/recording`) 19 draws of 20 frames are tested on all others. Errors are means over the
 held-out pairs and bars, in the first table also over folds and seeds.
 """
 
+from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from benchmarks.peers.scenarios import recording
+from benchmarks.studies import SAMPLES, Asked, run_studies, spread
 from stereocal.calibration import costs, montecarlo
 from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import errors_of
@@ -25,18 +26,16 @@ from stereocal.rig.geometry import Angles, Pose, fill_pose, residuals
 from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
 
-SEEDS = 20
 SUM = "sum of residuals"
 VARIANTS = ("both restart", "tried restarts", "tried restarts, from the first move")
-NINETEEN = Path("sample_data/nineteen")
-Study = list[list[tuple[Pair, Pair]]]
+Splits = list[list[tuple[Pair, Pair]]]
 """Of each data set, or draw of frames: what is fitted and what is held out."""
 
 
-def nineteen() -> Study:
+def nineteen() -> Splits:
     """Five folds of each data set."""
     found = []
-    for folder in sorted(NINETEEN.iterdir()):
+    for folder in sorted((SAMPLES / "nineteen").iterdir()):
         data = screen(read_dataset(folder)).dataset
         frames = data.correspondences.frames
         of = np.arange(len(frames)) % 5
@@ -47,7 +46,7 @@ def nineteen() -> Study:
     return found
 
 
-def ewand12() -> Study:
+def ewand12() -> Splits:
     """19 draws of 20 frames."""
     task = recording()
     parts = [screen(part).dataset for part in (task.fit, task.test)]
@@ -127,12 +126,12 @@ def searched(problem: Problem, start: Pose, variant: str, seed: int) -> tuple[Po
     return Pose.from_angles(Angles(*angles.tolist()), start.baseline), evaluations
 
 
-def held_out(study: Study, solver: str, variant: str) -> tuple[FloatArray, FloatArray]:
-    """Errors (data sets, folds, SEEDS, 4) and evaluations (data sets, folds, SEEDS, 2).
+def held_out(study: Splits, solver: str, variant: str, seeds: int) -> tuple[FloatArray, FloatArray]:
+    """Errors (data sets, folds, seeds, 4) and evaluations (data sets, folds, seeds, 2).
 
     The errors: of the 2D and of the 3D set, each in the images (px) and in lengths.
     """
-    shape = (len(study), len(study[0]), SEEDS)
+    shape = (len(study), len(study[0]), seeds)
     errors, evaluations = np.zeros((*shape, 4)), np.zeros((*shape, 2))
     for d, f, seed in np.ndindex(shape):
         fit, test = study[d][f]
@@ -154,21 +153,16 @@ def first_pose(data: Pair, solver: str) -> Pose:
     return least_sum_of_residuals(data.rays, start) if solver == SUM else start
 
 
-def spread(values: FloatArray) -> str:
-    """Median, and the range from the 5th to the 95th percentile."""
-    low, middle, high = np.percentile(values, [5, 50, 95])
-    return f"{middle:.2f} ({low:.2f} to {high:.2f})"
-
-
-def report(name: str, study: Study) -> None:
+def report(asked: Asked, study: Callable[[], Splits]) -> None:
     """Print the two tables of a study."""
-    print(f"\n{name}: held-out errors over ours; median, 5 to 95 % of the data sets\n")
+    splits = study()
+    print("\nHeld-out errors over ours; median, 5 to 95 % of the data sets\n")
     print("| essential step | counts | 2D set, px | 3D set, lengths | evaluations, 2D and 3D |")
     print("|---|---|---|---|---|")
     ours: dict[str, FloatArray] = {}
     for solver in ("squares", SUM, "linear"):
         for variant in VARIANTS:
-            errors, evaluations = held_out(study, solver, variant)
+            errors, evaluations = held_out(splits, solver, variant, asked.trials)
             if variant == VARIANTS[0]:
                 ours[solver] = errors
             base = ours["linear" if solver == "linear" else "squares"]
@@ -176,7 +170,7 @@ def report(name: str, study: Study) -> None:
             counts = " and ".join(f"{n:.0f}" for n in np.median(evaluations, axis=(0, 1, 2)))
             figures = f"{spread(ratio[:, 0])} | {spread(ratio[:, 3])} | {counts}"
             print(f"| {solver} | {variant} | {figures} |", flush=True)
-    print(f"\n{name}: a seed's error over the median of {SEEDS} seeds; 5 to 95 % of all\n")
+    print(f"\nA seed's error over the median of {asked.trials} seeds; 5 to 95 % of all\n")
     print("| essential step | 2D set, px | 2D set, lengths | 3D set, px | 3D set, lengths |")
     print("|---|---|---|---|---|")
     for solver, errors in ours.items():
@@ -185,12 +179,6 @@ def report(name: str, study: Study) -> None:
         print(f"| {solver} | {figures} |", flush=True)
 
 
-def main() -> None:
-    """Measure and print."""
-    for name, study in (("nineteen", nineteen()), ("ewand12", ewand12())):
-        if study:
-            report(name, study)
-
-
 if __name__ == "__main__":
-    main()
+    nineteen_sets, draws = (partial(report, study=study) for study in (nineteen, ewand12))
+    run_studies({"nineteen": (nineteen_sets, 20), "ewand12": (draws, 20)}, __doc__)

@@ -1,27 +1,24 @@
 """Whether the forecast of a plan comes true: rigs drawn from plans, and a real recording.
 
-    python -m benchmarks.plans --rigs 20
-    python -m benchmarks.plans --recording sample_data/recording
+    python -m benchmarks.plans [simulated|real] [--rigs 20] [--focal 0.01] [--centre 10]
 
-For every plan: rigs whose truth is drawn from it, each with an independently simulated recording
-that is calibrated as `calibrate` does (screening, estimated noise), and judged on 1000 fresh bars
-of true length. Printed: the forecast over the mean of what was observed, and the share of the
-single rigs within the interval of the forecast.
-
-For a recording: a plan with its cameras, pose, depths, bar, noise and number of frames, against the
-length error of the frames that were held out; even frames fitted and odd held out, and the reverse.
-The held-out bars are the same bar, whose own error does not show, so it counts as exact.
+- simulated: for every plan, rigs whose truth is drawn from it, each with an independently simulated
+  recording that is calibrated as `calibrate` does, and judged on 1000 fresh bars of true length:
+  the forecast over the mean of what was observed, and the share of the single rigs within the
+  interval of the forecast;
+- real: a plan with the cameras, pose, depths, bar, noise and number of frames of a part of
+  `sample_data/recording`, against the length error of the rest; even frames fitted and odd ones
+  held out, and the reverse. The held-out bars are the same bar, whose own error does not show, so
+  it counts as exact.
 """
 
-import time
 from collections import defaultdict
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from benchmarks.studies import numbers_asked
-from stereocal.calibration.methods import FILE_METHODS, CalibrationSettings, Method
+from benchmarks.studies import RECORDING, Asked, run_studies
+from stereocal.calibration.methods import FILE_METHODS, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import count_set
 from stereocal.field.planning.forecast import PlanForecast, forecast
@@ -98,23 +95,18 @@ def compare(found: PlanForecast, rigs: dict[tuple[Method, str], list[float]]) ->
         )
 
 
-def all_plans(rigs: int, first: int, which: list[int]) -> None:
-    for plan in [PLANS[at] for at in which]:
-        forecast(plan, rigs=16)
-        started = time.process_time()
+def simulated(asked: Asked) -> None:
+    """Rigs drawn from each plan."""
+    for plan in PLANS:
         found = forecast(plan)
-        limit = found.advice.limited_by
-        print(f"{plan.name}: {time.process_time() - started:.2f} CPU s; limited by {limit}")
+        print(f"  {plan.name}: limited by {found.advice.limited_by}")
         each: dict[tuple[Method, str], list[float]] = defaultdict(list)
-        failed = 0
-        for seed in range(first, first + rigs):
+        for seed in asked.numbers:
             try:
                 for key, value in observed(plan, seed).items():
                     each[key].append(value)
             except StereocalError as error:
-                failed += 1
                 print(f"  rig {seed}: {error}")
-        print(f"  {rigs} rigs, {failed} failed; {found.rigs.failed} of the drawn ones")
         compare(found, each)
 
 
@@ -144,52 +136,29 @@ def plan_of(fitted: Pair, uncertainty: Uncertainty) -> Plan:
     )
 
 
-def real_recording(path: Path, uncertainty: Uncertainty) -> None:
-    data = read_dataset(path)
-    left_out = screen(data).left_out
-    numbers = data.correspondences.frames
+def real(asked: Asked) -> None:
+    """Even frames fitted and odd ones held out, and the reverse."""
+    uncertainty = Uncertainty(asked.focal, asked.centre, 0.005, 0.0)
+    data = read_dataset(RECORDING)
+    left_out, numbers = screen(data).left_out, data.correspondences.frames
     for parity in (0, 1):
         fitted = data.of_frames(numbers[numbers % 2 == parity])
         rest = numbers[numbers % 2 != parity]
         sound = data.of_frames(rest[~np.isin(rest, left_out)])
-        plan = plan_of(fitted, uncertainty)
-        found = forecast(plan)
-        print(
-            f"{'even' if parity == 0 else 'odd'} frames fitted: {plan.frames} bars at "
-            f"{plan.near_m:.2f} to {plan.far_m:.2f} m, noise {plan.noise_px:.3f} px"
-        )
-        files = forecast_files(
-            calibrate(fitted, CalibrationSettings(), refined=RefineSettings())
-        ).files
+        found = forecast(plan_of(fitted, uncertainty))
+        files = forecast_files(calibrate(fitted)).files
         for method in FILE_METHODS:
             rig = files[method]
             seen = sound.changed(primary=rig.primary, secondary=rig.secondary)
-            errors = np.abs(count_set(seen, rig.pose).lengths[0] - 1.0)
-            said, true = found.estimate(method, "mean_length_error"), float(np.nanmean(errors))
+            true = float(np.nanmean(np.abs(count_set(seen, rig.pose).lengths[0] - 1.0)))
+            said = found.estimate(method, "mean_length_error")
             print(
-                f"  {method:8s} forecast {said.value:.5f} ({said.low:.5f} to {said.high:.5f}), "
-                f"held out {true:.5f}: ratio {said.value / true:.2f}"
+                f"  {'even' if parity == 0 else 'odd'} {method:8s} forecast {said.value:.5f} "
+                f"({said.low:.5f} to {said.high:.5f}), held out {true:.5f}: ratio "
+                f"{said.value / true:.2f}"
             )
 
 
-def main() -> None:
-    parsed = numbers_asked(
-        __doc__,
-        rigs=20,
-        first=0,
-        plans=list(range(len(PLANS))),
-        recording="",
-        focal=DEFAULT_FOCAL,
-        centre=DEFAULT_CENTRE_PX,
-        baseline=0.005,
-        bar=0.0,
-    )
-    if parsed.recording:
-        known = Uncertainty(parsed.focal, parsed.centre, parsed.baseline, parsed.bar)
-        real_recording(Path(parsed.recording), known)
-    else:
-        all_plans(parsed.rigs, parsed.first, parsed.plans)
-
-
 if __name__ == "__main__":
-    main()
+    options = {"focal": DEFAULT_FOCAL, "centre": DEFAULT_CENTRE_PX}
+    run_studies({"simulated": (simulated, 20), "real": (real, 1)}, __doc__, **options)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.studies import numbers_asked
+from benchmarks.studies import Asked, run_studies, spread
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings
@@ -71,37 +71,28 @@ def one_rig(case: Case, frames: int, seed: int) -> tuple[Verdict, bool]:
     return answer, two
 
 
-def main() -> None:
+def verdicts(asked: Asked) -> None:
     """All cases."""
-    parsed = numbers_asked(__doc__, rigs=40, frames=25, cases=list(range(len(CASES))))
-    for name, case in [list(CASES.items())[at] for at in parsed.cases]:
+    for name, case in CASES.items():
         found = []
-        for seed in range(parsed.rigs):
+        for seed in asked.numbers:
             try:
-                found.append(one_rig(case, parsed.frames, seed))
+                found.append(one_rig(case, asked.frames, seed))
             except StereocalError as error:
                 print(f"  {seed}: {error}")
         decided = [(answer, two) for answer, two in found if answer.kind != "level"]
         right = sum((answer.kind == "two") == two for answer, two in decided)
         needing = [answer for answer, two in found if two]
         caught = sum(answer.kind == "two" for answer in needing)
-        doubted = sum(answer.check is not None and not answer.check.holds for answer, _ in found)
-        checks = np.array(
-            [
-                (a.check.matching.ratio, a.check.measuring.ratio)
-                for a, _ in found
-                if a.check is not None
-            ]
-        )
-        low, middle, high = np.percentile(checks, (1, 50, 99), axis=0)
+        checks = [answer.check for answer, _ in found if answer.check is not None]
         print(
-            f"{name}: {len(found)} rigs, decided {len(decided)}, right {right}; "
-            f"{len(needing)} need two, {caught} found; model doubted {doubted}; held-out over "
-            f"forecast {middle[0]:.2f} ({low[0]:.2f} to {high[0]:.2f}) px, "
-            f"{middle[1]:.2f} ({low[1]:.2f} to {high[1]:.2f}) length",
+            f"  {name}: {len(found)} rigs, decided {len(decided)}, right {right}; {len(needing)} "
+            f"need two, {caught} found; model doubted {sum(not own.holds for own in checks)}; held-"
+            f"out over forecast {spread([own.matching.ratio for own in checks], 98)} px, "
+            f"{spread([own.measuring.ratio for own in checks], 98)} length",
             flush=True,
         )
 
 
 if __name__ == "__main__":
-    main()
+    run_studies({"verdicts": (verdicts, 40)}, __doc__, frames=25)

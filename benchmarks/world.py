@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from benchmarks.studies import exact_interval, run_studies
+from benchmarks.studies import Asked, exact_interval, run_studies
 from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import WorldSettings
 from tests.rigs.worlds import (
@@ -36,19 +36,19 @@ from tests.rigs.worlds import (
 )
 
 
-def print_plumb(trials: int, of: Callable[[int, int], Iterator[Place]] = places) -> None:
+def print_plumb(asked: Asked, of: Callable[[int, int], Iterator[Place]] = places) -> None:
     """Errors of the vertical, and how often its limit holds."""
     errors, limits = [], []
-    for place in of(trials, 1):
+    for place in of(asked.trials, 1):
         found = find_world(place.rig, plumb_lines(place), WorldSettings(sigma_px=CLICK_PX))
         errors.append(off_vertical(place, found.pose, 4.0))
         limits.append(found.uncertainty["vertical_deg"])
     _print_errors(errors, limits)
 
 
-def print_plumb_known(trials: int) -> None:
+def print_plumb_known(asked: Asked) -> None:
     """The same with an exact rig."""
-    print_plumb(trials, known_places)
+    print_plumb(asked, known_places)
 
 
 def _print_errors(errors: list[float], limits: list[float]) -> None:
@@ -62,10 +62,10 @@ def _print_errors(errors: list[float], limits: list[float]) -> None:
     )
 
 
-def print_gravity(trials: int) -> None:
+def print_gravity(asked: Asked) -> None:
     """How often the interval of |g| holds 9.81."""
     errors, limits, held, halves, agree, seen = [], [], 0, [], 0, 0
-    for place in places(trials, 2):
+    for place in places(asked.trials, 2):
         found = find_world(place.rig, thrown(place))
         gravity = found.about["gravity"]
         interval = gravity["m_per_s2"]
@@ -75,36 +75,36 @@ def print_gravity(trials: int) -> None:
         seen += gravity["drag_per_m"]["low"] > 0
         errors.append(off_vertical(place, found.pose, 7.0))
         limits.append(found.uncertainty["vertical_deg"])
-    print(f"  95 % intervals of g hold {GRAVITY}: {exact_interval(held, trials)}")
+    print(f"  95 % intervals of g hold {GRAVITY}: {exact_interval(held, asked.trials)}")
     print(f"  half an interval {np.median(halves):.3f} m/s^2 (median); drag seen in {seen}")
-    print(f"  said to agree: {exact_interval(agree, trials)}")
+    print(f"  said to agree: {exact_interval(agree, asked.trials)}")
     _print_errors(errors, limits)
 
 
-def print_survey(trials: int) -> None:
+def print_survey(asked: Asked) -> None:
     """Errors of the vertical of surveyed points."""
     errors, limits = [], []
-    for place in places(trials, 3):
+    for place in places(asked.trials, 3):
         found = find_world(place.rig, surveyed(place, 8))
         errors.append(off_vertical(place, found.pose, 7.0))
         limits.append(found.uncertainty["vertical_deg"])
     _print_errors(errors, limits)
 
 
-def print_mirrored(trials: int) -> None:
+def print_mirrored(asked: Asked) -> None:
     """Mirrored surveys refused, of points off one plane."""
     refused = sum(
         refusal(place, mirrored(surveyed(place, int(place.rng.integers(4, 11))), place.rng))
         is not None
-        for place in places(trials, 4)
+        for place in places(asked.trials, 4)
     )
-    print(f"  refused {refused} of {trials}")
+    print(f"  refused {refused} of {asked.trials}")
 
 
-def print_ground(trials: int) -> None:
+def print_ground(asked: Asked) -> None:
     """Mirrored surveys refused, of points on the ground; z wrong in sign is 0 there."""
     refused, of = 0, 0
-    for place in places(trials, 5):
+    for place in places(asked.trials, 5):
         survey = surveyed(place, int(place.rng.integers(3, 7)), on_ground=True)
         bad = mirrored(survey, place.rng)
         if np.allclose(bad.world_m[:, :2], survey.world_m[:, :2]):
@@ -114,14 +114,14 @@ def print_ground(trials: int) -> None:
     print(f"  refused {refused} of {of}")
 
 
-def print_sound(trials: int) -> None:
+def print_sound(asked: Asked) -> None:
     """Sound surveys accepted."""
     whys: list[str] = []
-    for place in places(trials, 6):
+    for place in places(asked.trials, 6):
         count = int(place.rng.integers(3, 11))
         why = refusal(place, surveyed(place, count, on_ground=count < 6))
         whys += [why] if why else []
-    print(f"  refused {len(whys)} of {trials}", *sorted(set(whys))[:3], sep="\n  ")
+    print(f"  refused {len(whys)} of {asked.trials}", *sorted(set(whys))[:3], sep="\n  ")
 
 
 STUDIES = {

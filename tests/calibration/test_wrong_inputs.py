@@ -135,7 +135,7 @@ def test_each_kind_of_mistake_is_named(name: str, apart: bool) -> None:
     """Or, where nothing given otherwise fits, that it cannot be told.
 
     Of bars of which each was photographed by itself no time offset is searched for, which takes a
-    quarter of the time. Of all kinds: `python -m benchmarks.promises wrong`, and
+    quarter of the time. Of all kinds: `python -m benchmarks.mistakes wrong`, and
     docs/wrong_input.md.
     """
     assert MISTAKES[name].named(1, apart)
@@ -148,7 +148,7 @@ def test_each_kind_of_mistake_is_named(name: str, apart: bool) -> None:
 )
 def test_no_sound_set_is_accused(kind: str, noise_px: float | None, number: int) -> None:
     """Lenses of 9 degrees, wide ones, crops that are stated, cameras that face each other: of 20 of
-    each none (`benchmarks.promises sound`); before, 3 of 10 and 2 of 10 of two kinds. Nor with 1 px
+    each none (`benchmarks.mistakes sound`); before, 3 of 10 and 2 of 10 of two kinds. Nor with 1 px
     of noise, with which 95 % length errors of wide lenses are 5 % and more."""
     assert accusations_of(sound(kind, number, noise_px=noise_px)[1]) == ()
 

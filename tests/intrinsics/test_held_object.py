@@ -44,7 +44,7 @@ def grey_of(image: ColourPhotograph) -> npt.NDArray[np.uint8]:
     ("kind", "seed"), [("tags", 2), *further(*((kind, 2) for kind in KINDS if kind != "tags"))]
 )
 def test_the_object_that_moves_before_both_cameras(kind: Kind, seed: int) -> None:
-    """Of 100 renderings of each kind none was taken for another (`benchmarks.held`).
+    """Of 100 renderings of each kind none was taken for another.
 
     A bar, balls and a board are proposed on the page (tests/pages/test_photographs.py).
     """

@@ -74,7 +74,7 @@ def test_the_first_quarter_of_a_recording_is_as_the_others_forecast() -> None:
             said = getattr(forecast.draws.figures[method], name)
             held.append(said.low <= true[name] <= said.high)
             widths.append((said.high - said.low) / said.value)
-    # Measured: all 12, and 4 of 12 for independent frames; benchmarks/quarters.py has all quarters.
+    # Measured: all 12, and 4 of 12 for independent frames; `benchmarks.forecasts quarters` has all.
     assert sum(held) >= 10
     assert np.median(widths) < 1.1
 

@@ -1,32 +1,36 @@
-"""Fisheyes of 175 to 220 degrees: `python -m benchmarks.fisheyes [STUDY ...] [--trials N]`.
+"""Are the stated errors of a lens true, and are fisheyes found?
 
-`lenses` (2 minutes): are they found from boards? Simulated ones (`tests/rigs/fisheyes.py`): 5 to 15
-boards of 4x5 to 8x6 corners, half of them at the rim, noise of 0.1 to 0.5 px. A fit has converged
-if its error is that of a fit from the true lens. The peer is OpenCV's `fisheye.calibrate`, with its
-own start and with the best of ours.
+    python -m benchmarks.lenses [brown|fisheyes|errors|forecast] [--trials N]
 
-`errors`: are the stated errors of lenses true? 8 to 24 boards.
-
-`forecast`: are 95 % of the lengths of fresh boards within what is forecast? Pairs side by side and
-facing each other, lenses from the same 20 boards; and bars before fisheyes of 150 degrees.
+- brown: series of a chessboard (18x12 inner corners, 2336x1728 px, 0.1 px of noise on every corner)
+  are calibrated as in the paper; each parameter's error is divided by what was stated;
+- fisheyes (2 minutes of CPU): lenses of 175 to 220 degrees (`tests.rigs.fisheyes`) from 5 to 15
+  boards of 4x5 to 8x6 corners, half of them at the rim, noise of 0.1 to 0.5 px; a fit has converged
+  if its error is that of a fit from the true lens. The peer is OpenCV's `fisheye.calibrate`, with
+  its own start and with the best of ours;
+- errors: those of fisheyes over the stated ones, 8 to 24 boards;
+- forecast: are 95 % of the lengths of fresh boards within what is forecast? Pairs side by side and
+  facing each other, lenses from the same 20 boards; and bars before fisheyes of 150 degrees.
 """
 
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
 import cv2
 import numpy as np
 
-from benchmarks.studies import exact_interval, run_studies
+from benchmarks.studies import Asked, exact_interval, rms, run_studies, spread
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.fit.start.baseline import with_baseline_found
-from stereocal.intrinsics.boards import BoardSearch
+from stereocal.intrinsics.boards import BoardSearch, BoardView
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.fisheye_fit import STARTS
 from stereocal.intrinsics.lens_fit import (
     FEWEST_VIEWS,
+    PARAMETERS,
     LensSettings,
     better_model,
     camera_of,
@@ -36,18 +40,73 @@ from stereocal.intrinsics.lens_fit import (
     solve_lens,
 )
 from stereocal.intrinsics.stereo_boards import found_of, lenses_of_boards
-from stereocal.rig.geometry import Pose, triangulate_rays
+from stereocal.rig.camera import Camera
+from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair
+from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import BoardPattern
-from stereocal.simulation.simulate import observe
+from stereocal.simulation.simulate import field_rig, observe
 from stereocal.system.array_types import FloatArray
 from stereocal.verdict.forecast import forecast_files
 from stereocal.workflow.pair_run import PairRun
-from tests.fisheye_rig import NOISE_PX
+from tests.fisheye_rig import NOISE_PX as OF_BARS_PX
 from tests.fisheye_rig import recording as recording_of_bars
 from tests.lens import AtOnce
 from tests.rigs.fisheyes import draw_boards, draw_case, draw_fisheye, draw_pairs, radius_of
+from tools.photographs.board_series import draw_board_poses, true_corners
 from tools.photographs.rendering import turned
+
+PATTERN = BoardPattern(18, 12, 0.03)
+CASES = ((50, 20), (30, 20), (25, 20))
+"""Photographs, and how many of them a draw takes."""
+NOISE_PX = 0.1
+
+
+def series(camera: Camera, count: int, rng: np.random.Generator) -> BoardSearch:
+    """Found corners of a series of boards."""
+    views = []
+    for at, pose in enumerate(draw_board_poses(camera, rng, count)):
+        corners = true_corners(camera, pose)
+        noise = NOISE_PX * rng.normal(size=corners.shape)
+        views.append(BoardView(f"{at}", camera.image_size, np.arange(216), corners + noise))
+    return BoardSearch(PATTERN, tuple(views), ())
+
+
+def opencv_errors(search: BoardSearch) -> FloatArray:
+    """(9,): the standard deviations that OpenCV states for a fit to all photographs."""
+    points = PATTERN.points.astype(np.float32)
+    found = cv2.calibrateCameraExtended(
+        [points] * len(search.views),
+        [view.corners.astype(np.float32) for view in search.views],
+        search.image_size,
+        np.eye(3),
+        np.zeros(5),
+    )
+    return np.asarray(found[5], dtype=np.float64).ravel()[:9]
+
+
+def brown(asked: Asked) -> None:
+    """Errors over the spread of the draws, over the stated errors, and OpenCV's over its own."""
+    camera = field_rig().primary
+    K = camera.K
+    true = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *camera.distortion])
+    print(f"{'':>22} " + " ".join(f"{name:>6}" for name in PARAMETERS))
+    with ThreadPoolExecutor() as executor:
+        for photographs, subset in CASES:
+            rng = np.random.default_rng(0)
+            rows: dict[str, list[FloatArray]] = {}
+            for _ in asked.numbers:
+                search = series(camera, photographs, rng)
+                lens = calibrate_lens(search, LensSettings(subset), executor)
+                error, of_all = lens.values - true, lens.of_all - true
+                rows.setdefault("error / spread", []).append(error / lens.spread)
+                rows.setdefault("error / stated", []).append(error / lens.standard_errors)
+                rows.setdefault("all / OpenCV's", []).append(of_all / opencv_errors(search))
+            print(f"  {subset} of {photographs} photographs")
+            for title, ratios in rows.items():
+                each = np.sqrt(np.mean(np.square(ratios), axis=0))
+                print(f"{title:>22} " + " ".join(f"{value:6.2f}" for value in each))
+
 
 SETTINGS = LensSettings(model="fisheye")
 SAME = 1.001
@@ -86,10 +145,10 @@ def opencv(boards: BoardSearch, starts: FloatArray) -> float:
     return fx
 
 
-def lenses(count: int) -> None:
+def fisheyes(asked: Asked) -> None:
     """Print how many are found, and how well they predict."""
     refused, missed, ratios, peers, proposed, compared = 0, 0, [], np.zeros(2, int), 0, 0
-    for seed in range(count):
+    for seed in asked.numbers:
         lens, boards, tested = draw_case(seed)
         about = boards.pattern, boards.views, boards.image_size, SETTINGS
         focal = np.array([opencv(boards, s * max(lens.image_size)) for s in (STARTS[:0], STARTS)])
@@ -105,22 +164,17 @@ def lenses(count: int) -> None:
         true = np.append(lens.values, 0.0)
         missed += error_of(values, boards) > SAME * error_of(solve_lens(*about, true), boards)
         ratios.append(error_of(values, tested) / error_of(true, tested))
-    print(f"refused {exact_interval(refused, count)}")
-    print(f"not the fit from the true lens {exact_interval(missed, count)}")
-    low, middle, high = np.percentile(ratios, (5, 50, 95))
-    print(f"held-out error over the true lens's: {middle:.3f} ({low:.3f} to {high:.3f})")
-    print(
-        f"from {FEWEST_VIEWS} boards on, fisheye proposed instead of brown: {proposed}/{compared}"
-    )
-    print(
-        f"OpenCV finds, from its own start: {peers[0]}/{count}; of {len(STARTS)} starts: {peers[1]}"
-    )
+    print(f"  refused {exact_interval(refused, asked.trials)}")
+    print(f"  not the fit from the true lens {exact_interval(missed, asked.trials)}")
+    print(f"  held-out error over the true lens's: {spread(ratios)}")
+    print(f"  from {FEWEST_VIEWS} boards on, fisheye instead of brown: {proposed} of {compared}")
+    print(f"  OpenCV finds {peers[0]} from its own start, {peers[1]} of {len(STARTS)} starts")
 
 
-def errors(count: int) -> None:
+def errors(asked: Asked) -> None:
     """Print errors over stated errors, of the parameters and of images at 70 degrees."""
     found, shifts = [], []
-    for seed in range(count):
+    for seed in asked.numbers:
         rng = np.random.default_rng(5000 + seed)
         lens, pattern = draw_fisheye(rng), BoardPattern(8, 6, 0.03)
         boards = draw_boards(lens, pattern, int(rng.integers(8, 25)), rng.uniform(0.1, 0.5), rng)
@@ -132,12 +186,11 @@ def errors(count: int) -> None:
         moves = np.array([*radius_of(angle, lens.values[4:]), 0.0, 1.0, 0.0, *by_k])
         covariance = fit.correlation * np.outer(sigma, sigma)
         shifts.append(moves @ error / np.sqrt(moves @ covariance @ moves))
-    rms = np.sqrt(np.mean(np.square(found), axis=0))
-    print("rms z of fx fy cx cy k1 k2 k3 k4:", " ".join(f"{value:.2f}" for value in rms))
-    print(f"rms z of images at 70 degrees: {np.sqrt(np.mean(np.square(shifts))):.2f}")
+    each = " ".join(f"{rms(own):.2f}" for own in np.transpose(found))
+    print(f"  rms z of fx fy cx cy k1 k2 k3 k4: {each}; of images at 70 degrees {rms(shifts):.2f}")
 
 
-def forecast(count: int) -> None:
+def forecast(asked: Asked) -> None:
     """Print the forecast of 95 % of lengths over the truth, and how often its interval holds it."""
     across = turned([0.02, np.pi - 0.03, 0.01])
     rigs = {
@@ -145,20 +198,15 @@ def forecast(count: int) -> None:
         "facing": Pose(across, -across @ np.array([0.01, 0.02, 0.6])),
     }
     for name, rig in rigs.items():
-        report(name, [of_boards(rig, seed) for seed in range(count)])
-    report("bars, 150 degrees", [of_bars(seed) for seed in range(count)])
+        report(name, [of_boards(rig, seed) for seed in asked.numbers])
+    report("bars, 150 degrees", [of_bars(seed) for seed in asked.numbers])
 
 
 def report(name: str, each: list[tuple[Estimate, float]]) -> None:
     """Print a line on forecasts and the true values."""
     ratios = [own.value / true for own, true in each]
     inside = sum(own.low <= true <= own.high for own, true in each)
-    low, middle, high = np.percentile(ratios, (0, 50, 100))
-    width = np.median([own.high / own.low for own, _ in each])
-    print(
-        f"{name}: forecast over truth {middle:.2f} ({low:.2f} to {high:.2f}), "
-        f"inside {inside} of {len(each)}, width {width:.1f}"
-    )
+    print(f"  {name}: forecast over truth {spread(ratios, 100)}, inside {inside} of {len(each)}")
 
 
 def of_boards(rig: Pose, seed: int) -> tuple[Estimate, float]:
@@ -179,7 +227,7 @@ def of_bars(seed: int) -> tuple[Estimate, float]:
     """The same of bars, from 30 frames."""
     data, scene = recording_of_bars(150.0, 1000 + seed, 30)
     _, fresh = recording_of_bars(150.0, 5000 + seed, 400)
-    test = observe(replace(fresh, rig=scene.rig), np.random.default_rng(seed), NOISE_PX, "test")
+    test = observe(replace(fresh, rig=scene.rig), np.random.default_rng(seed), OF_BARS_PX, "test")
     rows = test.correspondences
     at = rows.bars.ravel()
     return judged(data, rows.primary[at], rows.secondary[at], test.target_distance_m)
@@ -192,11 +240,12 @@ def judged(
     calibration = PairRun(data).calibration
     found = calibration.refined
     assert found is not None
-    rig = found.apply(data)
-    first, second = rig.primary.undistort(primary), rig.secondary.undistort(secondary)
-    points = triangulate_rays(found.pose.R, found.pose.T, np.vstack([first.T, second.T]))
-    seen = rig.primary.uses(first) & rig.secondary.uses(second)
-    points = np.where(seen[:, None], points, np.nan).reshape(-1, 2, 3)
+    applied = found.apply(data)
+    rig = Rig(applied.primary, applied.secondary, found.pose)
+    one, other = rig.primary.undistort(primary), rig.secondary.undistort(secondary)
+    seen = rig.primary.uses(one) & rig.secondary.uses(other)
+    points = np.where(seen[:, None], rig.reconstruct(primary, secondary), np.nan)
+    points = points.reshape(-1, 2, 3)
     lengths = np.linalg.norm(points[:, 0] - points[:, 1], axis=1)
     true = float(np.nanquantile(np.abs(lengths / length_m - 1.0), 0.95))
     return forecast_files(calibration).draws.figures["refined"].p95_error_3d, true
@@ -204,6 +253,10 @@ def judged(
 
 if __name__ == "__main__":
     warnings.simplefilter("error")
-    run_studies(
-        {"lenses": (lenses, 200), "errors": (errors, 40), "forecast": (forecast, 20)}, __doc__
-    )
+    studies = {
+        "brown": (brown, 40),
+        "fisheyes": (fisheyes, 200),
+        "errors": (errors, 40),
+        "forecast": (forecast, 20),
+    }
+    run_studies(studies, __doc__)
