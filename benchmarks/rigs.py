@@ -24,10 +24,9 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.sparse import lil_matrix
 from scipy.spatial.transform import Rotation
 
+from benchmarks.peers.scipy_joint import Known, joint
 from benchmarks.studies import Asked, real_data, rms, run_studies, spread
 from stereocal.fit.about_rig import AboutRig
 from stereocal.fit.calibrate import calibrate_rig
@@ -50,7 +49,7 @@ from tests.rigs.moving_wand import stated_over_true, wave_wand
 from tests.rigs.spoiled_rigs import bumped_from
 
 LENS = LensPrior(*LENS_ERRORS)
-OF_POSE, OF_LENS = 6, 3
+OF_POSE = 6
 FREE = LensPrior(0.05, 50.0)
 
 
@@ -146,7 +145,7 @@ def against_scipy(numbers: range, cameras: int, frames: int) -> None:
             fit.run()
             ours_s = time.process_time() - began
         began = time.process_time()
-        poses, lenses = joint(rig)
+        poses, lenses = by_scipy(rig)
         faster.append((time.process_time() - began) / ours_s)
         spent.append(1e3 * ours_s)
         ours = held_out(scene, list(rig.poses.values()), list(rig.cameras.values()))
@@ -164,70 +163,12 @@ def fused_pairs(rig: RigCalibration, settings: RefineSettings | None = None) -> 
     return fuse(rig.recording, list(rig.pairs.fits.values()), settings or RefineSettings())
 
 
-def joint(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list[Camera]]:
-    """One `least_squares` over poses, lenses, factor of lengths, and all points."""
-    own = Observations.of(rig.recording)
-    count = len(rig.names)
-    shared = OF_POSE * (count - 1) + OF_LENS * count + 1
-    seen = np.isfinite(own.pixels[..., 0])  # (n, 2, c)
-    known = np.isfinite(own.distances)
-    unit, end, camera = np.nonzero(seen)
-    measured = own.pixels[unit, end, camera]
-    stated = list(rig.recording.cameras.values())
-    noise = rig.fit.sigma_px
-    sigma = np.array([lens.focal, lens.centre_px, lens.centre_px] * count + [DEFAULT_DISTANCE])
-
-    def posed(x: FloatArray) -> list[Pose]:
-        poses = [Pose(np.eye(3), np.zeros(3))]
-        for each in x[: OF_POSE * (count - 1)].reshape(-1, OF_POSE):
-            poses.append(Pose(Rotation.from_rotvec(each[:3]).as_matrix(), each[3:]))
-        return poses
-
-    def lenses(x: FloatArray) -> list[Camera]:
-        found = []
-        for camera, (focal, cx, cy) in zip(
-            stated, x[OF_POSE * (count - 1) : shared - 1].reshape(-1, OF_LENS), strict=True
-        ):
-            K = camera.K.copy()
-            K[[0, 1], [0, 1]] *= 1 + focal
-            K[:2, 2] += cx, cy
-            found.append(Camera(K, camera.distortion, camera.image_size))
-        return found
-
-    def residuals(x: FloatArray) -> FloatArray:
-        points = x[shared:].reshape(-1, 2, 3)
-        images = np.empty_like(measured)
-        for number, (pose, lens) in enumerate(zip(posed(x), lenses(x), strict=True)):
-            mine = camera == number
-            images[mine] = lens.project(pose.apply(points[unit[mine], end[mine]]))
-        lengths = np.linalg.norm(points[known, 0] - points[known, 1], axis=1)
-        lengths = lengths / (1 + x[shared - 1]) - own.distances[known]
-        return np.concatenate(
-            [
-                ((images - measured) / noise).ravel(),
-                lengths / rig.fit.scatter,
-                x[OF_POSE * (count - 1) : shared] / sigma,
-            ]
-        )
-
-    start = np.zeros(shared + own.pixels[:, :, 0].size // 2 * 3)
-    for number, pose in enumerate(fused_pairs(rig).poses[1:]):
-        turn = Rotation.from_matrix(pose.R).as_rotvec()
-        start[OF_POSE * number : OF_POSE * (number + 1)] = np.concatenate([turn, pose.T])
-    points = np.where(np.isfinite(rig.point_fits[0]), rig.point_fits[0], [0.0, 0.0, 1.0])
-    start[shared:] = points.ravel()
-    rows = 2 * len(unit)
-    structure = lil_matrix((len(residuals(start)), len(start)), dtype=np.int8)
-    structure[:, :shared] = 1
-    for k, (u, e) in enumerate(zip(unit, end, strict=True)):
-        first = shared + 6 * u + 3 * e
-        structure[2 * k : 2 * k + 2, int(first) : int(first) + 3] = 1
-    for k, u in enumerate(np.flatnonzero(known)):
-        structure[rows + k, shared + 6 * int(u) : shared + 6 * int(u) + 6] = 1
-    found = least_squares(
-        residuals, start, jac_sparsity=structure, x_scale="jac", tr_solver="lsmr", max_nfev=60
+def by_scipy(rig: RigCalibration, lens: LensPrior = LENS) -> tuple[list[Pose], list[Camera]]:
+    """One `least_squares` over the same unknowns, with the same priors."""
+    known = Known(
+        rig.fit.sigma_px, rig.fit.scatter, lens.focal, lens.centre_px, factor=DEFAULT_DISTANCE
     )
-    return posed(found.x), lenses(found.x)
+    return joint(rig.recording, fused_pairs(rig).poses, rig.point_fits[0], known, "linear")
 
 
 def held_out(scene: SimulatedRig, poses: Sequence[Pose], lenses: Sequence[Camera]) -> float:
@@ -261,7 +202,7 @@ def real(_: Asked) -> None:
     without = calibrate_rig(ends)
     _tested("stereocal, without the middle marker", odd, without.cameras, without.poses, 0.0)
     began = time.perf_counter()
-    poses, lenses = joint(rig, LensPrior())
+    poses, lenses = by_scipy(rig, LensPrior())
     _tested(
         "SciPy, from the fused pairs",
         odd,

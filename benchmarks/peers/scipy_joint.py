@@ -1,126 +1,143 @@
 """Plain SciPy: everything in one `least_squares`, with finite differences.
 
-Unknowns are the pose, focal factor and principal point of both cameras, and every point. Residuals
-are pixels / 0.3 px, lengths / 0.1 %, baseline / 1 % and lenses / 1 % and 10 px, with the loss
-`soft_l1`: the same information as stereocal's refined method by default. Points that OpenCV's
-MAGSAC++ does not trust are left out beforehand: with them the solve ends far off. The structure of
-the Jacobian is given to SciPy, which then differentiates many columns at once.
+Unknowns are the poses, focal factor and principal point of all cameras, and every point. The
+structure of the Jacobian is given to SciPy, which then differentiates many columns at once.
+
+As a peer, residuals are pixels / 0.3 px, lengths / 0.1 %, baseline / 1 % and lenses / 1 % and
+10 px, with the loss `soft_l1`: the same information as stereocal's refined method by default.
+Points that OpenCV's MAGSAC++ does not trust are left out beforehand: with them the solve ends far
+off.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
+from scipy.spatial.transform import Rotation
 
 from benchmarks.peers import opencv
 from benchmarks.peers.solution import Peer, Solution
+from stereocal.fit.least_squares.observations import Observations
 from stereocal.rig.camera import Camera
+from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair
+from stereocal.rig.recording import Recording
+from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
 
 SIGMA_PX = 0.3
 SIGMA_BAR = 0.001
 SIGMA_BASELINE = 0.01
-SIGMA_FOCAL = 0.01
-SIGMA_CENTRE_PX = 10.0
-LENS = 3
-"""Unknowns of a lens: factor of the focal lengths less 1, shift of cx and of cy."""
-SHARED = 6 + 2 * LENS
+POSE, LENS = 6, 3
+"""Unknowns of a pose, and of a lens: factor of the focal lengths less 1, shift of cx and of cy."""
 EVALUATIONS = 300
 """Then the solve stops and its last point counts."""
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
-    """The residuals of a data set as a function of one long vector."""
+class Known:
+    """Standard deviations of all that is measured or stated."""
 
-    dataset: Pair
-    begin: Solution
+    pixels: float
+    lengths_m: float
+    focal: float = 0.01
+    centre_px: float = 10.0
+    factor: float = 0.0
+    """Of all lengths together; 0: they are right."""
+    baseline: tuple[float, float] | None = None
+    """Of two cameras: in metres, and its standard deviation."""
 
-    def residuals(self, x: FloatArray) -> FloatArray:
-        """(4 n + bars + 1 + 6,), in standard deviations."""
-        data, rows = self.dataset, self.dataset.correspondences
-        points = x[SHARED:].reshape(-1, 3)
-        bars = points[rows.bars]
-        lengths = np.linalg.norm(bars[:, 0] - bars[:, 1], axis=1) / data.bar_distances_m - 1
-        baseline = np.linalg.norm(x[3:6]) / data.baseline_m - 1
-        still = np.zeros(3)
-        primary, secondary = self.cameras(x)
-        seen = (
-            rows.primary - _project(points, still, still, primary),
-            rows.secondary - _project(points, x[:3], x[3:6], secondary),
-        )
-        sigma = [SIGMA_FOCAL, SIGMA_CENTRE_PX, SIGMA_CENTRE_PX]
-        return np.concatenate(
-            [
-                np.hstack(seen).ravel() / SIGMA_PX,
-                lengths / SIGMA_BAR,
-                [baseline / SIGMA_BASELINE],
-                x[6:SHARED] / np.array(2 * sigma),
-            ]
-        )
 
-    def cameras(self, x: FloatArray) -> tuple[Camera, Camera]:
-        """Both cameras with the lenses of x."""
-        first, second = x[6:SHARED].reshape(2, LENS)
-        return _moved(self.dataset.primary, first), _moved(self.dataset.secondary, second)
+def joint(
+    recording: Recording, start: Sequence[Pose], points: FloatArray, known: Known, loss: str
+) -> tuple[list[Pose], list[Camera]]:
+    """The poses and lenses of all cameras.
 
-    def sparsity(self) -> lil_matrix:
-        """Which residual depends on which unknown."""
-        n, bars = len(self.dataset.correspondences), self.dataset.correspondences.bars
-        pattern = lil_matrix((4 * n + len(bars) + 1 + 2 * LENS, SHARED + 3 * n), dtype=np.int8)
-        pattern[: 4 * n, :SHARED] = 1
-        for i in range(n):
-            pattern[4 * i : 4 * i + 4, SHARED + 3 * i : SHARED + 3 * i + 3] = 1
-        for i, ends in enumerate(bars):
-            for end in ends:
-                pattern[4 * n + i, SHARED + 3 * end : SHARED + 3 * end + 3] = 1
-        pattern[4 * n + len(bars) :, :SHARED] = 1
-        return pattern
+    Args:
+        start: `camera_from_first` of each camera.
+        points: (n, 2, 3), as the units and ends of `Observations`; NaN is not known.
+    """
+    own, stated = Observations.of(recording), list(recording.cameras.values())
+    count = len(stated)
+    lens_at, shared = POSE * (count - 1), POSE * (count - 1) + LENS * count + 1
+    unit, end, camera = np.nonzero(np.isfinite(own.pixels[..., 0]))  # (n, 2, c)
+    measured, bars = own.pixels[unit, end, camera], np.flatnonzero(np.isfinite(own.distances))
+    sigma = np.array([known.focal, known.centre_px, known.centre_px] * count)
 
-    def start(self) -> FloatArray:
-        """The robust pose, its triangulated points, and the lenses as stated."""
-        found = self.begin
-        P = np.column_stack([found.R, found.T])
-        rays = self.dataset.rays
-        homogeneous = cv2.triangulatePoints(np.eye(3, 4), P, rays[:2], rays[2:])
-        points = (homogeneous[:3] / homogeneous[3]).T
-        rotation = cv2.Rodrigues(found.R)[0].ravel()
-        return np.concatenate([rotation, found.T, np.zeros(2 * LENS), points.ravel()])
+    def posed(x: FloatArray) -> list[Pose]:
+        each = x[:lens_at].reshape(-1, POSE)
+        moved = [Pose(Rotation.from_rotvec(own[:3]).as_matrix(), own[3:]) for own in each]
+        return [Pose(np.eye(3), np.zeros(3)), *moved]
+
+    def lenses(x: FloatArray) -> list[Camera]:
+        found = []
+        for lens, (focal, cx, cy) in zip(
+            stated, x[lens_at : shared - 1].reshape(-1, LENS), strict=True
+        ):
+            K = lens.K.copy()
+            K[[0, 1], [0, 1]] *= 1 + focal
+            K[:2, 2] += cx, cy
+            found.append(replace(lens, K=K))
+        return found
+
+    def residuals(x: FloatArray) -> FloatArray:
+        at, poses = x[shared:].reshape(-1, 2, 3), posed(x)
+        images = np.empty_like(measured)
+        for number, (pose, lens) in enumerate(zip(poses, lenses(x), strict=True)):
+            mine = camera == number
+            images[mine] = lens.project(pose.apply(at[unit[mine], end[mine]]))
+        lengths = np.linalg.norm(at[bars, 0] - at[bars, 1], axis=1)
+        lengths = lengths / (1 + known.factor * x[shared - 1]) - own.distances[bars]
+        parts = [
+            ((images - measured) / known.pixels).ravel(),
+            lengths / known.lengths_m,
+            x[lens_at : shared - 1] / sigma,
+            x[shared - 1 : shared],
+        ]
+        if known.baseline is not None:
+            baseline_m, sigma_m = known.baseline
+            parts.append(np.array([(poses[1].baseline - baseline_m) / sigma_m]))
+        return np.concatenate(parts)
+
+    turns = [np.append(Rotation.from_matrix(pose.R).as_rotvec(), pose.T) for pose in start[1:]]
+    places = np.where(np.isfinite(points), points, [0.0, 0.0, 1.0]).ravel()
+    begin = np.concatenate([*turns, np.zeros(LENS * count + 1), places])
+    structure = lil_matrix((len(residuals(begin)), len(begin)), dtype=np.int8)
+    structure[:, :shared] = 1
+    for k, first in enumerate((shared + 6 * unit + 3 * end).tolist()):
+        structure[2 * k : 2 * k + 2, first : first + 3] = 1
+    for k, first in enumerate((shared + 6 * bars).tolist(), 2 * len(unit)):
+        structure[k, first : first + 6] = 1
+    found = least_squares(
+        residuals,
+        begin,
+        jac_sparsity=structure,
+        x_scale="jac",
+        tr_solver="lsmr",
+        loss=loss,
+        ftol=1e-8 if loss == "linear" else 1e-6,
+        max_nfev=EVALUATIONS,
+    )
+    return posed(found.x), lenses(found.x)
 
 
 def solve(dataset: Pair) -> Solution:
-    """One `least_squares`, method `trf`, finite differences, robust loss."""
+    """From OpenCV's pose and the points that it trusts."""
     begin, inliers = opencv.estimate(dataset)
-    trusted = dataset.where(inliers)
-    joint = Joint(trusted, begin)
-    found = least_squares(
-        joint.residuals,
-        joint.start(),
-        jac="2-point",
-        jac_sparsity=joint.sparsity(),
-        x_scale="jac",
-        loss="soft_l1",
-        method="trf",
-        ftol=1e-6,
-        max_nfev=EVALUATIONS,
+    trusted = dataset.where(inliers).recording
+    pixels = Observations.of(trusted).pixels
+    rig = Rig(dataset.primary, dataset.secondary, begin.pose)
+    points = rig.reconstruct(pixels[..., 0, :].reshape(-1, 2), pixels[..., 1, :].reshape(-1, 2))
+    known = Known(
+        SIGMA_PX,
+        SIGMA_BAR * dataset.target_distance_m,
+        baseline=(dataset.baseline_m, SIGMA_BASELINE * dataset.baseline_m),
     )
-    R = np.asarray(cv2.Rodrigues(found.x[:3])[0], dtype=np.float64)
-    return Solution(R, found.x[3:6], joint.cameras(found.x))
-
-
-def _project(points: FloatArray, rotation: FloatArray, T: FloatArray, to: Camera) -> FloatArray:
-    pixels, _ = cv2.projectPoints(points, rotation, T, to.K, to.distortion)
-    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
-
-
-def _moved(camera: Camera, by: FloatArray) -> Camera:
-    K = camera.K.copy()
-    K[[0, 1], [0, 1]] *= 1 + by[0]
-    K[:2, 2] += by[1:]
-    return replace(camera, K=K)
+    poses = [Pose(np.eye(3), np.zeros(3)), begin.pose]
+    (_, pose), (one, two) = joint(trusted, poses, points.reshape(-1, 2, 3), known, "soft_l1")
+    return Solution(pose.R, pose.T, (one, two))
 
 
 PEERS = (

@@ -99,7 +99,7 @@ def test_a_sound_chain_is_not_accused_because_a_camera_shares_too_few_bars() -> 
     ],
 )
 def test_a_wrong_input_is_refused_and_its_camera_named(kind: str, mistake: str, names: str) -> None:
-    """All kinds, 6 kinds of rig: `python -m benchmarks.mistakes wrong --kind "3 cameras"`.
+    """All kinds, 6 kinds of rig: `python -m benchmarks.mistakes wrong --kind rigs`.
 
     Readings that a pair has too are judged as there (tests/calibration/test_wrong_inputs.py).
     """
