@@ -17,8 +17,8 @@ Without being asked for:
 With `--time-offset`, two unlike cameras before a moving bar:
 
 - offset: 0.02 to 2 frames either way, with a drift of 1e-5 frames per frame: how often the 68 %
-  intervals hold the truth; slow: three times as long, of a bar that moves a quarter as fast; step:
-  cameras in step: how often an offset is claimed where asked for, and applied where not.
+  intervals hold the truth; step: cameras in step: how often an offset is claimed where asked for,
+  and applied where not.
 """
 
 from collections.abc import Callable, Mapping
@@ -214,7 +214,6 @@ class Moving:
     noise_px: float
     frames: int
     in_step: bool = False
-    frames_between: int = FRAMES_BETWEEN
 
 
 @dataclass(frozen=True)
@@ -233,9 +232,9 @@ class Found:
 
 def one_rig(study: Moving, number: int) -> Found:
     """Simulate and calibrate one rig."""
-    rng = np.random.default_rng([study.frames, study.frames_between, study.in_step, number])
+    rng = np.random.default_rng([study.frames, FRAMES_BETWEEN, study.in_step, number])
     cameras = random_rig(rng)
-    bar = move_bar(cameras, rng, study.frames, BAR_M, DEPTHS_M, study.frames_between)
+    bar = move_bar(cameras, rng, study.frames, BAR_M, DEPTHS_M)
     late = float(np.exp(rng.uniform(*np.log([0.02, 2.0])))) * rng.choice([-1, 1])
     truth = TimeOffset(late, DRIFT * rng.choice([-1, 1]), study.frames / 2)
     truth = TimeOffset() if study.in_step else truth
@@ -271,10 +270,9 @@ def one_rig(study: Moving, number: int) -> Found:
     )
 
 
-def offsets(asked: Asked, in_step: bool = False, slower: int = 1) -> None:
+def offsets(asked: Asked, in_step: bool = False) -> None:
     """Simulate the rigs in processes, and print what was found."""
-    frames = asked.frames * (3 if slower > 1 else 1)
-    study = Moving(asked.noise, frames, in_step, slower * FRAMES_BETWEEN)
+    study = Moving(asked.noise, asked.frames, in_step)
     with ProcessPoolExecutor() as pool:
         found = list(pool.map(partial(one_rig, study), asked.numbers, chunksize=5))
     known = [each for each in found if each.errors]
@@ -309,7 +307,6 @@ STUDIES: dict[str, tuple[Study, int]] = {
     "drifting-rigs": (drifting_rigs, 12),
     "sound-rigs": (sound_rigs, 40),
     "offset": (offsets, 400),
-    "slow": (partial(offsets, slower=4), 400),
     "step": (partial(offsets, in_step=True), 400),
 }
 

@@ -28,8 +28,6 @@ from benchmarks.studies import Asked, run_studies
 from stereocal.calibration.essential import Solver
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.errors import StereocalError
-from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
-from stereocal.evaluation.summary import summarise_all
 from stereocal.library.calibrations import calibrate
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.matching import ANY_DEPTH, match_points
@@ -43,14 +41,13 @@ from stereocal.rig.rig import Rig
 from stereocal.simulation.nineteen import simulate_nineteen
 from stereocal.simulation.simulate import FIELD_DEPTHS_M, place_bars
 from stereocal.system.array_types import FloatArray, IntArray
-from stereocal.system.executors import engine
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tests.rigs.refined_rigs import DEPTHS_M as POINT_DEPTHS_M
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 COUNTS = (10, 100, 300, 1000)
-THRESHOLDS = (0.3, 1.0, 3.0, 10.0, 40.0)
+THRESHOLDS = (1.0, 10.0, 40.0)
 DEPTHS_M = (12.0, 15.0)
 NAMES = {"essential": "essential", "2d": "2D", "3d": "3D"}
 NOISE_PX, MISSING, SPURIOUS = 0.3, 0.10, 0.05
@@ -155,15 +152,6 @@ def flocks(rig: Rig, count: int, most: int, least: int = 20) -> list[FlockFrame]
     return list(flock(rig, count, frames, np.random.default_rng([0, count])))
 
 
-def file_thresholds(solver: Solver) -> Mapping[str, float]:
-    """What `evaluate` writes into the parameter files, from 100 runs on the rig's own data set."""
-    settings = EvaluationSettings(CalibrationSettings(essential=solver), 100, 20)
-    with engine(None, None) as executor:
-        runs = evaluate([simulate_nineteen(0)[9][1]], settings, executor)
-    pooled, _ = summarise_all(["flock"], runs)
-    return {method: summary.reprojection.threshold for method, summary in pooled.items()}
-
-
 def quality(asked: Asked) -> None:
     """The tables of recall and precision."""
     quality_of("linear", asked.frames)
@@ -173,17 +161,14 @@ def quality(asked: Asked) -> None:
 def quality_of(solver: Solver, most_frames: int) -> None:
     """The table of one essential solver."""
     rig, sets = parameter_sets(solver)
-    thresholds = file_thresholds(solver)
     print(f"\nEssential solver: {solver}\n")
-    print("| points | set | " + " | ".join(f"{t:g} px" for t in THRESHOLDS) + " | file | auto |")
-    print("|---|---|" + "---|" * (len(THRESHOLDS) + 2))
+    print("| points | set | " + " | ".join(f"{t:g} px" for t in THRESHOLDS) + " | auto |")
+    print("|---|---|" + "---|" * (len(THRESHOLDS) + 1))
     for count in COUNTS:
         frames = flocks(rig, count, most_frames)
         sample = [(frame.primary_px, frame.secondary_px) for frame in frames]
         for name, parameters in sets.items():
             cells = [_cell(score(parameters, frames, t)) for t in THRESHOLDS]
-            own = thresholds[name]
-            cells.append(f"{_cell(score(parameters, frames, own))} at {own:.2g}")
             try:
                 chosen = choose_threshold(parameters, sample[:200]).threshold_px
                 cells.append(f"{_cell(score(parameters, frames, chosen))} at {chosen:.2g}")

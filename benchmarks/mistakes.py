@@ -278,15 +278,12 @@ def each_kind(asked: Asked, sound: bool) -> None:
                 if told is not None:
                     found[told[0]] += 1
                     lines.append(f"      {number}: {told[0]}: {told[1]}")
-            _print(f"{kind}, {name}", found, begun, lines if asked.said or sound else [])
+            words = ", ".join(f"{what} {count}" for what, count in found.items())
+            print(f"  {kind}, {name}: {words} ({time.process_time() - begun:.0f} s)", flush=True)
+            if asked.said or sound:
+                print(*(line for line in lines if "nothing accused:" not in line), sep="\n")
             total += found
-        _print(f"{kind}, all", total, time.process_time(), [])
-
-
-def _print(name: str, found: Counter[str], begun: float, lines: list[str]) -> None:
-    words = ", ".join(f"{what} {count}" for what, count in found.items())
-    told = [line for line in lines if "nothing accused:" not in line]
-    print(f"  {name}: {words} ({time.process_time() - begun:.0f} s)", *told, sep="\n", flush=True)
+        print(f"  {kind}, all: {dict(total)}", flush=True)
 
 
 def real(asked: Asked) -> None:

@@ -1,11 +1,7 @@
 """How well targets are found in photographs whose truth is known.
 
-    python -m benchmarks.photographs [corners|clutter|balls|balls-in-clutter] [--trials N]
+    python -m benchmarks.photographs [clutter|balls|balls-in-clutter] [--trials N]
 
-- corners: renders of single 2x2 boards, made without the fitted model (`tests.detection.boards`):
-  noise 0 to 8 grey levels, blur 0.5 to 3 px, tilt to 60 degrees, contrast 40 to 200, boards of 20
-  to 400 px, against OpenCV's `cornerSubPix` and the Cramer-Rao bound, from starts up to 0.7 px off.
-  The settings of the fit were chosen on the numbers 0 to 199 (`--first`);
 - clutter: full-size pairs (2336x1728) with houses, a fence, leaves, grass and a chessboard about:
   backgrounds with 10 pairs each, boards leaning up to 60 degrees, blur 0.5 to 2 px, read noise 0.5
   to 6 grey levels (`--seed`);
@@ -17,8 +13,6 @@
 
 import time
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -26,9 +20,7 @@ import numpy as np
 from benchmarks.studies import Asked, rms, run_studies, spread
 from stereocal.detection.ball_colours import colour_at
 from stereocal.detection.balls import find_balls
-from stereocal.detection.corner_model import ALL, CORE, FRAME, fill_frame, fill_rows
-from stereocal.detection.detect import corner_near, detect_targets
-from stereocal.detection.fit import window
+from stereocal.detection.detect import detect_targets
 from stereocal.detection.target import BAR, Balls, Sighting, Target, parse_target
 from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames
@@ -38,7 +30,6 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import field_rig, place_bars
 from stereocal.system.array_types import FloatArray
-from tests.detection.boards import Board, picture
 from tools.photographs.backgrounds import outdoors
 from tools.photographs.balls import (
     RED,
@@ -50,9 +41,8 @@ from tools.photographs.balls import (
     side_light,
 )
 from tools.photographs.bars import BarSettings, photograph_bars, place_visible_bars
-from tools.photographs.rendering import HERE, Photograph, PhotographSettings
+from tools.photographs.rendering import HERE, PhotographSettings
 
-WINDOWS = (2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 20, 30)
 PER_SCENE = 10
 """Pairs of one background: the geometry of all of them tells A and B apart."""
 WRONG_PX = 1.0
@@ -64,117 +54,6 @@ BALL_M, BAR_M, BALL_PAIRS = 0.03, 0.6, 20
 RADII = (6.0, 10.0, 15.0, 20.0, 30.0)
 Truth = dict[str, FloatArray]
 """By photograph, the true centres (2, 2)."""
-
-
-@dataclass(frozen=True)
-class Case:
-    """One render: a board, the noise, its picture."""
-
-    board: Board
-    noise: float
-    size: int
-    seed: int
-
-    def picture(self) -> Photograph:
-        """(size, size), with a board on grey."""
-        grey = float(np.random.default_rng([2, self.seed]).uniform(20, 230))
-        return picture(self.board, (self.size, self.size), self.noise, self.seed, grey)
-
-
-def cases(numbers: range) -> Iterator[Case]:
-    """Boards of all sizes, contrasts, tilts and blurs."""
-    for seed in numbers:
-        rng = np.random.default_rng([1, seed])
-        side = float(np.exp(rng.uniform(np.log(20), np.log(400))))
-        size = int(1.3 * side + 20)
-        contrast = rng.uniform(40, 200)
-        middle = rng.uniform(contrast / 2 + 5, 250 - contrast / 2)
-        u, v = (size / 2 + rng.uniform(-0.5, 0.5, 2)).tolist()
-        board = Board(
-            (u, v),
-            side,
-            turn=rng.uniform(0, 2 * np.pi),
-            tilt=np.deg2rad(rng.uniform(0, 60)),
-            tilt_axis=rng.uniform(0, 2 * np.pi),
-            blur=rng.uniform(0.5, 3),
-            black=middle - contrast / 2,
-            white=middle + contrast / 2,
-        )
-        yield Case(board, float(rng.uniform(0, 8)), size, seed)
-
-
-def bound(case: Case) -> float:
-    """The Cramer-Rao bound of the squared error of the centre for all pixels of the board.
-
-    Unknown: the centre, both directions, blur, offset, contrast. The noise is the sensor's with
-    that of rounding; the border of the board, which could tell more, is left out.
-    """
-    board = case.board
-    ends = 1e-4 * np.array([[1.0, 0, 0], [0, 1, 0]])
-    pixels_of_ends = board.camera((case.size, case.size)).project(board.pose.apply(ends))
-    along: FloatArray = 1e4 * (pixels_of_ends - board.centre)
-    lengths: FloatArray = np.sqrt((along**2).sum(axis=1))
-    p = np.zeros(ALL)
-    p[:2] = board.centre
-    p[2:4] = [np.arctan2(-a[0], a[1]) for a in along]
-    p[4], p[6] = 0.5 * np.log(board.blur**2 + 1 / 12), (board.white - board.black) / 2
-    grey = np.zeros((case.size, case.size), np.float32)
-    pixels = window(grey, p[0], p[1], along / lengths[:, None], lengths / 2, 1)
-    frame, rows = np.empty(FRAME), np.empty((ALL + 1, len(pixels)))
-    fill_frame(p, 1.0, 1, frame)
-    fill_rows(p, frame, pixels, 0, len(pixels), rows)
-    J = rows[:CORE].T
-    inverse = np.linalg.inv(J.T @ J)[:2, :2] * (case.noise**2 + 1 / 12)
-    return float(np.trace(inverse))
-
-
-def subpix(image: Photograph, start: FloatArray, half: int) -> FloatArray:
-    """OpenCV's corner, (2,)."""
-    if 2 * half + 5 >= len(image):
-        return start
-    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
-    point = start.astype(np.float32).reshape(1, 1, 2)
-    found = cv2.cornerSubPix(image, point, (half, half), (-1, -1), criteria)
-    return np.asarray(found, dtype=np.float64).ravel()
-
-
-def corners(asked: Asked) -> None:
-    """Ours against OpenCV and the bound, on the same renders from the same starts."""
-    ours, normal, least, theirs, seconds, sizes = [], [], [], [], [], []
-    for case in cases(asked.numbers):
-        image, truth = case.picture(), np.array(case.board.centre)
-        start = truth + np.random.default_rng([3, case.seed]).uniform(-0.7, 0.7, 2)
-        began = time.thread_time()
-        corner = corner_near(image, (float(start[0]), float(start[1])))
-        seconds.append(1e3 * (time.thread_time() - began))
-        if corner is None:
-            print(f"  not found: {case}")
-            continue
-        error = corner.centre - truth
-        ours.append(float(np.linalg.norm(error)))
-        normal.append(np.linalg.solve(np.linalg.cholesky(corner.covariance), error))
-        theirs.append([np.linalg.norm(subpix(image, start, half) - truth) for half in WINDOWS])
-        sizes.append(case.board.side)
-        shortest = case.board.side * np.cos(case.board.tilt)
-        dominated = case.noise > 1 and case.board.blur > 0.8 and shortest > 12 * case.board.blur
-        least.append(bound(case) if dominated else np.nan)
-    e, peers, z, of_bound = np.array(ours), np.array(theirs), np.array(normal), np.array(least)
-    best = np.argmin(np.sqrt((peers**2).mean(axis=0)))
-    use = np.isfinite(of_bound)
-    print(
-        f"  found {len(e)} of {asked.trials}; {spread(seconds)} ms of CPU; pooled RMS {rms(e):.4f} "
-        f"px, median {np.median(e):.4f} px\n"
-        f"  over cornerSubPix: each picture's own best window {rms(e) / rms(peers.min(axis=1)):.2f}"
-        f", its best window for all ({WINDOWS[best]}) {rms(e) / rms(peers[:, best]):.2f}\n"
-        f"  over the Cramer-Rao bound, {use.sum()} pictures where blur and noise dominate: pooled "
-        f"{rms(e[use]) / np.sqrt(of_bound[use].mean()):.2f}, each to its own "
-        f"{rms(e[use] / np.sqrt(of_bound[use])):.2f}"
-    )
-    bands = ", ".join(
-        f"{z[(np.array(sizes) >= low) & (np.array(sizes) < high)].std():.2f} ({low} to {high} px)"
-        for low, high in ((20, 40), (40, 100), (100, 200), (200, 400))
-    )
-    print(f"  normalised errors: standard deviation {z.std():.2f}; {bands}")
 
 
 def judged(frame: Frame, truth: Truth, orders: tuple[int, ...]) -> tuple[str, FloatArray]:
@@ -326,7 +205,6 @@ def named(text: str) -> Balls:
 if __name__ == "__main__":
     cv2.setNumThreads(1)
     studies = {
-        "corners": (corners, 200),
         "clutter": (in_clutter, 200),
         "balls": (balls, 100),
         "balls-in-clutter": (balls_in_clutter, 200),

@@ -132,7 +132,7 @@ class TestAgainstTruth:
                 stated.append(error / lens.standard_errors[:8])
                 by_spread.append(error / lens.spread[:8])
         # Of 32 errors of correlated parameters 1 +- 0.2, of 96 1 +- 0.15. Measured with 12 lenses:
-        # 1.12 and 1.62 (1.41 expected); `benchmarks.lenses brown` has more.
+        # 1.12 and 1.62 (1.41 expected).
         assert within[0] < float(np.sqrt(np.mean(np.square(stated)))) < within[1]
         assert float(np.sqrt(np.mean(np.square(by_spread)))) > spread
 
@@ -333,8 +333,7 @@ class TestFisheye:
     def test_lenses_of_175_to_220_degrees(self, seed: int) -> None:
         """5 to 15 boards, half of them at the rim, up to 110 degrees from the axis.
 
-        OpenCV's `fisheye.calibrate` from ten starts found 4 of these; `benchmarks.lenses
-        fisheyes` has more.
+        OpenCV's `fisheye.calibrate` from ten starts found 4 of these.
         """
         lens, boards, tested = draw_case(seed)
         about = boards.pattern, boards.views, boards.image_size, self.settings
