@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from stereocal.rig.compiled import compiled, internal
+from stereocal.rig.compiled import compiled
 from stereocal.rig.decompositions import backward, factor, forward
 from stereocal.rig.tracks import exchanged_ends, interpolate
 from stereocal.system.array_types import FloatArray, IntArray
@@ -126,7 +126,7 @@ def _choose(tracks: Tracks, offset: int, used: IntArray, marks: IntArray, pairs:
     return n
 
 
-@internal
+@compiled
 def _coprime(items: int) -> int:
     """A step that visits all items, in an order that is even at each of its beginnings."""
     step = int(0.618 * items) + 1  # the golden section
@@ -139,7 +139,7 @@ def _coprime(items: int) -> int:
         step += 1
 
 
-@internal
+@compiled
 def _misfit(pairs: FloatArray) -> float:
     """The median distance from the epipolar lines of a robust fundamental matrix.
 
@@ -167,7 +167,7 @@ def _misfit(pairs: FloatArray) -> float:
     return median
 
 
-@internal
+@compiled
 def _normalised(pairs: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The mean distances of each camera's points from their middle (2,), and the coefficients (n,
     9) of the entries of F, row by row, in q_s^T F q_p = 0: with the normalised points (x, y) of the
@@ -185,7 +185,7 @@ def _normalised(pairs: FloatArray) -> tuple[FloatArray, FloatArray]:
     return scale, rows
 
 
-@internal
+@compiled
 def _fill_normal(rows: FloatArray, weights: FloatArray, A: FloatArray) -> None:
     """Write the lower half of the weighted sum of the rows' products, and a little of the unit
     matrix: an exact fit has no Cholesky factor."""
@@ -201,7 +201,7 @@ def _fill_normal(rows: FloatArray, weights: FloatArray, A: FloatArray) -> None:
         A[i, i] += 1e-14 * trace
 
 
-@internal
+@compiled
 def _distance(row: FloatArray, scale: FloatArray, f: FloatArray) -> float:
     """Sampson's distance, on the planes z = 1, as in `geometry.sampson`: the residual over the
     length of its gradient by the four coordinates, that is of F q_p and F^T q_s without their last

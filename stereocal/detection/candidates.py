@@ -16,7 +16,7 @@ from stereocal.detection.edges import arm_quality, follow
 from stereocal.detection.fit import plausible, window
 from stereocal.detection.intensity import GreyImage
 from stereocal.detection.solver import fit_parameters
-from stereocal.rig.compiled import compiled, internal
+from stereocal.rig.compiled import compiled
 from stereocal.system.array_types import FloatArray
 
 LEVELS = 5
@@ -55,7 +55,7 @@ COLUMNS = ALL + 3
 """Columns of a candidate: the parameters, its score, flips, and level."""
 
 
-@internal
+@compiled
 def _saddle(image: GreyImage, y: int, strength: GreyImage) -> None:
     """Write -det(Hessian) of one row, (w,), by second differences, except at its ends."""
     for x in range(1, image.shape[1] - 1):
@@ -66,7 +66,7 @@ def _saddle(image: GreyImage, y: int, strength: GreyImage) -> None:
         strength[x] = xy * xy * np.float32(0.0625) - xx * yy
 
 
-@internal
+@compiled
 def _crossings(ring: FloatArray, middle: float, edges: FloatArray) -> bool:
     """Whether a ring changes sign four times; the angles (4,) are written to `edges`."""
     n, count = ring.size, 0
@@ -81,7 +81,7 @@ def _crossings(ring: FloatArray, middle: float, edges: FloatArray) -> bool:
     return count == 4
 
 
-@internal
+@compiled
 def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> bool:
     """Whether a ring looks like that of an X-corner; the initial parameters are written to p.
 
@@ -125,7 +125,7 @@ def _ring(image: GreyImage, x: int, y: int, ring: FloatArray, p: FloatArray) -> 
     return True
 
 
-@internal
+@compiled
 def _correlation(image: GreyImage, x: int, y: int, p: FloatArray) -> float:
     """Correlation of 9x9 pixels with a crossing whose edges are ramps of 4 px: h and k are half the
     distances from the edges, cut off at -1 and 1."""
@@ -154,8 +154,8 @@ def _starts(image: GreyImage, weakest: float) -> FloatArray:
     ring = np.empty(RING.shape[0])
     rows = np.zeros((3, width), dtype=np.float32)
     n = 0
-    _saddle(image, BORDER - 1, rows[(BORDER - 1) % 3])
-    _saddle(image, BORDER, rows[BORDER % 3])
+    for y in range(BORDER - 1, BORDER + 1):
+        _saddle(image, y, rows[y % 3])
     for y in range(BORDER, height - BORDER):
         above, here, below = rows[(y - 1) % 3], rows[y % 3], rows[(y + 1) % 3]
         _saddle(image, y + 1, below)
@@ -175,7 +175,7 @@ def _starts(image: GreyImage, weakest: float) -> FloatArray:
     return starts[:n]
 
 
-@internal
+@compiled
 def _twice_as_long(starts: FloatArray) -> FloatArray:
     """numba takes 3 s to compile the assignment of a slice, with its messages about shapes."""
     larger = np.empty((2 * starts.shape[0], starts.shape[1]))

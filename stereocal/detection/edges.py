@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from stereocal.detection.intensity import GreyImage
-from stereocal.rig.compiled import compiled, internal
+from stereocal.rig.compiled import compiled
 from stereocal.system.array_types import FloatArray
 
 LONG_ARM = 6.0
@@ -44,7 +44,7 @@ def arm_quality(arms: FloatArray, cut: int, blur: float) -> float:
     return best * max(worst, UNEQUAL_ARMS) * min(1.0, shortest / (LONG_ARM * blur))
 
 
-@internal
+@compiled
 def _sample(image: GreyImage, x: float, y: float) -> float:
     """Grey level by bilinear interpolation; NaN outside the image."""
     height, width = image.shape
@@ -58,7 +58,7 @@ def _sample(image: GreyImage, x: float, y: float) -> float:
     return grey
 
 
-@internal
+@compiled
 def _profile(
     image: GreyImage,
     start: FloatArray,
@@ -88,7 +88,7 @@ def _profile(
     return seen.size
 
 
-@internal
+@compiled
 def _is_inverted(seen: FloatArray) -> bool:
     """Whether the difference is uniformly inverted, as along the next square of a chessboard."""
     mean, square = 0.0, 0.0
@@ -98,7 +98,7 @@ def _is_inverted(seen: FloatArray) -> bool:
     return abs(mean + 1.0) < SQUARE_SPREAD and square - mean * mean < SQUARE_SPREAD**2
 
 
-@internal
+@compiled
 def _arm(
     image: GreyImage, start: FloatArray, along: FloatArray, side: FloatArray, length: float
 ) -> tuple[float, bool, bool]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stereocal.detection.corner_model import ALL, FRAME, LIGHT, fill_frame, fill_rows
-from stereocal.rig.compiled import compiled, internal
+from stereocal.rig.compiled import compiled
 from stereocal.rig.decompositions import backward, factor, forward
 from stereocal.system.array_types import FloatArray
 
@@ -25,7 +25,7 @@ Measured on 24 windows of sample_data/photographs, each number a quarter and fou
 window grows, within the tolerance of 0.01 px."""
 
 
-@internal
+@compiled
 def _normal_equations(
     pixels: FloatArray,
     p: FloatArray,
@@ -64,7 +64,7 @@ def _normal_equations(
     return cost
 
 
-@internal
+@compiled
 def _damp(H: FloatArray, g: FloatArray, damping: float, L: FloatArray, step: FloatArray) -> None:
     """Write the lower half of H with a damped diagonal to L, and g to `step`."""
     for a in range(g.size):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stereocal.rig.compiled import compiled, internal
+from stereocal.rig.compiled import compiled
 from stereocal.rig.geometry import reprojection_shift
 from stereocal.system.array_types import CountArray, FloatArray, IntArray
 
@@ -58,7 +58,7 @@ def count_pairs(
     return total / known
 
 
-@internal
+@compiled
 def bin_of(value: float) -> int:
     if np.isnan(value):
         return OVERFLOW

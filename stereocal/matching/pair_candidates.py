@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stereocal.rig.compiled import compiled, contiguous, internal
+from stereocal.rig.compiled import compiled, contiguous
 from stereocal.rig.geometry import reprojection_shift
 from stereocal.system.array_types import FloatArray, IntArray
 
@@ -101,7 +101,7 @@ def _pairs_within(
     return _enlarged(candidates, count, count)
 
 
-@internal
+@compiled
 def _enlarged(candidates: FloatArray, count: int, size: int) -> FloatArray:
     larger = np.empty((size, 3))
     for k in range(count):

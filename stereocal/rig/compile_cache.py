@@ -1,7 +1,7 @@
 """Choose numba's cache folder when the installation folder is read-only.
 
-numba caches compiled code beside the sources, or else in the user's cache folder. If it can write
-to neither, its import fails: for instance a system-wide installation run by a user without a home.
+Compiled code is kept beside the sources, or else in the user's cache folder. If numba can write to
+neither, its import fails: for instance a system-wide installation run by a user without a home.
 """
 
 import os
@@ -35,11 +35,9 @@ def use_writable_cache() -> None:
 
 
 def _can_write_beside() -> bool:
-    """Whether the `__pycache__` folders of the package and its subpackages are writable."""
-    caches = [path.parent / "__pycache__" for path in PACKAGE.rglob("__init__.py")]
-    return all(
-        os.access(cache if cache.exists() else cache.parent, os.W_OK | os.X_OK) for cache in caches
-    )
+    """Whether the `__pycache__` folder of the package is writable."""
+    cache = PACKAGE / "__pycache__"
+    return os.access(cache if cache.exists() else PACKAGE, os.W_OK | os.X_OK)
 
 
 def _candidates() -> Iterator[Path]:

@@ -1,23 +1,21 @@
 """Decorators that compile hot functions with numba: cached on disk, without the GIL."""
 
 import functools
-import gc
 import hashlib
 import inspect
-import pickle
 import re
+import shutil
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Generic, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numba
 import numpy as np
-from numba import types
 from numba.core import event
-from numba.extending import typeof_impl
 
 from stereocal.system.array_types import FloatArray
 
@@ -26,121 +24,77 @@ T = TypeVar("T")
 
 
 _PACKAGE = Path(__file__).parents[1]
+_SETTINGS: Any = numba.config  # whose type hints lack them
+_KEPT = Path(_SETTINGS.CACHE_DIR or _PACKAGE / "__pycache__")
 _IMPORTED = re.compile(rf"^from ({_PACKAGE.name}[.\w]*) import ([\w, ]*)", re.MULTILINE)
 
 FAST_MATH = {"contract", "nsz", "arcp", "reassoc"}
 """Allows reordered sums, so that loops over points are vectorised; keeps the rules for NaN."""
 
-_ON_DISK: list[Any] = []
-"""The cached code of each function of this package that was decorated."""
+_ON_DISK: list[tuple[Path, str]] = []
+"""The folder and the name of each function of this package that was decorated."""
+_DECORATING = threading.Lock()
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
-    """Compile a function that Python calls, at its first call.
+    """Compile a function at its first call.
 
     A division by zero gives inf or NaN as in NumPy. A NaN cost never counts as an improvement.
     """
     return _decorated(function)
 
 
-class _Internal(Generic[P, T]):
-    """A function that compiled code calls in compiled form, and Python in its original form.
-
-    A numba dispatcher without a Python wrapper crashes the process when Python calls it.
-    """
-
-    def __init__(self, function: Callable[P, T], **options: bool) -> None:
-        self.function = function
-        self.dispatcher = _decorated(function, no_cpython_wrapper=True, **options)
-        functools.update_wrapper(self, function)
-
-    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> T:
-        return self.function(*args, **kwargs)
-
-
-@typeof_impl.register(_Internal)
-def _type_of_internal(value: _Internal[P, T], _: object) -> types.Dispatcher:
-    return types.Dispatcher(value.dispatcher)  # type: ignore[arg-type]
-
-
-def internal(function: Callable[P, T]) -> Callable[P, T]:
-    """What `compiled` is, for functions that only compiled code calls: no wrapper is compiled."""
-    return _Internal(function)
-
-
-def borrowing(function: Callable[P, T]) -> Callable[P, T]:
-    """What `internal` is, for functions that allocate no array.
-
-    What they are given is in use as long as they run, so that it need not be counted as in use by
-    each tuple and each part of an array: the sums of `adjustment` take a third less time.
-    """
-    return _Internal(function, _nrt=False)
-
-
 def inlined(function: Callable[P, T]) -> Callable[P, T]:
-    """What `internal` is, inlined into its callers: a call inside a loop prevents vectorisation."""
-    return _Internal(function, forceinline=True)
+    """What `compiled` is, inlined into its callers: a call inside a loop prevents vectorisation."""
+    return _decorated(function, forceinline=True)
 
 
-def _decorated(function: Callable[P, T], **options: bool) -> Callable[P, T]:
-    untyped: dict[str, Any] = {"no_cfunc_wrapper": True, **options}  # not in numba's type hints
-    decorated: Callable[P, T] = numba.njit(
-        cache=True, nogil=True, error_model="numpy", fastmath=FAST_MATH, **untyped
-    )(function)
-    _without_literals(decorated)
-    # By itself, numba invalidates the cache only when the function's own file changes.
-    on_disk = getattr(getattr(decorated, "_cache", None), "_cache_file", None)
-    if on_disk is not None:  # None with NUMBA_DISABLE_JIT
-        on_disk._source_stamp = _stamp(Path(inspect.getfile(function)))
-        on_disk._load_index = functools.partial(_readable_index, on_disk._load_index)
-        if function.__module__.startswith(f"{_PACKAGE.name}."):
-            _ON_DISK.append(on_disk)
+def _decorated(function: Callable[P, T], forceinline: bool = False) -> Callable[P, T]:
+    folder = _folder(Path(inspect.getfile(function)))
+    with _DECORATING:
+        others, _SETTINGS.CACHE_DIR = _SETTINGS.CACHE_DIR, str(folder)
+        try:
+            decorated: Callable[P, T] = numba.njit(
+                cache=True,
+                nogil=True,
+                error_model="numpy",
+                fastmath=FAST_MATH,
+                forceinline=forceinline,
+            )(function)
+        finally:
+            _SETTINGS.CACHE_DIR = others
+    # The same function with NUMBA_DISABLE_JIT.
+    if decorated is not function and function.__module__.startswith(f"{_PACKAGE.name}."):
+        _ON_DISK.append((folder, function.__qualname__))
     return decorated
-
-
-def _readable_index(load: Callable[[], dict[Any, str]]) -> dict[Any, str]:
-    """What the cache has of a function; nothing if it names a class that another version moved.
-
-    numba reads the signatures before it compares the versions.
-    """
-    try:
-        return load()
-    except (AttributeError, ImportError, EOFError, pickle.UnpicklingError):
-        return {}
 
 
 def uncompiled() -> bool:
     """Whether the cache lacks any function of the modules that are imported."""
-    return not all(on_disk._load_index() for on_disk in _ON_DISK)
-
-
-def _without_literals(dispatcher: Any) -> None:
-    """Make numba compile a function once for all constant arguments of compiled code, which it does
-    anew for each by itself."""
-    general_of: Callable[[Any], Any] = types.unliteral
-    types_of_call = getattr(dispatcher, "get_call_template", None)
-    if types_of_call is None:  # with NUMBA_DISABLE_JIT
-        return
-
-    def of_any_value(arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        general = {name: general_of(argument) for name, argument in named.items()}
-        return types_of_call(tuple(map(general_of, arguments)), general)
-
-    dispatcher.get_call_template = of_any_value
+    return not all(any(folder.glob(f"*/*.{name}-*.nbi")) for folder, name in _ON_DISK)
 
 
 @functools.cache
-def _stamp(path: Path) -> str:
-    """A digest of a source file and of all modules of this package that it imports, recursively.
+def _folder(path: Path) -> Path:
+    """Where the compiled functions of a source file are kept; those of its earlier states go.
 
-    Compiled code contains the functions it calls and the constants it reads from other modules.
+    Compiled code contains the functions it calls and the constants it reads from other modules, but
+    numba looks only at the function's own file: each state of the file and of all modules of this
+    package that it imports, recursively, has a folder of its own. Its name is short for Windows.
     """
     seen, left = {path}, [path]
     while left:
         new = _source(left.pop())[1] - seen
         left += new
         seen |= new
-    return hashlib.sha256(b"".join(_source(file)[0] for file in sorted(seen))).hexdigest()
+    stamp = hashlib.sha256(b"".join(_source(file)[0] for file in sorted(seen))).hexdigest()[:12]
+    owner = f"{path} {numba.__version__} {sys.implementation.cache_tag}"
+    prefix = hashlib.sha256(owner.encode()).hexdigest()[:8]
+    folder = _KEPT / f"{prefix}-{stamp}"
+    for earlier in _KEPT.glob(f"{prefix}-*"):
+        if earlier != folder:
+            shutil.rmtree(earlier, ignore_errors=True)
+    return folder
 
 
 @functools.cache
@@ -211,29 +165,20 @@ class _Waited(threading.local):
     seconds = 0.0
     depth = 0
     since = 0.0
-    collecting = True
 
 
 class _LockListener(event.Listener):
-    """Times the outermost lock: compiling a function also compiles the functions that it calls.
-
-    Garbage is not collected meanwhile: a tenth of the time goes into looking through numba's many
-    objects, which are all in use.
-    """
+    """Times the outermost lock: compiling a function also compiles the functions that it calls."""
 
     def on_start(self, _: Any) -> None:
         if not _waited.depth:
             _waited.since = time.perf_counter()
-            _waited.collecting = gc.isenabled()
-            gc.disable()
         _waited.depth += 1
 
     def on_end(self, _: Any) -> None:
         _waited.depth -= 1
         if not _waited.depth:
             _waited.seconds += time.perf_counter() - _waited.since
-            if _waited.collecting:
-                gc.enable()
 
 
 _waited = _Waited()

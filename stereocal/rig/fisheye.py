@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.rig.compiled import borrowing, compiled, inlined
+from stereocal.rig.compiled import compiled, inlined
 from stereocal.system.array_types import FloatArray
 
 LARGEST_ANGLE = np.radians(75.0)
@@ -40,7 +40,7 @@ def largest_angle(coefficients: FloatArray) -> float:
     return float(angles[falls[0] - 1]) if len(falls) else float(INVERTED_ANGLE)
 
 
-@borrowing
+@compiled
 def distort_fisheye(
     x: float, y: float, k1: float, k2: float, k3: float, k4: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -56,7 +56,7 @@ def distort_fisheye(
     return scale * x, scale * y, scale + change * x * x, across, across, scale + change * y * y
 
 
-@borrowing
+@compiled
 def fisheye_derivatives(x: float, y: float, by_lens: FloatArray) -> None:
     """Write the derivatives of the imaged point by k1, k2, k3, k4 to `by_lens` (2, 4)."""
     r = np.sqrt(x * x + y * y)
@@ -67,7 +67,7 @@ def fisheye_derivatives(x: float, y: float, by_lens: FloatArray) -> None:
         by_lens[0, i], by_lens[1, i] = power * x, power * y
 
 
-@borrowing
+@compiled
 def imaged_shift(
     ax: float, ay: float, bx: float, by: float, scale: FloatArray, camera: int
 ) -> float:
@@ -84,7 +84,7 @@ def imaged_shift(
     return distance
 
 
-@borrowing
+@compiled
 def _imaged(x: float, y: float, scale: FloatArray) -> tuple[float, float]:
     """The imaged point of a point; the point itself where the lens is no fisheye.
 

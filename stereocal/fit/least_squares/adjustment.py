@@ -29,12 +29,12 @@ from stereocal.fit.least_squares.views import (
     with_lenses,
     work_of,
 )
-from stereocal.rig.compiled import borrowing, compiled
+from stereocal.rig.compiled import compiled
 from stereocal.rig.decompositions import factor, forward
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 
-@borrowing
+@compiled
 def loss(s: float, limit: float) -> tuple[float, float]:
     """Tukey's biweight rho(s) of a chi-square s, and its derivative, the unit's weight.
 
@@ -117,7 +117,7 @@ def sum_normal_equations(
     return cost
 
 
-@borrowing
+@compiled
 def eliminate(
     q: FloatArray, unit: Unit, work: Work, w: float, index: IntArray, Y: FloatArray, into: Equations
 ) -> None:
@@ -160,7 +160,7 @@ def eliminate(
             into.H[a, b] += w * total
 
 
-@borrowing
+@compiled
 def active_unknowns(unit: Unit, free: BoolArray, index: IntArray) -> int:
     """Write the unknowns that a unit depends on to `index`, ascending, and return their number."""
     count, pixels = 0, unit.pixels
@@ -177,7 +177,7 @@ def active_unknowns(unit: Unit, free: BoolArray, index: IntArray) -> int:
     return count
 
 
-@borrowing
+@compiled
 def project(pixels: FloatArray, work: Work, c: int, i: int, row: FloatArray) -> float:
     """Write Jx^T times an unknown's column of Js to `row` (6,); return the column times r."""
     total, r, Jx, Js = 0.0, work.r, work.Jx, work.Js
@@ -192,7 +192,7 @@ def project(pixels: FloatArray, work: Work, c: int, i: int, row: FloatArray) -> 
     return total
 
 
-@borrowing
+@compiled
 def product(pixels: FloatArray, Js: FloatArray, c: int, i: int, j: int) -> float:
     """The product of two columns of a camera's Js."""
     total = 0.0
@@ -202,7 +202,7 @@ def product(pixels: FloatArray, Js: FloatArray, c: int, i: int, j: int) -> float
     return total
 
 
-@borrowing
+@compiled
 def fill_distance(
     first: int, second: int, q: FloatArray, R: FloatArray, apart: FloatArray, J: FloatArray
 ) -> float:

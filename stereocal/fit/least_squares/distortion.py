@@ -3,7 +3,7 @@
 import numpy as np
 
 from stereocal.rig.camera import Camera
-from stereocal.rig.compiled import borrowing, internal
+from stereocal.rig.compiled import compiled
 from stereocal.rig.fisheye import distort_fisheye, fisheye_derivatives
 from stereocal.system.array_types import FloatArray
 
@@ -48,7 +48,7 @@ def _tilt(tau_x: float, tau_y: float) -> FloatArray:
     return tilt
 
 
-@borrowing
+@compiled
 def distort(
     x: float, y: float, lenses: FloatArray, camera: int
 ) -> tuple[float, float, float, float, float, float]:
@@ -98,7 +98,7 @@ def distort(
     return tu, tv, a * ux + b * vx, a * uy + b * vy, c * ux + d * vx, c * uy + d * vy
 
 
-@borrowing
+@compiled
 def distortion_derivatives(
     x: float, y: float, lenses: FloatArray, camera: int, by_lens: FloatArray
 ) -> None:
@@ -131,7 +131,7 @@ def distortion_derivatives(
         by_lens[0, i], by_lens[1, i] = a * along_x + b * along_y, c * along_x + d * along_y
 
 
-@internal
+@compiled
 def set_distortion(q: FloatArray, first: int, stride: int, lenses: FloatArray) -> FloatArray:
     """A copy of `lenses` (c, 23) with the k1, k2, p1, p2 that begin at q[first + stride * c]."""
     changed = np.empty(lenses.shape)

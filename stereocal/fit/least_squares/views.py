@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stereocal.fit.least_squares.distortion import distort, distortion_derivatives, set_distortion
-from stereocal.rig.compiled import borrowing, compiled, contiguous, internal
+from stereocal.rig.compiled import compiled, contiguous
 from stereocal.rig.decompositions import backward, factor, forward
 from stereocal.system.array_types import FloatArray
 
@@ -87,14 +87,14 @@ class Work(NamedTuple):
     by_lens: FloatArray
 
 
-@internal
+@compiled
 def with_lenses(stated: Cameras) -> Cameras:
     """The cameras with the k1, k2, p1, p2 of their unknowns instead of the stated ones."""
     lenses = set_distortion(stated.q, DISTORTION, EACH, stated.lenses)
     return Cameras(stated.q, stated.R, lenses)
 
 
-@internal
+@compiled
 def work_of(cameras: int) -> Work:
     """The arrays for units that this number of cameras sees."""
     return Work(
@@ -110,7 +110,7 @@ def work_of(cameras: int) -> Work:
     )
 
 
-@borrowing
+@compiled
 def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> float:
     """Write the residuals of a unit at points x (6,), in the reference's frame, and their
     derivatives by these; return the sum of squares, infinite behind a camera.
@@ -169,7 +169,7 @@ def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> f
     return total
 
 
-@borrowing
+@compiled
 def fill_normal_matrix(unit: Unit, length_weight: float, work: Work) -> None:
     """Write the lower half of the normal matrix of a unit's points; 1 for one not seen."""
     pixels, Jx, along, V = unit.pixels, work.Jx, work.along, work.V
@@ -192,7 +192,7 @@ def fill_normal_matrix(unit: Unit, length_weight: float, work: Work) -> None:
                 V[3 * e + i, 3 * e + i] = 1.0
 
 
-@borrowing
+@compiled
 def fill_gradient(unit: Unit, work: Work, b: FloatArray) -> None:
     """Write Jx^T r (6,) of a unit."""
     pixels, r, Jx, along = unit.pixels, work.r, work.Jx, work.along
@@ -205,7 +205,7 @@ def fill_gradient(unit: Unit, work: Work, b: FloatArray) -> None:
                     b[3 * e + i] += Jx[e, c, 0, i] * r[e, c, 0] + Jx[e, c, 1, i] * r[e, c, 1]
 
 
-@borrowing
+@compiled
 def fit_unit(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> float:
     """Minimise a unit's sum of squares over its points x (6,) in place (Levenberg-Marquardt).
 
@@ -250,7 +250,7 @@ def fit_unit(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> float:
     return best
 
 
-@borrowing
+@compiled
 def start_unit(cameras: Cameras, rays: FloatArray, x: FloatArray, V: FloatArray) -> None:
     """Replace a unit's points x (6,), if NaN, by those nearest to the rays of all cameras.
 
@@ -266,7 +266,7 @@ def start_unit(cameras: Cameras, rays: FloatArray, x: FloatArray, V: FloatArray)
             nearest_point(cameras.R, cameras.q, rays[e], x[3 * e : 3 * e + 3], V)
 
 
-@borrowing
+@compiled
 def nearest_point(
     R: FloatArray, q: FloatArray, rays: FloatArray, b: FloatArray, V: FloatArray
 ) -> None:
@@ -305,7 +305,7 @@ def nearest_point(
         b[0], b[1], b[2] = 0.0, 0.0, 1.0
 
 
-@borrowing
+@compiled
 def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, distorted: bool, work: Work) -> None:
     """Write the derivatives by the unknowns of the cameras, after `fill_residuals`.
 
@@ -424,7 +424,7 @@ def _fill_fits(stated: Cameras, pixels: FloatArray, rays: FloatArray, fits: Poin
                 fits.covariances[n, i, j] = b[i]
 
 
-@borrowing
+@compiled
 def copy_views(views: FloatArray, to: FloatArray) -> int:
     """Copy values (c, 2) of each camera; how many of them are there."""
     there = 0
