@@ -49,24 +49,26 @@ import sys
 import numba
 from numba.core.dispatcher import Dispatcher
 
-def refuse(name):
-    private = name.startswith("_") and not name.startswith("__") or name == "get_call_template"
-    if private and sys._getframe(2).f_globals["__name__"] == "stereocal.rig.compiled":
-        raise PermissionError(name)
+OPTIONS = {"cache", "nogil", "error_model", "fastmath", "forceinline"}
+
+def refuse(*names):
+    if names and sys._getframe(2).f_globals["__name__"] == "stereocal.rig.compiled":
+        raise PermissionError(names)
+
+def is_private(name):
+    return name.startswith("_") and not name.startswith("__") or name == "get_call_template"
 
 def get(dispatcher, name):
-    refuse(name)
+    refuse(*filter(is_private, [name]))
     return object.__getattribute__(dispatcher, name)
 
 def assign(dispatcher, name, value):
-    refuse(name)
+    refuse(*filter(is_private, [name]))
     object.__setattr__(dispatcher, name, value)
 
-def njit(*, cache, nogil, error_model, fastmath, forceinline):
-    return plain(
-        cache=cache, nogil=nogil, error_model=error_model, fastmath=fastmath,
-        forceinline=forceinline,
-    )
+def njit(*functions, **options):
+    refuse(*options.keys() - OPTIONS)
+    return plain(*functions, **options)
 
 plain, numba.njit = numba.njit, njit
 Dispatcher.__getattribute__, Dispatcher.__setattr__ = get, assign
