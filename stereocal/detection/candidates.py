@@ -45,6 +45,7 @@ MAXIMUM_FITS, MAXIMUM_STARTS = 64, 400
 count only in the second number, so that they do not displace others. In 80 photographs of the bar
 with clutter, each target was among the first 24 of at least one level."""
 ROUNDS, TOLERANCE_PX = 8, 0.02
+FASTEST, EVERY = 0, 1  # samples of `fit_parameters`; stride of `window`
 EXPLAINED = 0.6
 """Least share of the variance that the model explains; it is 0.86 for a contrast of 40 and noise of
 8, and less if the window includes the border of a very small board."""
@@ -193,6 +194,8 @@ def _fit_starts(level: GreyImage, starts: FloatArray, scores: FloatArray) -> Non
     along, half = np.empty((2, 2)), np.full(2, HALF_WINDOW)
     penalty, before = np.zeros(ALL), np.empty(ALL)
     left = MAXIMUM_FITS
+    # Plain numbers: for constants, numba would compile what is called again.
+    size, samples, stride, rounds = int(CORE), int(FASTEST), int(EVERY), int(ROUNDS)
     for i in range(starts.shape[0]):
         if left == 0:
             break
@@ -202,10 +205,12 @@ def _fit_starts(level: GreyImage, starts: FloatArray, scores: FloatArray) -> Non
             before[a] = p[a]
         along[0, 0], along[0, 1] = -math.sin(p[2]), math.cos(p[2])
         along[1, 0], along[1, 1] = -math.sin(p[3]), math.cos(p[3])
-        pixels = window(level, p[0], p[1], along, half, 1)
+        pixels = window(level, p[0], p[1], along, half, stride)
         if pixels.shape[0] < 3 * CORE:
             continue
-        cost, _ = fit_parameters(pixels, p, CORE, HALF_WINDOW, 0, penalty, ROUNDS, TOLERANCE_PX)
+        cost, _ = fit_parameters(
+            pixels, p, size, HALF_WINDOW, samples, penalty, rounds, TOLERANCE_PX
+        )
         if not plausible(p, before, 3.0) or 2.0 * abs(p[6]) < SMALLEST_CONTRAST:
             continue
         explained = 1.0 - cost / max(np.var(pixels[:, 2]) * pixels.shape[0], 1e-9)
