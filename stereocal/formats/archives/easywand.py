@@ -219,8 +219,8 @@ def read_easywand(file: EasyWandFile, options: ExchangeOptions) -> Archive:
     notes = [f"From easyWand, {chosen.words}."]
     if background is not None:
         bars, words = with_background(bars, background)
-        about = f"{len(background.frame)} pairs, {words}"
-        taken.append(Part("background points", about, "backgroundPts"))
+        pairs = f"{len(background.frame)} pairs, {words}"
+        taken.append(Part("background points", pairs, "backgroundPts"))
         note = f"Background points are the {words}, with one target each: they serve matching only."
         notes.append(note)
     throw = file.seen("axisPts", chosen.pair, sizes, origin)
