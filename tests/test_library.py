@@ -24,6 +24,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.system.answers import MOST_LINES, Answer, answering
 from tests.bar_photographs import bar_set
 from tests.files import write
+from tests.refused import refused
 
 ROOT = Path(__file__).parents[1]
 
@@ -112,14 +113,14 @@ def test_a_validation_reaches_recommendation_and_sets(run: CalibrationRun) -> No
     assert told["runs"] == 5
     assert fresh.sets["2d"].matching_threshold_px == told["threshold_px"]
     assert found.to_dataframe().loc[("all", "2d"), "threshold_px"] == told["threshold_px"]
-    with pytest.raises(stereocal.StereocalError, match="validation"):
+    with refused("validation"):
         answering(CalibrationRun, run).plot("validation")
 
 
 def test_a_rig_is_calibrated_matched_and_checked() -> None:
     recording = stereocal.read(ROOT / "sample_data" / "rig")
     assert isinstance(recording, stereocal.Recording)
-    with pytest.raises(stereocal.StereocalError, match=r"3 cameras.*recording\.pair"):
+    with refused("3 cameras", "recording.pair"):
         stereocal.calibrate(recording, refined=None)
     some = recording.where(recording.frame % 12 == 0)
     found = stereocal.calibrate_rig(some)
@@ -181,7 +182,7 @@ def test_tables_in_memory_are_a_recording(run: CalibrationRun) -> None:
 def test_a_wrong_table_is_refused(run: CalibrationRun, changes: dict[str, Any], said: str) -> None:
     cameras = {"primary": run.dataset.primary, "secondary": run.dataset.secondary}
     table = run.dataset.to_dataframe().assign(**changes)
-    with pytest.raises(stereocal.StereocalError, match=said):
+    with refused(said):
         stereocal.Recording.from_dataframe(table, cameras, 0.9, 4.5)
 
 
@@ -212,14 +213,14 @@ def test_cameras_are_read_from_paths_and_called_by_numbers(tmp_path: Path) -> No
     path = ROOT / "sample_data" / "field" / "primary.json"
     camera = stereocal.read_camera(path)
     assert np.array_equal(camera.K, stereocal.read_camera(path.read_bytes(), "lens").K)
-    with pytest.raises(stereocal.StereocalError, match="no such file"):
+    with refused("nothing.json"):
         stereocal.read_camera(tmp_path / "nothing.json")
     table = pd.DataFrame({"frame": 0, "camera": [1, 2], "target": "A", "u": 9.0, "v": 9.0})
     cameras: dict[Any, Any] = {1: camera, 2: camera}
     apart: Any = np.float32(4.5)
     found = stereocal.Recording.from_dataframe(table, cameras, 0.9, apart)
     assert [*found.cameras] == ["1", "2"]
-    with pytest.raises(stereocal.StereocalError, match="read_camera"):
+    with refused("read_camera"):
         stereocal.Recording.from_dataframe(table, cameras | {2: path}, 0.9)
 
 
@@ -251,7 +252,7 @@ def test_calibrate_gives_the_refined_set_unless_told_not_to() -> None:
     assert (refined.method, refined.purpose) == ("refined", "both")
     # The lenses as given are off; the refined set finds them again (sample_data/README.md).
     assert refined.primary.K[0, 0] != dataset.primary.K[0, 0]
-    with pytest.raises(stereocal.StereocalError, match="no refined set"):
+    with refused("refined"):
         stereocal.calibrate(dataset, refined=None).parameters("refined")
 
 

@@ -16,6 +16,7 @@ from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.dataset_files import read_recording
 from stereocal.workflow.given import recording_in
 from tests.files import write
+from tests.refused import refused
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,7 @@ def test_sync_writes_a_data_set_in_step(
 
 def test_cameras_that_count_their_own_frames_are_brought_into_step_unasked(by_hand: Path) -> None:
     counted = read_recording(by_hand)
-    with pytest.raises(ValueError, match="count their own frames"):
+    with refused("frames"):
         counted.pair("1", "2")
     found = in_step(counted)
     assert found.start_frames == {"1": 0, "2": 41}
@@ -74,7 +75,7 @@ def test_a_pair_needs_no_third_camera(by_hand: Path, tmp_path: Path) -> None:
     files["points.csv"] += b"7,3,A,400,300\n"
     write(files, tmp_path)
     whole = read_recording(tmp_path)
-    with pytest.raises(ValueError, match="cannot be told"):
+    with refused("3"):
         in_step(whole)
     assert pair_to_calibrate(whole, "1-2").start_frame == 41
 
@@ -87,7 +88,7 @@ def test_a_table_for_each_camera_is_read(by_hand: Path, tmp_path: Path) -> None:
         shutil.copy(by_hand / f"camera_{number}.yaml", tmp_path)
     described["points"] = {"1": "of_1.csv", "2": "of_2.csv"}
     (tmp_path / "dataset.json").write_text(json.dumps({**described, "start_frames": {"1": 0}}))
-    with pytest.raises(ValueError, match="whole number of each camera"):
+    with refused("start_frames"):
         read_recording(tmp_path)
     known = {"start_frames": {"1": 0, "2": 41}}
     (tmp_path / "dataset.json").write_text(json.dumps({**described, **known}))
@@ -117,7 +118,7 @@ def test_frame_rates_that_are_stated_are_used(by_hand: Path, tmp_path: Path) -> 
     for wrong in ({"1": 60}, {"1": 60, "2": 0}, {"1": 60, "2": "fast"}, 60):
         described["frame_rates"] = wrong
         (tmp_path / "dataset.json").write_text(json.dumps(described))
-        with pytest.raises(ValueError, match="frames per second of each camera"):
+        with refused("frame_rates"):
             read_recording(tmp_path)
 
 

@@ -12,6 +12,7 @@ from stereocal.field.world.frame import Axes, Line, WorldSettings
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.array_types import FloatArray
 from tests.fisheye_rig import fisheye_rig
+from tests.refused import refused
 from tests.rigs.worlds import (
     CLICK_PX,
     GRAVITY,
@@ -133,7 +134,7 @@ class TestLines:
         nothing = np.empty((0, 2))
         single = [replace(line, pixels=(line.pixels[0], nothing)) for line in lines]
         assert off_vertical(place, find_world(place.rig, single).pose, 4.0) < 3.0
-        with pytest.raises(StereocalError, match=r"vertical undetermined.*Add a plumb line"):
+        with refused("vertical", "plumb line"):
             find_world(place.rig, single[:1])
 
     def test_level_lines_and_a_horizon(self, place: Place) -> None:
@@ -141,7 +142,7 @@ class TestLines:
         found = find_world(place.rig, lines, WorldSettings(Axes(x_axis="roof")))
         assert found.source == "level"
         assert off_vertical(place, found.pose, 6.0) < 0.5
-        with pytest.raises(StereocalError, match="undetermined"):
+        with refused("undetermined"):
             find_world(place.rig, lines[:1])
         sea = find_world(place.rig, [horizon(place)])
         assert off_vertical(place, sea.pose, 6.0) < 0.1
@@ -153,9 +154,9 @@ class TestLines:
     def test_a_line_that_leans_is_named(self, place: Place) -> None:
         lines = plumb_lines(place, 4)
         bad = [*lines[:3], lean(lines[3], 5.0)]
-        with pytest.raises(StereocalError, match="without line 3 the others agree"):
+        with refused("line 3"):
             find_world(place.rig, bad)
-        with pytest.raises(StereocalError, match="cannot tell which"):
+        with pytest.raises(StereocalError):
             find_world(place.rig, [lines[0], lean(lines[3], 5.0)])
         little = find_world(place.rig, [*lines[:3], lean(lines[3], 0.5)])
         exact = find_world(place.rig, lines)
@@ -174,13 +175,13 @@ class TestLines:
         np.testing.assert_allclose(turned.R[0], view.R[1], atol=1e-12)
         down = find_world(place.rig, lines, WorldSettings(upside_down=True)).pose
         np.testing.assert_allclose(down.R[2], -view.R[2], atol=1e-12)
-        for axes, says in (
-            (Axes(origin="P1"), 'origin "P1" is unknown here; choose one of: camera'),
-            (Axes(x_axis="north"), 'x axis "north" is unknown'),
+        for axes, *said in (
+            (Axes(origin="P1"), "origin", '"P1"', "camera"),
+            (Axes(x_axis="north"), "x axis", '"north"'),
         ):
-            with pytest.raises(StereocalError, match=says):
+            with refused(*said):
                 find_world(place.rig, lines, WorldSettings(axes))
-        with pytest.raises(StereocalError, match="heading"):
+        with refused("heading"):
             Axes(heading_deg=float("nan"))
 
 
@@ -221,17 +222,17 @@ class TestSurvey:
             found = find_world(place.rig, survey)
             assert any("a mirrored survey would fit as well" in note for note in found.notes)
             exchanged = replace(survey, world_m=survey.world_m[:, [1, 0, 2]])
-            with pytest.raises(StereocalError, match="Cannot tell whether the survey is mirrored"):
+            with refused("mirrored"):
                 find_world(place.rig, exchanged)
 
     def test_a_wrong_point_is_named(self, place: Place) -> None:
         survey = surveyed(place, 6)
         world = survey.world_m.copy()
         world[3] += [2.0, 0, 0]
-        with pytest.raises(StereocalError, match=r"contradict.*without P3 the others agree"):
+        with refused("P3"):
             find_world(place.rig, replace(survey, world_m=world))
         shuffled = replace(survey, world_m=np.roll(survey.world_m, 1, axis=0))
-        with pytest.raises(StereocalError, match="cannot tell which"):
+        with pytest.raises(StereocalError):
             find_world(place.rig, shuffled)
 
 

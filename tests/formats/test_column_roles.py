@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 from stereocal.cli import main
-from stereocal.errors import StereocalError
 from stereocal.formats.archives.all_cameras import gather_all
 from stereocal.formats.archives.gather import bars_of
 from stereocal.formats.camera_file import write_camera
@@ -18,6 +17,7 @@ from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.point_answers import answered, first_answers, layout_of
 from stereocal.formats.point_files import read_points
 from tests.known_rig import PRIMARY, SECONDARY, dataset
+from tests.refused import refused
 
 ROWS = dataset(8, noise_px=0.5).correspondences
 SIDES = (ROWS.primary, ROWS.secondary)
@@ -96,19 +96,19 @@ UNKNOWN = per_point("when which who right down", ("left", "right"), "P{}.png")
 
 
 def test_a_person_says_what_the_header_does_not() -> None:
-    with pytest.raises(StereocalError, match=r"which, who, right, down.*--roles"):
+    with refused("t.csv: ", "which, who, right, down", "--roles"):
         bars_of(UNKNOWN, "t.csv", ExchangeOptions(), (None, None))
     options = ExchangeOptions(roles="frame,camera,target,x,y")
     assert len(bars_of(UNKNOWN, "t.csv", options, (None, None)).rows) == len(ROWS)
-    for roles, says in (
-        ("frame,camera,target,x", "x and one with its y|with x and y"),
-        ("frame,camera,target,x,y,-", "6 columns are named"),
-        ("frame,-,target,x,y", "other camera"),
-        ("frame,camera,-,x,y", "which end"),
-        ("frame,camera,camera,x,y", "Two columns"),
-        ("frame,camera,whom,x,y", "column 3"),
+    for roles, *said in (
+        ("frame,camera,target,x", "x", "y"),
+        ("frame,camera,target,x,y,-", "6", "5"),
+        ("frame,-,target,x,y", "camera"),
+        ("frame,camera,-,x,y", "end"),
+        ("frame,camera,camera,x,y", "camera"),
+        ("frame,camera,whom,x,y", "column 3", "'whom'"),
     ):
-        with pytest.raises(StereocalError, match=says):
+        with refused("t.csv: ", *said):
             bars_of(UNKNOWN, "t.csv", ExchangeOptions(roles=roles), (None, None))
 
 
@@ -137,7 +137,7 @@ def test_points_of_one_camera_keep_their_names() -> None:
 
 def test_a_point_twice_is_named() -> None:
     again = TABLES["long"] + TABLES["long"].splitlines()[1] + b"\n"
-    with pytest.raises(StereocalError, match=r"t\.csv: frame \d+ has the point A of camera left"):
+    with refused("t.csv: ", "frame 1", "point A", "left"):
         bars_of(again, "t.csv", ExchangeOptions(), (None, None))
 
 
@@ -157,9 +157,9 @@ def test_the_number_of_a_photograph_is_that_which_tells_them_apart(name: str) ->
         return read_points(content, layout, layout.cameras[0], source="t.csv")["frame"].tolist()
 
     assert numbers("".join(f"{name.format(n)},{n},{n + 1}\n" for n in (7, 12, 3))) == [3, 7, 12]
-    with pytest.raises(StereocalError, match=r"line 5: .*mean"):
+    with refused("line 5: ", "mean"):
         numbers("1,2,3\n2,3,4\n3,4,5\nmean,3,4\n")
-    with pytest.raises(StereocalError, match="numbers of the frames"):
+    with refused("left", "frames"):
         numbers("left,2,3\nright,3,4\n")
 
 

@@ -4,15 +4,14 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.field.world.frame import Survey, Throw, WorldFrame
 from stereocal.formats.world_file import WORLD_FORMAT, read_observed, read_world, write_world
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
 from tests.known_rig import PRIMARY, RIG, SECONDARY
+from tests.refused import refused
 
 WORLD = Pose.from_angles(Angles(0.3, -0.4, 1.2, 0.1, 0.2), 5.0)
 
@@ -75,5 +74,5 @@ class TestTables:
         assert isinstance(found, Throw)
         np.testing.assert_array_equal(found.frames, [7, 9])
         assert found.tracks == ("one", "one")
-        with pytest.raises(StereocalError, match="needs the frame rate"):
+        with refused("t.csv", "frame rate"):
             read_observed(THROW.encode(), "t.csv")

@@ -8,11 +8,11 @@ import numpy.typing as npt
 import pytest
 
 from stereocal.detection.detect import State
-from stereocal.errors import StereocalError
 from stereocal.frames.agreeing import agreeing
 from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import Review, undo, use_agreeing, use_frame
 from tests import known_rig as rig
+from tests.refused import refused
 
 CAMERAS = (rig.PRIMARY, rig.SECONDARY)
 NOISE_PX = 0.1
@@ -91,7 +91,7 @@ def test_of_a_bar_along_the_epipolar_lines_the_length_tells() -> None:
 
 def test_too_few_sure_frames_are_said() -> None:
     sure, doubtful = recorded(1, 5, 3, 1.0)
-    with pytest.raises(StereocalError, match="5 frames with both targets are used"):
+    with refused("5 frames"):
         agreeing(sure, doubtful, CAMERAS)
 
 

@@ -1,12 +1,22 @@
-"""A and B agree between the cameras; frames that are wrong or doubtful are said to be."""
+"""What the other frames tell: which target is A, what is wrong, which boards are the targets, and
+which photograph has no partner."""
+
+import itertools
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereocal.detection.target import Sighting, Spot
+from stereocal.detection.target import BAR, Sighting, Spot
+from stereocal.frames.choosing import choose_boards
 from stereocal.frames.epipolar_labels import FrameLabels, decide_labels
+from stereocal.frames.frame import Frame
+from stereocal.frames.labelling import label_frames
+from stereocal.frames.pairing import PhotographPair
+from stereocal.frames.slips import find_slip
+from stereocal.system.array_types import FloatArray
 from tests import known_rig as rig
+from tests.further import further
 
 FRAMES = 20
 CAMERAS = (rig.PRIMARY, rig.SECONDARY)
@@ -71,3 +81,140 @@ def test_a_bar_along_the_epipolar_lines_is_told_by_its_length() -> None:
     assert max(report.residual_px, report.swapped_px) < 0.3
     assert report.state == "swapped"
     assert [exchange for exchange, _ in labelling] == [at == 4 for at in range(FRAMES)]
+
+
+def in_order(
+    lost: tuple[int, int] | None, noise_px: float = 0.3, unseen: tuple[int, ...] = ()
+) -> list[Frame]:
+    """The frames of photographs paired in order.
+
+    Args:
+        lost: the camera and the number of the photograph that was not taken.
+        unseen: photographs of both cameras without targets.
+    """
+    names = [[f"{camera}_{i}" for i in range(FRAMES)] for camera in ("IMG", "DSC")]
+    found = {
+        name: sighting(one)
+        for own, images in zip(names, bars(FRAMES, noise_px), strict=True)
+        for name, one in zip(own, images, strict=True)
+    }
+    if lost is not None:
+        names[lost[0]].pop(lost[1])
+    pairs = [PhotographPair(i, *both) for i, both in enumerate(zip(*names, strict=False), start=1)]
+    frames = label_frames(pairs, found, CAMERAS, BAR)
+    none = ((None, None), (None, None))
+    return [Frame(f.frame, f.files, none, "refused") if f.frame in unseen else f for f in frames]
+
+
+@pytest.mark.parametrize(
+    ("camera", "at"), [(0, 0), (1, 4), (0, 15), *further((1, 0), (0, 4), (0, 10), (1, 10), (1, 15))]
+)
+def test_the_photograph_without_a_partner_is_named(camera: int, at: int) -> None:
+    """Of 75 recordings of 14 to 30 photographs, with noise of 0.05, 0.3 or 1 px, 74 were
+    named right and one was left undecided; none of 75 sound ones was accused.
+    Of 40 in which the bar moves on by 15 cm only from frame to frame, 16 were named right, none
+    wrong."""
+    slip = find_slip(in_order((camera, at)), CAMERAS)
+    assert slip is not None
+    assert (slip.name, slip.camera) == (f"{('DSC', 'IMG')[camera]}_{at}", 1 - camera)
+    assert slip.name in str(slip)
+
+
+def test_photographs_without_targets_do_no_harm() -> None:
+    slip = find_slip(in_order((1, 8), unseen=(3, 12, 15)), CAMERAS)
+    assert slip is not None and slip.name == "IMG_8"
+
+
+def test_sound_pairs_and_single_wrong_frames_are_no_slip() -> None:
+    frames = in_order(None)
+    assert find_slip(frames, CAMERAS) is None
+    rng = np.random.default_rng(1)
+    for at in rng.permutation(FRAMES)[:5]:
+        a, b = frames[at].centres[0]
+        assert a is not None and b is not None
+        moved = frames[at].moved(0, 0, type(a)(a.u + 90.0, a.v + 70.0))
+        frames[at] = Frame(moved.frame, moved.files, moved.centres, "doubtful")
+    assert find_slip(frames, CAMERAS) is None
+
+
+BOARD_NOISE_PX = 0.05
+
+
+def among(boards: FloatArray) -> Sighting:
+    """A photograph with boards (m, 2) that all look like targets, the first two the least."""
+    pairs = list(itertools.combinations(boards, 2))[::-1]
+    alternatives = tuple(sighting(np.array(pair)) for pair in pairs)
+    if len(boards) == 2:
+        return alternatives[0]
+    return Sighting((None, None), "Too many.", alternatives=alternatives)
+
+
+def seen(points: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Pixels (m, 2) of points in both cameras, with noise."""
+    first, second = rig.images(points)
+    noise = BOARD_NOISE_PX * rng.normal(size=(2, *first.shape))
+    return first + noise[0], second + noise[1]
+
+
+def sure_frames(frames: int = 20, seed: int = 7) -> tuple[FloatArray, FloatArray]:
+    """Places (f, 2, 3) and pixels (f, 2, 2, 2) of frames that are sure: target, camera, (u, v)."""
+    ends = rig.bar_ends(frames, seed)
+    pixels = np.stack(seen(ends, np.random.default_rng([seed, 2])), axis=1)
+    return ends.reshape(-1, 2, 3), pixels.reshape(-1, 2, 2, 2)
+
+
+def inside(rng: np.random.Generator) -> FloatArray:
+    return rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5])
+
+
+def third_board(kind: str, ends: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """A third board (3,) for a frame of the bar (2, 3)."""
+    place = inside(rng)
+    if kind == "on the line":  # of target B, in both cameras
+        normal = np.cross(rig.RIG.inverse().T, ends[1])
+        normal /= np.linalg.norm(normal)
+        return np.asarray(place - (place @ normal) * normal)
+    if kind == "as far as the bar":
+        return np.asarray(ends[0] + rig.BAR_M * (v := rng.normal(size=3)) / np.linalg.norm(v))
+    return place
+
+
+def is_right(one: Sighting, pixels: FloatArray) -> bool:
+    """Whether the chosen boards are the first two of those seen (m, 2)."""
+    return all(spot and [*spot.centre] in pixels[:2].tolist() for spot in one.spots)
+
+
+def right_choices(
+    sure: FloatArray, boards: list[tuple[FloatArray, FloatArray]]
+) -> list[tuple[int, bool]]:
+    """The frames that the sure ones decide, and whether the first two boards were chosen."""
+    given = {k: (among(first), among(second)) for k, (first, second) in enumerate(boards)}
+    chosen = choose_boards(sure, given, CAMERAS)
+    assert all(one.sentence for one in chosen.values())
+    return [
+        (k, is_right(one.primary, boards[k][0]) and is_right(one.secondary, boards[k][1]))
+        for k, one in chosen.items()
+        if not one.primary.alternatives
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "least", "most"),
+    [("elsewhere", 40, 50), ("on the line", 32, 50), ("as far as the bar", 0, 0), ("hidden", 0, 0)],
+)
+def test_what_the_others_decide_is_right(kind: str, least: int, most: int) -> None:
+    """50 frames with a third board that moves and both cameras see, each after 20 sure ones.
+
+    Measured: 93 and 77 % decided; in the others nothing tells which two are the bar's: the third is
+    as far from A as B is, or the secondary hides B. Over 12 seeds with 8 or 20 sure frames, 3,840
+    frames in all, none was decided wrongly.
+    """
+    _, sure = sure_frames()
+    rng = np.random.default_rng(11)
+    boards = []
+    for ends in rig.bar_ends(50, seed=8).reshape(-1, 2, 3):
+        first, second = seen(np.vstack([ends, third_board(kind, ends, rng)]), rng)
+        boards.append((first, second[[0, 2]] if kind == "hidden" else second))
+    decided = right_choices(sure, boards)
+    assert all(right for _, right in decided)
+    assert least <= len(decided) <= most

@@ -15,6 +15,7 @@ from stereocal.system.photograph import GreyImage, read_colours, read_photograph
 from stereocal.system.tasks import StoppedError
 from tests.files import encoded
 from tests.further import further
+from tests.refused import refused
 from tools.photographs.videos import number_in, picture, write_video
 
 pytest.importorskip("av")
@@ -130,7 +131,7 @@ def test_damaged_and_other_files_leave_a_sentence(tmp_path: Path) -> None:
         b"ffconcat version 1.0\nfile " + str(good).encode() + b"\n",
     ):
         bad.write_bytes(damaged)
-        with pytest.raises(StereocalError, match=r"b\.mp4"):
+        with refused("b.mp4"):
             extract({"primary": good, "secondary": bad}, VideoSettings("every"), lambda *_: None)
     broken = bytearray(content)
     rng = np.random.default_rng(0)
@@ -158,7 +159,7 @@ def test_frames_are_shown_as_one_goes_also_of_cameras_started_by_hand(tmp_path: 
         shown = [number_in(footage.grey(camera, number)) for camera in paths]
         assert shown == [number - 1] * 3
     assert number_in(of_videos(paths, labels).grey("secondary", 1)) == 5
-    with pytest.raises(StereocalError, match="no frames of the same moment"):
+    with refused("frames"):
         of_videos(paths, labels, {"third": 1000})
 
 
@@ -170,5 +171,5 @@ def test_photographs_are_shown_by_their_frames() -> None:
     assert footage.numbers == [3, 7]
     assert number_in(footage.grey("secondary", 7)) == 7
     files[7]["primary"] = files[7]["primary"][:-40]
-    with pytest.raises(StereocalError, match="cut off"):
+    with refused("PNG"):
         of_photographs(files, labels).picture("primary", 7)

@@ -50,6 +50,7 @@ from tests.lens import (
     views,
     write_boards,
 )
+from tests.refused import refused
 from tests.rigs.fisheyes import draw_case
 from tools.photographs.board_series import draw_board_poses
 from tools.photographs.rendering import chessboard, chessboard_corners, turned
@@ -83,7 +84,7 @@ def all_over() -> FloatArray:
 def test_a_search_for_another_board_names_the_one_that_is_seen(tmp_path: Path) -> None:
     write_boards(tmp_path, 2)
     photographs = {path.name: path for path in sorted(tmp_path.iterdir())}
-    with pytest.raises(StereocalError, match="with 8x6"):
+    with refused("12x9", "8x6"):
         find_boards(photographs, BoardPattern(12, 9, 0.03), AtOnce())
 
 
@@ -96,7 +97,7 @@ def test_the_stated_errors_of_a_lens_from_four_to_seven_boards_are_true() -> Non
     z = np.array([(lens.values - TRUE) / lens.standard_errors for lens in found])
     assert np.abs(z).max() < 4
     assert 0.4 < np.sqrt(np.mean(z**2)) < 1.3
-    with pytest.raises(StereocalError, match="at least 4"):
+    with refused("4"):
         calibrated(search(3, seed=1))
 
 
@@ -415,5 +416,5 @@ def test_a_video_in_the_place_of_photographs(tmp_path: Path) -> None:
     sources = with_frames([other, video], tmp_path / "store", stages.append)
     assert sources == [other, tmp_path / "store" / "board"] and stages == [*STAGES]
     assert len([*sources[1].iterdir()]) == 9
-    with pytest.raises(StereocalError, match="one video"):
+    with refused("video"):
         with_frames([video, tmp_path / "b.mov"], tmp_path)

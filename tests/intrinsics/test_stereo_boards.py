@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from stereocal.calibration.checks import warnings_about
 from stereocal.cli import main
 from stereocal.detection.target import parse_board, parse_target
-from stereocal.errors import StereocalError
 from stereocal.fit.refine import refine
 from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.dataset_files import pack_recording, read_dataset, read_recording
@@ -37,6 +36,7 @@ from tests.ball_bars import BAR_M, RIG
 from tests.files import write
 from tests.further import further
 from tests.lens import PATTERN, SMALL, AtOnce
+from tests.refused import refused
 from tests.rigs.boards import photographs, placings, stereo
 from tests.rigs.fisheyes import draw_fisheye, draw_pairs
 from tools.photographs.bars import BarSettings, photograph_bars
@@ -95,7 +95,7 @@ def test_a_mirrored_camera_is_named(pattern: BoardPattern) -> None:
         corners = np.array([SMALL.image_size[0] - 1.0, 0]) + [-1.0, 1.0] * second.corners
         view = replace(second, corners=corners, ids=grid[::-1].ravel()[second.ids])
         boards.append(SeenBoard(frame, (first, view)))
-    with pytest.raises(StereocalError, match="mirrored"):
+    with refused("mirrored"):
         boards_in_one_order(boards, (SMALL, SMALL), pattern)
 
 
@@ -232,20 +232,20 @@ def test_a_table_with_the_lenses_of_the_data_set(
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "said"),
     [
-        ("board:9x6:3", "this looks like centimetres"),
-        ("board:9x6:1", "the board 10 m wide: this looks like centimetres"),
-        ("board:9x6", '"9x6" is not a length'),
-        ("board:9:0.03", "write the numbers of inner corners like 18x12"),
-        ("board:9x6:0.03:7", "is no board: write"),
-        ("charuco:9x6:0.03", "is no board: write"),
-        ("charuco:9x6:0.03:4X4_5000:0.02", "dictionary .* is not known"),
-        ("charuco:9x6:0.03:4X4_50:0.04", "side of its markers"),
+        ("board:9x6:3", ("centimetres",)),
+        ("board:9x6:1", ("10 m", "centimetres")),
+        ("board:9x6", ('"9x6"',)),
+        ("board:9:0.03", ("18x12",)),
+        ("board:9x6:0.03:7", ("board:9x6:0.03:7",)),
+        ("charuco:9x6:0.03", ("charuco:9x6:0.03",)),
+        ("charuco:9x6:0.03:4X4_5000:0.02", ("4X4_5000",)),
+        ("charuco:9x6:0.03:4X4_50:0.04", ("markers",)),
     ],
 )
-def test_wrong_boards(text: str, says: str) -> None:
-    with pytest.raises(StereocalError, match=says):
+def test_wrong_boards(text: str, said: tuple[str, ...]) -> None:
+    with refused(*said):
         parse_board(text)
 
 
@@ -254,7 +254,7 @@ def test_boards_and_bars_are_told_apart() -> None:
     assert board is not None
     assert board.pattern() == BoardPattern(9, 6, 0.03, "DICT_4X4_50", 0.022)
     assert parse_board("tags:4X4_50:3,7") is None
-    with pytest.raises(StereocalError, match="board:9x6"):
+    with refused("board:9x6"):
         parse_target("boards")
 
 
@@ -298,7 +298,7 @@ class TestOpencvsSample:
 
 def test_sizes_of_lens_files_and_photographs() -> None:
     found = found_boards(seen(stereo(0.0), 3))
-    with pytest.raises(StereocalError, match=r"primary's photographs have 640x480 px"):
+    with refused("primary", "640x480", "800x600"):
         found_of(found, {"primary": replace(SMALL, image_size=(800, 600)), "secondary": SMALL})
 
 

@@ -13,6 +13,7 @@ from stereocal.matching.trajectories import (
     usual_tracks,
     with_track,
 )
+from tests.refused import refused
 
 
 def points(*rows: tuple[int, float, str]) -> pd.DataFrame:
@@ -38,7 +39,7 @@ def test_the_two_points_of_a_frame_need_no_names() -> None:
     np.testing.assert_allclose(check_lengths(BIRDS, 1.0).lengths_m, [1.0, 1.1], rtol=1e-12)
     three = points((1, 0.0, "a"), (1, 1.0, "b"), (1, 2.0, "c"))
     assert not has_two_a_frame(three)
-    with pytest.raises(StereocalError, match="No frame has both points"):
+    with pytest.raises(StereocalError):
         check_lengths(three, 1.0)
 
 
@@ -50,16 +51,16 @@ def test_a_name_twice_in_a_frame_is_left_out_and_said() -> None:
 
 
 @pytest.mark.parametrize(
-    ("known", "ends", "sentence"),
+    ("known", "ends", "said"),
     [
-        (0.0, ("a", "b"), "known length is 0 m"),
-        (-1.0, ("a", "b"), "must be a length above 0"),
-        (1.0, ("a", "a"), "two points are the same"),
-        (1.0, ("a", "z"), "No frame has both points"),
+        (0.0, ("a", "b"), ["0 m"]),
+        (-1.0, ("a", "b"), ["above 0"]),
+        (1.0, ("a", "a"), ["points"]),
+        (1.0, ("a", "z"), ["frame"]),
     ],
 )
-def test_refused(known: float, ends: tuple[str, str], sentence: str) -> None:
-    with pytest.raises(StereocalError, match=sentence):
+def test_refused(known: float, ends: tuple[str, str], said: list[str]) -> None:
+    with refused(*said):
         check_lengths(BIRDS, known, "bird", ends)
 
 

@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 from stereocal.cli import main
-from stereocal.errors import StereocalError
 from stereocal.matching import point_table
 from stereocal.matching.match_tables import match_tables
 from stereocal.matching.measure_tables import measure_tables
@@ -18,11 +17,14 @@ from stereocal.matching.tables_by_camera import _check_points
 from stereocal.matching.trajectories import OUTSIDE_VOLUME
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.correspondences import PIXELS
+from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from stereocal.system.tasks import StoppedError
+from tests.fisheye_rig import fisheye_rig
 from tests.known_rig import images
 from tests.matching.test_matching import RIG_2D
 from tests.matching.test_point_noise import seen
+from tests.refused import refused
 
 FRAMES = 12
 POINTS = 20
@@ -170,13 +172,10 @@ class TestReconstruct:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"PK\x03\x04\x14\x00\x00\x00", "not a text file: save the table as CSV"),
-        (b"frame;u;v\n0;1.012,5;3,5\n", "sign between thousands"),
-        (b"frame,u,v\n" + b"".join(b"%d,0.5,0.25\n" % k for k in range(5)), "give pixels"),
-        (
-            b"frame,u,v\n0,-1,-1\n" + b"".join(b"%d,9,8\n" % k for k in range(1, 30)),
-            "marks a missing",
-        ),
+        (b"PK\x03\x04\x14\x00\x00\x00", "CSV"),
+        (b"frame;u;v\n0;1.012,5;3,5\n", "1.012,5"),
+        (b"frame,u,v\n" + b"".join(b"%d,0.5,0.25\n" % k for k in range(5)), "pixels"),
+        (b"frame,u,v\n0,-1,-1\n" + b"".join(b"%d,9,8\n" % k for k in range(1, 30)), "-1"),
     ],
 )
 def test_tables_as_other_programs_write_them_are_told_what_to_do(
@@ -184,7 +183,7 @@ def test_tables_as_other_programs_write_them_are_told_what_to_do(
 ) -> None:
     table = tmp_path / "points.csv"
     table.write_bytes(content)
-    with pytest.raises(StereocalError, match=said):
+    with refused("points.csv", said):
         camera = Camera(np.diag((1000.0, 1000.0, 1.0)), np.zeros(5), (640, 480))
         _check_points(PointTable(table), camera, "primary", (), {"primary": 0})
 
@@ -193,3 +192,27 @@ def test_cells_of_excel_without_a_value_are_missing(tmp_path: Path) -> None:
     table = tmp_path / "points.csv"
     table.write_text("frame,u,v\n0,#N/A,#N/A\n1,4,5\n", encoding="utf-8")
     assert len(next(iter(PointTable(table)._blocks()))) == 1
+
+
+def test_points_beyond_the_view_are_counted_and_have_no_place(tmp_path: Path) -> None:
+    rig = fisheye_rig(175.0)
+    plain = RigParameters(rig.primary, rig.secondary, rig.pose, "refined", 0.0, {}, {})
+    parameters = replace(plain, matching_threshold_px=1.0)
+    angles = np.radians([40.0, 60.0, 79.0, 81.0])  # from the primary's axis
+    points = np.column_stack([-np.tan(angles), np.zeros(4), np.ones(4)])
+    one, two = rig.primary.project(points), rig.secondary.project(rig.pose.apply(points))
+    frame = np.arange(1, 5)
+    sides = dict(zip(("primary", "secondary"), (one, two), strict=True))
+    tables = {
+        name: PointTable(pd.DataFrame({"frame": frame, "u": own[:, 0], "v": own[:, 1]}))
+        for name, own in sides.items()
+    }
+    report = match_tables(parameters, tables, tmp_path / "pairs.csv")
+    assert report.found == 2
+    assert any("2 points of the primary camera" in note for note in report.notes)
+    pairs = pd.DataFrame(np.column_stack([one, two]), columns=list(PIXELS)).assign(frame=frame)
+    measured = measure_tables(parameters, PointTable(pairs, PIXELS), tmp_path / "points.csv")
+    found = pd.read_csv(tmp_path / "points.csv")
+    np.testing.assert_allclose(found.loc[:1, ["x", "y", "z"]], points[:2], atol=1e-6)
+    assert found.loc[2:, "x"].isna().all() and measured.lost == 2
+    assert any("2 points of the primary camera" in note for note in measured.notes)

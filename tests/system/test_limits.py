@@ -17,6 +17,7 @@ from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import photographs_in
 from stereocal.system.zip_files import open_zip
 from tests.files import encoded, zipped
+from tests.refused import refused
 
 
 def bomb(count: int, size: int = 10) -> bytes:
@@ -62,31 +63,31 @@ def _dataset(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "read", "found"),
     [
-        ("FILES", "3", lambda _: _open(bomb(4)), "4 files at once are too many; at most 3"),
-        ("FILES", "3", _photographs, "4 files at once are too many; at most 3"),
-        ("UNPACKED_MB", "1", lambda _: _open(bomb(2, 600_000)), "1.2 MB together; at most 1 MB"),
-        ("FILE_MB", "1", lambda _: _open(bomb(1, 1_200_000)), "0.csv: the file has 1.2 MB"),
-        ("FILE_MB", "1", _dataset, "the file has 1.1 MB; at most 1 MB"),
-        ("FILE_MB", "1", lambda d: _table(b"frame,u,v\n" + b"\n" * 1_500_000, d), "has 1.5 MB"),
-        ("FILE_MB", "1", lambda _: read_table(b"a" * 2_000_000, "t"), "t: the file has 2.0 MB"),
-        ("RATIO", "5", lambda _: _open(bomb(1, 10_900_000)), "10900000, .* times as much"),
-        ("MEGAPIXELS", "1", _photograph, "1000x1100 px, 1.1 megapixels; at most 1 megapix"),
-        ("PAIRS", "3", lambda _: read_table(TEMPLATE.encode(), "t"), "t: the table has more rows"),
-        ("ROWS", "20", lambda d: _table(POINTS, d), "t.csv: the table has 30 rows or more; at"),
-        ("ROWS", "20", lambda _: _points(POINTS), "t.csv: the table has 31 rows or more; at"),
+        ("FILES", "3", lambda _: _open(bomb(4)), ("4 files", "at most 3")),
+        ("FILES", "3", _photographs, ("4 files", "at most 3")),
+        ("UNPACKED_MB", "1", lambda _: _open(bomb(2, 600_000)), ("1.2 MB", "at most 1 MB")),
+        ("FILE_MB", "1", lambda _: _open(bomb(1, 1_200_000)), ("0.csv: ", "1.2 MB")),
+        ("FILE_MB", "1", _dataset, ("1.1 MB", "at most 1 MB")),
+        ("FILE_MB", "1", lambda d: _table(b"frame,u,v\n" + b"\n" * 1_500_000, d), ("1.5 MB",)),
+        ("FILE_MB", "1", lambda _: read_table(b"a" * 2_000_000, "t"), ("t: ", "2.0 MB")),
+        ("RATIO", "5", lambda _: _open(bomb(1, 10_900_000)), ("10900000", "times")),
+        ("MEGAPIXELS", "1", _photograph, ("1000x1100", "1.1 mega")),
+        ("PAIRS", "3", lambda _: read_table(TEMPLATE.encode(), "t"), ("t: ",)),
+        ("ROWS", "20", lambda d: _table(POINTS, d), ("t.csv: ", "30")),
+        ("ROWS", "20", lambda _: _points(POINTS), ("t.csv: ", "31")),
     ],
 )
 def test_each_limit_says_what_was_found_and_what_to_change(
     name: str,
     value: str,
     read: Callable[[Path], object],
-    found: str,
+    found: tuple[str, ...],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     variable = f"STEREOCAL_MOST_{name}"
     monkeypatch.setenv(variable, value)
-    with pytest.raises(StereocalError, match=rf"{found}.* are read \(setting {variable}\)\."):
+    with refused(*found, variable):
         read(tmp_path)
 
 
@@ -103,7 +104,7 @@ def test_a_zip_with_a_long_list_is_refused_before_the_list_is_held(
 
     monkeypatch.setattr(zipfile, "ZipFile", never)
     for source in (content, path):
-        with pytest.raises(StereocalError, match="200 files at once are too many"):
+        with refused("200 files"):
             _open(source)
 
 

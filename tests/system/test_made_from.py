@@ -1,4 +1,4 @@
-"""What has changed since a result."""
+"""What has changed since a result, and what is computed once."""
 
 from typing import Any
 
@@ -6,8 +6,9 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.projects.database import DiskFullError
-from stereocal.system.latest import once_or_refused
+from stereocal.system.latest import once_or_refused, read_once
 from stereocal.system.made_from import as_digests, changed
+from tests.refused import refused
 
 THEN = {"baseline": "1 m", "Δ": 0.001, "drift": False, "frames": None, "points": [3, (4, 5)]}
 
@@ -42,11 +43,29 @@ def test_digests_tell_what_changed_without_its_values() -> None:
 
 def test_a_refusal_that_may_not_last_is_not_kept() -> None:
     def refuse() -> int:
-        refused.append(1)
-        raise DiskFullError("full") if len(refused) < 3 else StereocalError("no table")
+        refusals.append(1)
+        raise DiskFullError("full") if len(refusals) < 3 else StereocalError("no table")
 
-    refused: list[int] = []
+    refusals: list[int] = []
     for _ in range(5):
         with pytest.raises(StereocalError):
             once_or_refused("a test", "of refusals", refuse)
-    assert len(refused) == 3
+    assert len(refusals) == 3
+
+
+def test_a_file_is_read_once_for_all_draws_of_a_page() -> None:
+    calls = []
+
+    def read(content: bytes, label: str, refuse: bool = False) -> int:
+        calls.append(label)
+        if refuse:
+            raise StereocalError(f"{label} is damaged")
+        return len(content)
+
+    for _ in range(3):
+        assert read_once(read, b"abc", "a") == 3
+        with refused("b is damaged"):
+            read_once(read, b"abc", "b", refuse=True)
+    assert calls == ["a", "b"]
+    assert read_once(read, b"abcd", "a") == 4
+    assert read_once(read, b"abc", "c") == 3

@@ -14,6 +14,7 @@ from stereocal.errors import StereocalError
 from stereocal.system.photograph import photograph_size, read_photograph
 from stereocal.system.photograph_files import photographs_in, unpack_photographs
 from tests.files import chunks_of, encoded, png_of, write, zipped
+from tests.refused import refused
 
 Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 WIDTH, HEIGHT = 61, 43
@@ -96,7 +97,7 @@ def test_a_jpeg_with_a_preview_after_it_is_read_and_a_preview_does_not_hide_a_cu
     thumbnail = b"\xff\xe1" + struct.pack(">H", len(JPEG) + 8) + b"Exif\0\0" + JPEG
     whole = plain[:2] + thumbnail + plain[2:] + JPEG
     assert np.array_equal(read_photograph(whole, "a"), read_photograph(plain, "a"))
-    with pytest.raises(StereocalError, match="the JPEG is cut off"):
+    with refused("JPEG"):
         read_photograph(plain[:2] + thumbnail + plain[2:-200], "a")
 
 
