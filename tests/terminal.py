@@ -10,12 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from stereocal.formats.dataset_files import read_dataset
-from stereocal.library.calibrations import calibrate
 from stereocal.system.array_types import FloatArray
+from tests.sample_field import FIELD as FIELD
+from tests.sample_field import calibrated_field
 
 ROOT = Path(__file__).parents[1]
-FIELD = ROOT / "sample_data" / "field"
 LONGEST_S = 600
 """Only so that a test that hangs ends."""
 
@@ -51,9 +50,8 @@ def sentences(said: str) -> list[str]:
 
 def tables(folder: Path) -> dict[str, Path]:
     """Parameters and points of the sample field, to match and to measure, as files."""
-    dataset = read_dataset(FIELD)
-    found = calibrate(dataset)
-    rows = dataset.correspondences
+    found = calibrated_field()
+    rows = found.dataset.correspondences
     files = {name: folder / f"{name}.csv" for name in ("primary", "secondary", "pairs")}
     for name, points in (("primary", rows.primary), ("secondary", rows.secondary)):
         _table(files[name], "frame,u,v", np.column_stack([rows.frame, points]))

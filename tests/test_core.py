@@ -24,7 +24,7 @@ sys.path.insert(0, {str(ROOT)!r})
 
 
 COMMANDS = (
-    "calibrate field --out out --runs 6 --kit",
+    "calibrate field --out out --runs 2 --kit",
     "match primary.csv secondary.csv --parameters out/parameters_2d.json --out pairs.csv",
     "reconstruct pairs.csv --parameters out/parameters_3d.json --out points.csv",
     "check out/parameters_refined.json field --out checked",

@@ -25,6 +25,7 @@ from stereocal.system.answers import MOST_LINES, Answer, answering
 from tests.bar_photographs import bar_set
 from tests.files import write
 from tests.refused import refused
+from tests.sample_field import calibrated_field
 
 ROOT = Path(__file__).parents[1]
 
@@ -38,7 +39,7 @@ def test_the_documented_script_runs(
     (tmp_path / "field").symlink_to(ROOT / "sample_data" / "field")
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    exec(compile(script.replace("runs=100", "runs=10"), "library.md", "exec"), names)
+    exec(compile(script.replace("runs=100", "runs=3"), "library.md", "exec"), names)
     pairs, points = names["pairs"], names["points"]
     assert len(pairs) == len(points) > 45  # type: ignore[arg-type]  # of 50
     assert np.isfinite(points[["x", "y", "z", "sigma_z"]].to_numpy()).all()  # type: ignore[index]
@@ -79,9 +80,7 @@ def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 @pytest.fixture(scope="module")
 def run() -> CalibrationRun:
-    found = stereocal.calibrate(stereocal.read(ROOT / "sample_data" / "field"))
-    assert isinstance(found, CalibrationRun)
-    return found
+    return answering(CalibrationRun, calibrated_field())
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))])
@@ -246,9 +245,8 @@ def test_targets_found_are_calibrated(tmp_path: Path) -> None:
     assert len(found.plot().data) > 0
 
 
-def test_calibrate_gives_the_refined_set_unless_told_not_to() -> None:
-    dataset = stereocal.read_dataset(ROOT / "sample_data" / "field")
-    refined = stereocal.calibrate(dataset).parameters("refined")
+def test_calibrate_gives_the_refined_set_unless_told_not_to(run: CalibrationRun) -> None:
+    dataset, refined = run.dataset, run.parameters("refined")
     assert (refined.method, refined.purpose) == ("refined", "both")
     # The lenses as given are off; the refined set finds them again (sample_data/README.md).
     assert refined.primary.K[0, 0] != dataset.primary.K[0, 0]

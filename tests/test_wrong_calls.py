@@ -13,11 +13,13 @@ import pytest
 
 import stereocal
 from stereocal.library.calibrations import CalibrationRun
+from stereocal.system.answers import answering
 from stereocal.system.arguments import INSTEAD, WAYS
+from tests.refused import refused
+from tests.sample_field import FIELD, calibrated_field
 
 library: Any = stereocal
 """Called wrongly on purpose, which type checkers see."""
-FIELD = Path(__file__).parents[1] / "sample_data" / "field"
 
 
 class Given:
@@ -25,8 +27,8 @@ class Given:
 
     def __init__(self) -> None:
         self.path = str(FIELD)
-        self.recording = library.read(FIELD)
-        self.run = library.calibrate(self.recording)
+        self.run: Any = answering(CalibrationRun, calibrated_field())
+        self.recording = self.run.dataset
         self.table = self.recording.to_dataframe()
         self.points = self.table[["frame"]].assign(u=1.0, v=1.0)
         self.array = np.zeros((3, 4))
@@ -40,8 +42,8 @@ def given() -> Given:
     return Given()
 
 
-READ, SET, TABLE = r"stereocal\.read\(path\)", r'run\.sets\["2d"\]', r"read_csv\(path\)"
-PATH = r"path must be str \| Path"
+READ, SET, TABLE = "stereocal.read(path)", 'run.sets["2d"]', "read_csv(path)"
+PATH = "path must be str | Path"
 CALLS: dict[str, tuple[Callable[[Given], object], str]] = {
     "read a recording": (lambda it: library.read(it.recording), PATH),
     "read a table": (lambda it: library.read(it.table), PATH),
@@ -54,10 +56,10 @@ CALLS: dict[str, tuple[Callable[[Given], object], str]] = {
     "calibrate a table": (lambda it: library.calibrate(it.table), READ),
     "calibrate an array": (lambda it: library.calibrate(it.array), READ),
     "calibrate None": (lambda _: library.calibrate(None), READ),
-    "calibrate a run": (lambda it: library.calibrate(it.run), r"run\.dataset"),
+    "calibrate a run": (lambda it: library.calibrate(it.run), "run.dataset"),
     "calibrate with words": (
         lambda it: library.calibrate(it.recording, it.path),
-        r"CalibrationSettings\(\)",
+        "CalibrationSettings()",
     ),
     "calibrate with a seed": (
         lambda it: library.calibrate(it.recording, seed=1),
@@ -71,7 +73,7 @@ CALLS: dict[str, tuple[Callable[[Given], object], str]] = {
     "evaluate nothing": (lambda _: library.evaluate([]), "no recording"),
     "evaluate half a run": (lambda it: library.evaluate([it.recording], runs=2.5), "int, not 2.5"),
     "rig of a path": (lambda it: library.calibrate_rig(it.path), READ),
-    "rig of a pair": (lambda it: library.calibrate_rig(it.recording), r"pair\.recording"),
+    "rig of a pair": (lambda it: library.calibrate_rig(it.recording), "pair.recording"),
     "match with a path": (lambda it: library.match(it.path, it.table, it.table), SET),
     "match with a run": (lambda it: library.match(it.run, it.table, it.table), SET),
     "match with a name": (lambda it: library.match("2d", it.table, it.table), SET),
@@ -90,7 +92,7 @@ CALLS: dict[str, tuple[Callable[[Given], object], str]] = {
     "reconstruct the other way round": (lambda it: library.reconstruct(it.table, it.two_d), SET),
     "reconstruct in an array": (
         lambda it: library.reconstruct(it.two_d, it.table, it.array),
-        r"stereocal\.Pose",
+        "stereocal.Pose",
     ),
     "plan a recording": (lambda it: library.plan(it.recording), PATH),
     "sample a number": (lambda _: library.sample(5), "must be str"),
@@ -102,7 +104,7 @@ CALLS: dict[str, tuple[Callable[[Given], object], str]] = {
         lambda it: library.detect(it.path, library.BoardPattern(9, 6, 0.03)),
         "target must be str",
     ),
-    "sync a pair": (lambda it: library.sync(it.recording), r"pair\.recording"),
+    "sync a pair": (lambda it: library.sync(it.recording), "pair.recording"),
     "sync a table": (lambda it: library.sync(it.table), READ),
     "intrinsics of a recording": (
         lambda it: library.calibrate_lens(it.recording, "18x12", 0.03),
@@ -142,14 +144,14 @@ CALLS: dict[str, tuple[Callable[[Given], object], str]] = {
         lambda it: library.Recording.from_arrays(
             [1], ["primary"], ["A"], [[1.0, 2.0, 3.0]], it.cameras, 0.9
         ),
-        r"\(n, 2\)",
+        "(n, 2)",
     ),
     "a pair by one name": (lambda it: it.recording.recording.pair("left-right"), "'second'"),
     "a pair by other names": (
         lambda it: it.recording.recording.pair("left", "right"),
         "primary, secondary",
     ),
-    "a camera of one side": (lambda _: library.Camera(np.eye(3), np.zeros(5), 100), r"\(w, h\)"),
+    "a camera of one side": (lambda _: library.Camera(np.eye(3), np.zeros(5), 100), "(w, h)"),
     "validate words": (lambda it: it.run.evaluate(runs="100"), "runs must be int"),
     "save nowhere": (lambda it: it.run.save(None), "folder must be"),
     "export a set that is not": (lambda it: it.run.export("opencv", "out", "4d"), "'3d'"),
@@ -161,9 +163,8 @@ CALLS: dict[str, tuple[Callable[[Given], object], str]] = {
 @pytest.mark.parametrize("call", CALLS)
 def test_a_wrong_call_says_what_is_meant(given: Given, call: str) -> None:
     called, meant = CALLS[call]
-    with pytest.raises(stereocal.StereocalError) as found:
+    with refused(meant):
         called(given)
-    assert re.search(meant, str(found.value)), found.value
 
 
 def test_every_function_is_checked_and_every_way_exists() -> None:

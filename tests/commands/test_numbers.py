@@ -11,8 +11,7 @@ import pytest
 
 from stereocal.cli import COMMANDS, _parser, main
 from stereocal.commands.console import Number
-from stereocal.formats.dataset_files import read_dataset
-from stereocal.library.calibrations import calibrate
+from tests.sample_field import calibrated_field
 from tests.terminal import FIELD, ROOT, sentences, tables
 
 SAMPLES = ROOT / "sample_data"
@@ -84,7 +83,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with parameters and tables of points."""
     made = tmp_path_factory.mktemp("numbers")
     tables(made)
-    calibrate(read_dataset(FIELD)).parameters("refined").save(made / "parameters_refined.json")
+    calibrated_field().parameters("refined").save(made / "parameters_refined.json")
     return made
 
 

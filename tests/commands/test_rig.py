@@ -1,8 +1,9 @@
 """`stereocal rig`."""
 
+import io
 import json
 import shutil
-from contextlib import chdir
+from contextlib import chdir, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,17 +33,25 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def written(dataset: Path) -> tuple[Path, str]:
+    """What `rig` writes, and what it prints."""
+    out, printed = dataset.with_name("rig"), io.StringIO()
+    with redirect_stdout(printed):
+        assert main(["rig", str(dataset), "--out", str(out)]) == 0
+    return out, printed.getvalue()
+
+
 def test_rig_writes_its_files(
-    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    dataset: Path, written: tuple[Path, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["rig", str(dataset), "--out", str(tmp_path / "rig")]) == 0
-    of_rig = capsys.readouterr().out
+    rig, of_rig = written
     assert main(["calibrate", str(dataset), "--out", str(tmp_path)]) == 0
     told = capsys.readouterr().out
     assert "One rig of 3 cameras" in told
-    assert told.replace(str(tmp_path), "") == of_rig.replace(str(tmp_path / "rig"), "")
+    assert told.replace(str(tmp_path), "") == of_rig.replace(str(rig), "")
     for name in ("rig.json", "c1-c2_refined.json"):
-        once, again = (json.loads((at / name).read_text()) for at in (tmp_path, tmp_path / "rig"))
+        once, again = (json.loads((at / name).read_text()) for at in (tmp_path, rig))
         assert once | {"created": ""} == again | {"created": ""}
     assert RigFile.load(tmp_path / "rig.json").names == ["c1", "c2", "c3"]
     report = (tmp_path / "report.html").read_text()
@@ -124,22 +133,21 @@ def test_options_of_two_cameras_are_rejected_for_more(
     assert not out.exists()
 
 
-def test_a_rig_is_written_for_other_programs(dataset: Path, tmp_path: Path) -> None:
-    assert main(["rig", str(dataset), "--out", str(tmp_path)]) == 0
-    rig = RigFile.load(tmp_path / "rig.json")
+def test_a_rig_is_written_for_other_programs(written: tuple[Path, str], tmp_path: Path) -> None:
+    file = written[0] / "rig.json"
+    rig = RigFile.load(file)
     for name in ("aniposelib", "caliscope", "kalibr"):
-        file = "out.yaml" if name == "kalibr" else "out.toml"
-        out = str(tmp_path / file)
-        assert main(["convert", str(tmp_path / "rig.json"), "--to", name, "--out", out]) == 0
+        out = tmp_path / ("out.yaml" if name == "kalibr" else "out.toml")
+        assert main(["convert", str(file), "--to", name, "--out", str(out)]) == 0
         options = ExchangeOptions(cameras=("1", "3"))
-        pair = read_camera_pair({file: (tmp_path / file).read_bytes()}, options)
+        pair = read_camera_pair({out.name: out.read_bytes()}, options)
         assert pair.pose is not None
         assert pytest.approx(rig.poses["c3"].T, abs=1e-9) == pair.pose.T
         assert pytest.approx(rig.poses["c3"].R, abs=1e-9) == pair.pose.R
         assert pytest.approx(rig.cameras["c3"].K, rel=1e-9) == pair.secondary.K
-    out = str(tmp_path / "dlt.csv")
-    assert main(["convert", str(tmp_path / "rig.json"), "--to", "dlt", "--out", out]) == 0
-    L = np.loadtxt(out, delimiter=",")
+    table = str(tmp_path / "dlt.csv")
+    assert main(["convert", str(file), "--to", "dlt", "--out", table]) == 0
+    L = np.loadtxt(table, delimiter=",")
     assert L.shape == (11, 3)
     point = np.array([0.1, -0.2, 6.0, 1.0])
     for number, name in enumerate(rig.names):
@@ -148,7 +156,7 @@ def test_a_rig_is_written_for_other_programs(dataset: Path, tmp_path: Path) -> N
         plain = replace(rig.cameras[name], distortion=np.zeros(0))
         expected = plain.project(rig.poses[name].apply(point[None, :3]))[0]
         assert [u / w, v / w] == pytest.approx(expected, abs=1e-4)
-    assert main(["convert", str(tmp_path / "rig.json"), "--to", "ros", "--out", out]) == 2
+    assert main(["convert", str(file), "--to", "ros", "--out", table]) == 2
 
 
 def sorted_pixels(rows: Correspondences) -> FloatArray:

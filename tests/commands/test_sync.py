@@ -14,6 +14,7 @@ from stereocal.cli import main
 from stereocal.fit.rig_file import RigFile
 from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.dataset_files import read_recording
+from stereocal.rig.recording import Recording
 from stereocal.workflow.given import recording_in
 from tests.files import write
 from tests.refused import refused
@@ -32,6 +33,11 @@ def by_hand(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def stepped(by_hand: Path) -> Recording:
+    return in_step(read_recording(by_hand))
+
+
 def test_sync_writes_a_data_set_in_step(
     by_hand: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -48,15 +54,16 @@ def test_sync_writes_a_data_set_in_step(
     np.testing.assert_array_equal(read_recording(tmp_path / "again").frame, in_step.frame)
 
 
-def test_cameras_that_count_their_own_frames_are_brought_into_step_unasked(by_hand: Path) -> None:
+def test_cameras_that_count_their_own_frames_are_brought_into_step_unasked(
+    by_hand: Path, stepped: Recording
+) -> None:
     counted = read_recording(by_hand)
     with refused("frames"):
         counted.pair("1", "2")
-    found = in_step(counted)
-    assert found.start_frames == {"1": 0, "2": 41}
-    assert any("one frame off" in note for note in found.step_notes)
+    assert stepped.start_frames == {"1": 0, "2": 41}
+    assert any("one frame off" in note for note in stepped.step_notes)
     pair = pair_to_calibrate(counted)
-    assert (pair.start_frame, pair.recording.step_notes) == (41, found.step_notes)
+    assert (pair.start_frame, pair.recording.step_notes) == (41, stepped.step_notes)
 
 
 def test_a_table_to_check_a_rig_with_is_brought_into_step(by_hand: Path) -> None:
@@ -80,7 +87,7 @@ def test_a_pair_needs_no_third_camera(by_hand: Path, tmp_path: Path) -> None:
     assert pair_to_calibrate(whole, "1-2").start_frame == 41
 
 
-def test_a_table_for_each_camera_is_read(by_hand: Path, tmp_path: Path) -> None:
+def test_a_table_for_each_camera_is_read(by_hand: Path, stepped: Recording, tmp_path: Path) -> None:
     table = pd.read_csv(by_hand / "points.csv")
     described = json.loads((by_hand / "dataset.json").read_text())
     for number, rows in table.groupby("camera"):
@@ -92,13 +99,14 @@ def test_a_table_for_each_camera_is_read(by_hand: Path, tmp_path: Path) -> None:
         read_recording(tmp_path)
     known = {"start_frames": {"1": 0, "2": 41}}
     (tmp_path / "dataset.json").write_text(json.dumps({**described, **known}))
-    found, whole = read_recording(tmp_path), in_step(read_recording(by_hand))
-    by_camera = np.argsort(whole.camera, kind="stable")
-    np.testing.assert_array_equal(found.frame, whole.frame[by_camera])
-    np.testing.assert_array_equal(found.points, whole.points[by_camera])
+    found, by_camera = read_recording(tmp_path), np.argsort(stepped.camera, kind="stable")
+    np.testing.assert_array_equal(found.frame, stepped.frame[by_camera])
+    np.testing.assert_array_equal(found.points, stepped.points[by_camera])
 
 
-def test_frame_rates_that_are_stated_are_used(by_hand: Path, tmp_path: Path) -> None:
+def test_frame_rates_that_are_stated_are_used(
+    by_hand: Path, stepped: Recording, tmp_path: Path
+) -> None:
     """Camera 2 took every second frame; the common count is its own."""
     for name in ("camera_1.yaml", "camera_2.yaml"):
         shutil.copy(by_hand / name, tmp_path)
@@ -110,8 +118,7 @@ def test_frame_rates_that_are_stated_are_used(by_hand: Path, tmp_path: Path) -> 
     described = json.loads((by_hand / "dataset.json").read_text())
     stated = {"frame_rates": {"1": 60, "2": 30}, "start_frames": {"1": 0, "2": 21}}
     (tmp_path / "dataset.json").write_text(json.dumps({**described, **stated}))
-    found, whole = read_recording(tmp_path), in_step(read_recording(by_hand))
-    expected = whole.where(whole.frame % 2 == 0)
+    found, expected = read_recording(tmp_path), stepped.where(stepped.frame % 2 == 0)
     np.testing.assert_array_equal(2 * found.frame, expected.frame)
     np.testing.assert_array_equal(found.points, expected.points)
     assert any("of 1 frame 2 k" in note for note in found.step_notes)

@@ -35,6 +35,7 @@ from tests.field.plans import plan
 from tests.figures import test_apply_figures as applied
 from tests.known_rig import BAR_M
 from tests.lens import search
+from tests.sample_field import FIELD
 
 OF_RIGS = {"plot_cameras", "plot_rig_graph"}
 """Drawn from a rig file, into the report of `stereocal rig`."""
@@ -46,7 +47,7 @@ DRAWS = {
 }
 PLOTS = sorted(name.removeprefix("plot_") for name in DRAWS if name.startswith("plot_"))
 ROOT = Path(__file__).parents[2]
-FIELD, STORY = ROOT / "sample_data" / "field", ROOT / "assets" / "story.json"
+STORY = ROOT / "assets" / "story.json"
 
 RESIDUALS = Residuals(
     np.arange(1, 6),
@@ -79,9 +80,8 @@ def every_figure() -> dict[str, Drawn]:
     places = [accuracy_map(refined), accuracy_map(refined, plane="side")]
     settings = EvaluationSettings(CalibrationSettings(), 6, 20, refined=RefineSettings())
     with ThreadPoolExecutor(2) as executor:
-        runs = evaluate([dataset, dataset], settings, executor)
+        runs = 2 * evaluate([dataset], settings, executor)
         lens = calibrate_lens(search(12, 1), LensSettings(subset=8, repeats=12), executor)
-    assert runs is not None and lens is not None
     pooled, by_dataset = summarise_all(["one", "two"], runs)
     check = check_lengths(applied.POINTS, 1.01 * BAR_M, "end_primary", ("A", "B"))
     tables = [

@@ -28,6 +28,7 @@ from tests.figures.every_figure import refined_field
 from tests.files import encoded
 from tests.intrinsics.test_intrinsics import FEW, usual
 from tests.lens import facing, photographed
+from tests.sample_field import FIELD
 
 
 def test_every_draw_is_in_its_histogram() -> None:
@@ -83,9 +84,6 @@ def test_preview_takes_the_distortion_away(tmp_path: Path) -> None:
     assert bend(np.asarray(as_taken, dtype=np.uint8)) > 1.0
 
 
-FIELD = read_dataset(Path(__file__).parents[2] / "sample_data" / "field")
-
-
 @pytest.mark.parametrize(("quantity", "unit"), [("distance", " %"), ("point", " mm")])
 def test_accuracy_shows_both_maps_cameras_and_targets(quantity: Quantity, unit: str) -> None:
     result = refined_field()
@@ -105,7 +103,7 @@ def test_accuracy_shows_both_maps_cameras_and_targets(quantity: Quantity, unit: 
 
 
 def test_an_accused_input_stands_out() -> None:
-    wrong = FIELD.changed(baseline_m=4.7)
+    wrong = read_dataset(FIELD).changed(baseline_m=4.7)
     inputs = compare_inputs(refine(wrong, RefineSettings(baseline_sigma_m=0.005))).inputs
     figure = one_set.plot_disagreement(inputs)
     bars = figure.data[0]
@@ -128,6 +126,6 @@ def test_the_table_of_inputs_says_stated_and_estimated() -> None:
     assert float(value) == pytest.approx(float(baseline.estimate[0]), abs=float(sigma))
     assert float(sigma) == pytest.approx(float(baseline.sigma[0]), rel=0.1) and unit == "m"
     held = compare_inputs(
-        refine(FIELD, RefineSettings(lenses=dict.fromkeys(CAMERAS, FIXED_LENS)))
+        refine(read_dataset(FIELD), RefineSettings(lenses=dict.fromkeys(CAMERAS, FIXED_LENS)))
     ).inputs
     assert "held as stated" in set(one_set.disagreement_table(held)["Estimated"])

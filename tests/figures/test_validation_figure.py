@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from html import unescape
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,15 +26,14 @@ from stereocal.figures.tables import validation_table
 from stereocal.figures.two_sets import describe_two_sets, frame_views, telling_frame
 from stereocal.figures.validation import describe_validation, plot_validation
 from stereocal.formats.dataset_files import read_dataset
-from stereocal.library.calibrations import calibrate
 from stereocal.rig.pair import Pair
 from stereocal.system.settings import descriptions
 from stereocal.verdict.in_words import percent
 from stereocal.verdict.recommendation import recommend
 from stereocal.verdict.validation_in_words import validation_answer
+from tests.sample_field import FIELD, calibrated_field
 from tools.story import STORY, tell_story
 
-SAMPLE = Path(__file__).parents[2] / "sample_data" / "field"
 SETTINGS = EvaluationSettings(CalibrationSettings(essential="linear"), runs=FEWEST_RUNS)
 NAN = float("nan")
 TIED = "no clear winner"
@@ -45,9 +43,9 @@ Summaries = dict[Method, MethodSummary]
 @cache
 def runs_twice() -> list[list[RunCounts]]:
     """The runs of the sample, and again as a second data set."""
-    dataset = read_dataset(SAMPLE)
+    dataset = read_dataset(FIELD)
     with ThreadPoolExecutor(2) as executor:
-        return evaluate([dataset, dataset], SETTINGS, executor)
+        return 2 * evaluate([dataset], SETTINGS, executor)
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +164,7 @@ def test_of_few_runs_there_are_no_intervals_and_no_marks(summaries: Summaries) -
     assert f"Fewer than {FEWEST_RUNS} runs" in describe_validation(few)
     assert "with the 2D set below" in validation_answer(few)
     settings = replace(SETTINGS, runs=FEWEST_RUNS - 1)
-    report = report_html(few, {}, [read_dataset(SAMPLE)], settings)
+    report = report_html(few, {}, [read_dataset(FIELD)], settings)
     assert "95 % bootstrap" not in report and "there are no intervals" in report
     assert few["2d"].to_json() == apart(summaries, "essential")["2d"].to_json()
     again = apart(summaries, "essential")
@@ -219,7 +217,7 @@ EVIL = "<script>alert(1)</script>"
 
 @pytest.fixture(scope="module")
 def dataset() -> Pair:
-    return read_dataset(SAMPLE)
+    return read_dataset(FIELD)
 
 
 @pytest.fixture(scope="module")
@@ -275,7 +273,7 @@ def test_data_settings_angles_and_versions_are_in_it(
 
 
 def test_the_recommendation_comes_first_with_the_frame_that_shows_why(dataset: Pair) -> None:
-    calibration, summaries = calibrate(dataset), summarise(runs_twice()[:1])
+    calibration, summaries = calibrated_field(), summarise(runs_twice()[:1])
     recommendation = recommend(calibration, None)
     found = calibration, recommendation
     text = unescape(report_html(summaries, {}, [dataset], SETTINGS, recommended=found))

@@ -28,7 +28,7 @@ DATA = {"dataset.json", "primary.json", "secondary.json", "correspondences.csv"}
 def of_field() -> PairAnswer:
     """With a validation of few runs."""
     run = PairRun(read_dataset(FIELD))
-    settings = EvaluationSettings(runs=8, calibration_frames=20, refined=run.refined)
+    settings = EvaluationSettings(runs=4, calibration_frames=20, refined=run.refined)
     with ThreadPoolExecutor(2) as executor:
         return PairAnswer(run, run.validate(settings, executor))
 
@@ -70,7 +70,7 @@ def test_the_methods_say_the_figures_of_the_result() -> None:
     assert f"the refined set {below} is recommended" in text
     for words in (
         *("25 frames", "50 pairs", "25 bars", "0.9 m apart", "baseline was 4.5 m", "seed 0"),
-        "In each of 8 runs, 20 frames drawn at random calibrated the system and the other 5",
+        "In each of 4 runs, 20 frames drawn at random calibrated the system and the other 5",
         *(f"[@{PAPER}]", f"[@{PROGRAM}]", "2336 × 1728 px", "10⁻⁶ rad", "the refined set"),
     ):
         assert words in text, words
