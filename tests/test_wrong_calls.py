@@ -28,7 +28,7 @@ class Given:
     def __init__(self) -> None:
         self.path = str(FIELD)
         self.run: Any = answering(CalibrationRun, calibrated_field())
-        self.recording = self.run.dataset
+        self.recording: Any = self.run.dataset
         self.table = self.recording.to_dataframe()
         self.points = self.table[["frame"]].assign(u=1.0, v=1.0)
         self.array = np.zeros((3, 4))

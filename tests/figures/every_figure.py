@@ -78,7 +78,7 @@ def every_figure() -> dict[str, Drawn]:
     calibration = calibrate(dataset, trace=True)
     inputs, misfit = compare_inputs(refined).inputs, misfit_of(refined)
     places = [accuracy_map(refined), accuracy_map(refined, plane="side")]
-    settings = EvaluationSettings(CalibrationSettings(), 6, 20, refined=RefineSettings())
+    settings = EvaluationSettings(CalibrationSettings(), 3, 20, refined=RefineSettings())
     with ThreadPoolExecutor(2) as executor:
         runs = 2 * evaluate([dataset], settings, executor)
         lens = calibrate_lens(search(12, 1), LensSettings(subset=8, repeats=12), executor)
@@ -92,7 +92,7 @@ def every_figure() -> dict[str, Drawn]:
     story = read_story(STORY)
     views = frame_views(replace(calibration, refined=refined), telling_frame(calibration))
     plans = [
-        forecast(plan(name=name, bar_m=bar), rigs=16)
+        forecast(plan(name=name, bar_m=bar), rigs=8)
         for name, bar in (("one", 0.9), ("another", 0.6), ("third", 0.4))
     ]
     rig = read_recording(ROOT / "sample_data" / "rig")

@@ -45,7 +45,7 @@ frames = st.builds(
 
 
 @given(st.lists(frames, max_size=5))
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_there_and_back(given_frames: list[Frame]) -> None:
     assert unpack_frames(pack_frames(given_frames)) == given_frames
 

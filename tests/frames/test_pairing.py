@@ -211,7 +211,7 @@ def test_bursts_within_one_step_of_the_clock_are_paired_in_order() -> None:
 
 def test_times_of_unrelated_photographs_pair_nothing() -> None:
     """Of 400 trials with 25 photographs none was sure, with 10 five, with 5 nineteen."""
-    for seed in range(20):
+    for seed in range(10):
         first = shots("IMG_{n}.jpg", walk(20, seed), 1)
         second = shots("DSC_{n}.jpg", walk(20, seed + 100) + 500.0, 301)
         assert propose({**first, **second}).way == "order"

@@ -183,7 +183,7 @@ def test_tables_as_other_programs_write_them_are_told_what_to_do(
 ) -> None:
     table = tmp_path / "points.csv"
     table.write_bytes(content)
-    with refused("points.csv", said):
+    with refused(said):
         camera = Camera(np.diag((1000.0, 1000.0, 1.0)), np.zeros(5), (640, 480))
         _check_points(PointTable(table), camera, "primary", (), {"primary": 0})
 

@@ -11,6 +11,7 @@ from stereocal.matching.reconstruction import midpoints
 from stereocal.matching.threshold import FramePixels, choose_threshold
 from stereocal.matching.views import TwoViews
 from stereocal.rig.parameters import RigParameters
+from stereocal.system.array_types import FloatArray
 from tests.further import further
 from tests.known_rig import PRIMARY, RIG, SECONDARY, images
 
@@ -25,24 +26,30 @@ def seen(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Points of both cameras, shuffled, some of them missing; `bird` tells which is which."""
     rng = np.random.default_rng([1, round(1000 * noise_px)])
-    sides: tuple[list[pd.DataFrame], list[pd.DataFrame]] = ([], [])
+    sides: tuple[list[FloatArray], list[FloatArray]] = ([], [])
     for frame in range(frames):
         both = images(rng.uniform([-1.3, -1.1, 6.0], [1.3, 1.0, 10.5], (points, 3)))
         for side, pixels in zip(sides, both, strict=True):
             kept = rng.permutation(points)[rng.random(points) > missing]
             noisy = pixels[kept] + noise_px * rng.standard_normal((len(kept), 2))
-            columns = {"frame": frame, "u": noisy[:, 0], "v": noisy[:, 1], "bird": kept}
-            side.append(pd.DataFrame(columns))
-    return pd.concat(sides[0], ignore_index=True), pd.concat(sides[1], ignore_index=True)
+            side.append(np.column_stack([np.full(len(kept), frame), noisy, kept]))
+    whole = {"frame": np.int64, "bird": np.int64}
+    first, second = (
+        pd.DataFrame(np.concatenate(side), columns=["frame", "u", "v", "bird"]).astype(whole)
+        for side in sides
+    )
+    return first, second
 
 
 def sample(tables: tuple[pd.DataFrame, pd.DataFrame]) -> list[FramePixels]:
     """The frames of two tables."""
+    pixels = [table[["u", "v"]].to_numpy() for table in tables]
+    frames = [table["frame"].to_numpy() for table in tables]
+    both = np.intersect1d(*frames)
     first, second = (
-        {frame: rows[["u", "v"]].to_numpy() for frame, rows in table.groupby("frame")}
-        for table in tables
+        [own[number == frame] for frame in both] for own, number in zip(pixels, frames, strict=True)
     )
-    return [(first[frame], second[frame]) for frame in first.keys() & second.keys()]
+    return list(zip(first, second, strict=True))
 
 
 @pytest.mark.parametrize(

@@ -114,8 +114,8 @@ def tables_of(
 def matched(
     truth: SimulatedRig, rig: RigFile, folder: Path, names: str = "auto", turned: int = 0
 ) -> tuple[Report, pd.DataFrame]:
-    """30 points within 10 cm in each of 10 frames; the third camera's names are `turned`."""
-    tables, _ = tables_of(truth, np.random.default_rng(8), 10, 30, 0.05)
+    """30 points within 10 cm in each of 6 frames; the third camera's names are `turned`."""
+    tables, _ = tables_of(truth, np.random.default_rng(8), 6, 30, 0.05)
     for name, own in tables.items():
         number = (own["truth"] + turned * (name == "c3")) % 30
         own["point"] = "P" + number.astype(str)
@@ -134,11 +134,11 @@ def test_only_points_of_one_name_belong_together(
     truth: SimulatedRig, rig: RigFile, tmp_path: Path
 ) -> None:
     report, tracks = matched(truth, rig, tmp_path, "none")
-    assert joined_wrong(tracks) > 0.1 and not report.names.columns  # measured: 70 of 296
+    assert joined_wrong(tracks) > 0.1 and not report.names.columns  # measured: 44 of 177
     report, tracks = matched(truth, rig, tmp_path)
     assert report.names.columns == ("point",) and joined_wrong(tracks) == 0
-    # 95 % are seen by each camera: 298 of 300 by two and more, of which LOST fit badly
-    assert (tracks["views"] == 3).sum() > 250 and len(tracks) > 290
+    # 95 % are seen by each camera: 179 of 180 by two and more; measured: 159, 177
+    assert (tracks["views"] == 3).sum() > 150 and len(tracks) > 174
 
 
 def test_named_points_that_keep_still_are_not_wrong(truth: SimulatedRig, rig: RigFile) -> None:

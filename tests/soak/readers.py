@@ -78,13 +78,19 @@ def these(*contents: bytes) -> Seeds:
 
 
 def _tables() -> dict[str, tuple[str, Seeds, Read]]:
-    observed, correspondences = seeds.observed(), these(*seeds.correspondences())
+    def world(content: bytes, _: Path) -> object:
+        return find_world(KNOWN, read_observed(content, "o.csv", frame_rate=100.0))
+
     return {
         **{f"points, {name}": ("text", these(*x), _points) for name, x in seeds.layouts().items()},
-        "correspondences.csv": ("text", correspondences, _correspondences),
+        "correspondences.csv": (
+            "text",
+            these(*seeds.correspondences()),
+            lambda content, _: read_table(content, "a.csv").strict("a.csv"),
+        ),
         "table of points": ("text", seeds.points, partial(_table, "t.csv")),
-        "world, table": ("text", these(seeds.world("", "")), partial(_world, "w.csv")),
-        **{f"world from {name}": ("text", these(x), _observed) for name, x in observed.items()},
+        "world, table": ("text", these(seeds.world("", "")), _on_disk(read_world, "w.csv")),
+        **{f"world from {x}": ("text", these(own), world) for x, own in seeds.observed().items()},
         "Parquet": ("image", seeds.parquet, partial(_table, "t.parquet")),
         "points, HDF5": ("image", seeds.sleap, _hdf5),
     }
@@ -105,16 +111,24 @@ def _descriptions() -> dict[str, tuple[str, Seeds, Read]]:
         "archive, TOML": ("text", caliscope_files, partial(_archive, "c.toml")),
         "camera, ours": ("json", ours, _camera),
         "camera, OpenCV JSON": ("json", these(with_storage(".json", **opencv)), _camera),
-        "world, JSON": ("json", worlds, partial(_world, "w.json")),
+        "world, JSON": ("json", worlds, _on_disk(read_world, "w.json")),
         "parameters": ("json", rigs, _parameters),
-        "dataset.json": ("json", these(seeds.field()["dataset.json"]), _dataset),
+        "dataset.json": (
+            "json",
+            these(seeds.field()["dataset.json"]),
+            lambda content, _: parse_recording({**seeds.field(), "dataset.json": content}, "a"),
+        ),
         "plan": ("json", _plans, _plan),
         "archive, fields of easyWand": (
             "json",
             these(_packed_fields(easywand_fields())),
             _easywand,
         ),
-        "archive, fields of MATLAB": ("json", these(_packed_fields(stereo_struct())), _stereo),
+        "archive, fields of MATLAB": (
+            "json",
+            these(_packed_fields(stereo_struct())),
+            lambda content, _: stereo_of({"s": _fields_of(content)}, "a.mat", ExchangeOptions()),
+        ),
         **{
             f"{name}, {file}": (
                 "json" if file.endswith(".json") else "text",
@@ -129,20 +143,29 @@ def _descriptions() -> dict[str, tuple[str, Seeds, Read]]:
 def _others() -> dict[str, tuple[str, Seeds, Read]]:
     two = zipped({f"cam{k}/1.png": seeds.image(".png") for k in (0, 1)}, ZIP_STORED)
     addresses = these(b"0" * 32, b"0123456789abcdef" * 2)
+
+    def data_sets() -> list[bytes]:
+        return [dataset_zip()]
+
+    photograph = _on_disk(lambda path: read_photograph(path, "p.png"), "p.bin")
     return {
         **{
-            f"project, {name}": (file.kind, file.seeds, partial(_inner, name))
+            f"project, {name}": (file.kind, file.seeds, _of_project(name))
             for name, file in FILES.items()
         },
         **{
-            f"photograph, {name}": ("png" if name == "PNG" else "image", these(*x), _photograph)
+            f"photograph, {name}": ("png" if name == "PNG" else "image", these(*x), photograph)
             for name, x in seeds.photographs().items()
         },
-        "data set, zip": ("zip", _data_sets, lambda content, _: parse_zip(content, "a.zip")),
-        "data set, zip on disk": ("zip", _data_sets, _dataset_on_disk),
+        "data set, zip": ("zip", data_sets, lambda content, _: parse_zip(content, "a.zip")),
+        "data set, zip on disk": ("zip", data_sets, _on_disk(read_dataset, "a.zip")),
         "photographs, zip": ("zip", these(two), _photographs),
-        "project, zip": ("zip", _projects, read_project_zip),
-        "address": ("text", addresses, _address),
+        "project, zip": ("zip", lambda: [project_zip()], read_project_zip),
+        "address": (
+            "text",
+            addresses,
+            lambda text, folder: Project.open(folder, text.decode("utf-8", "surrogateescape")),
+        ),
         "click": ("json", these(b'{"id": "a", "u": 1.5, "v": 2, "raw": false}'), _click),
         "settings": ("text", these(b"1", b"90.5"), _settings),
     }
@@ -179,26 +202,6 @@ def _easywand(content: bytes, _: Path) -> None:
     read_easywand(file, ExchangeOptions()).dataset("a", 1.0, 1.0)
 
 
-def _stereo(content: bytes, _: Path) -> None:
-    stereo_of({"s": _fields_of(content)}, "a.mat", ExchangeOptions())
-
-
-def _dataset(content: bytes, _: Path) -> None:
-    parse_recording({**seeds.field(), "dataset.json": content}, "a.zip")
-
-
-def _data_sets() -> list[bytes]:
-    return [dataset_zip()]
-
-
-def _projects() -> list[bytes]:
-    return [project_zip()]
-
-
-def _dataset_on_disk(content: bytes, folder: Path) -> None:
-    read_dataset(_kept(content, folder / "a.zip"))
-
-
 def _plans() -> list[bytes]:
     named = {"primary": "a.json", "secondary": contents()["cameras"]["secondary"]}
     known = plan(stated_primary=PRIMARY, stated_pose=FIELD_PLAN.pose)
@@ -221,10 +224,6 @@ def _exchange(name: str, file: str, content: bytes, _: Path) -> None:
             refused = error
     if refused is not None:
         raise refused
-
-
-def _address(content: bytes, folder: Path) -> None:
-    Project.open(folder, content.decode("utf-8", "surrogateescape"))
 
 
 def _click(content: bytes, _: Path) -> None:
@@ -252,10 +251,6 @@ def _parameters(content: bytes, folder: Path) -> None:
     rig.dumps()
     rig.reprojection_errors([[100.0, 100.0]], [[110.0, 90.0]])
     rig.reconstruct([[100.0, 100.0]], [[110.0, 90.0]])
-
-
-def _correspondences(content: bytes, _: Path) -> None:
-    read_table(content, "a.csv").strict("a.csv")
 
 
 def _points(content: bytes, _: Path) -> None:
@@ -294,25 +289,17 @@ def _table(name: str, content: bytes, folder: Path) -> None:
         rows.to_csv(index=False)
 
 
-def _world(name: str, content: bytes, folder: Path) -> None:
-    read_world(_kept(content, folder / name))
-
-
-def _observed(content: bytes, _: Path) -> None:
-    find_world(KNOWN, read_observed(content, "o.csv", frame_rate=100.0))
-
-
-def _photograph(content: bytes, folder: Path) -> None:
-    read_photograph(_kept(content, folder / "p.bin"), "p.png")
-
-
 def _photographs(content: bytes, folder: Path) -> None:
     for name, path in unpack_photographs(content, "a.zip", folder / "store").items():
         read_photograph(path, name)
 
 
-def _inner(name: str, content: bytes, _: Path) -> None:
-    read_inner(name, content)
+def _of_project(name: str) -> Read:
+    return lambda content, _: read_inner(name, content)
+
+
+def _on_disk(read: Callable[[Path], object], name: str) -> Read:
+    return lambda content, folder: read(_kept(content, folder / name))
 
 
 def _kept(content: bytes, path: Path) -> Path:
