@@ -44,127 +44,97 @@ def given() -> Given:
 
 READ, SET, TABLE = "stereocal.read(path)", 'run.sets["2d"]', "read_csv(path)"
 PATH = "path must be str | Path"
-CALLS: dict[str, tuple[Callable[[Given], object], str]] = {
-    "read a recording": (lambda it: library.read(it.recording), PATH),
-    "read a table": (lambda it: library.read(it.table), PATH),
-    "read a list": (lambda it: library.read([it.path]), PATH),
-    "read as nothing": (lambda it: library.read(it.path, None, it.path), "'brown' | 'fisheye'"),
-    "read_dataset a table": (lambda it: library.read_dataset(it.table), PATH),
-    "read_camera a camera": (lambda it: library.read_camera(it.camera), "Path, not Camera"),
-    "calibrate a path": (lambda it: library.calibrate(it.path), READ),
-    "calibrate a Path": (lambda it: library.calibrate(Path(it.path)), READ),
-    "calibrate a table": (lambda it: library.calibrate(it.table), READ),
-    "calibrate an array": (lambda it: library.calibrate(it.array), READ),
-    "calibrate None": (lambda _: library.calibrate(None), READ),
-    "calibrate a run": (lambda it: library.calibrate(it.run), "run.dataset"),
-    "calibrate with words": (
-        lambda it: library.calibrate(it.recording, it.path),
-        "CalibrationSettings()",
-    ),
-    "calibrate with a seed": (
-        lambda it: library.calibrate(it.recording, seed=1),
-        "'seed'; it takes dataset, settings",
-    ),
-    "calibrate nothing": (lambda _: library.calibrate(), "'dataset'"),
-    "evaluate a path": (lambda it: library.evaluate(it.path), READ),
-    "evaluate a recording": (lambda it: library.evaluate(it.recording), "into a list"),
-    "evaluate paths": (lambda it: library.evaluate([it.path]), READ),
-    "evaluate a table": (lambda it: library.evaluate(it.table), READ),
-    "evaluate nothing": (lambda _: library.evaluate([]), "no recording"),
-    "evaluate half a run": (lambda it: library.evaluate([it.recording], runs=2.5), "int, not 2.5"),
-    "rig of a path": (lambda it: library.calibrate_rig(it.path), READ),
-    "rig of a pair": (lambda it: library.calibrate_rig(it.recording), "pair.recording"),
-    "match with a path": (lambda it: library.match(it.path, it.table, it.table), SET),
-    "match with a run": (lambda it: library.match(it.run, it.table, it.table), SET),
-    "match with a name": (lambda it: library.match("2d", it.table, it.table), SET),
-    "match files": (lambda it: library.match(it.two_d, it.path, it.path), TABLE),
-    "match files by name": (lambda it: library.match(it.two_d, {"primary": it.path}), TABLE),
-    "match an array": (lambda it: library.match(it.two_d, it.array, it.array), TABLE),
-    "match no table": (lambda it: library.match(it.two_d, {}), "no points"),
-    "match one table": (lambda it: library.match(it.two_d, it.points), "primary, secondary"),
-    "match to one depth": (
-        lambda it: library.match(it.two_d, it.table, it.table, depths_m=(3.0,)),
-        "depths_m",
-    ),
-    "match with a set that is not": (lambda it: it.run.sets["4d"], "2d, 3d, refined"),
-    "reconstruct with a path": (lambda it: library.reconstruct(it.path, it.table), SET),
-    "reconstruct a file": (lambda it: library.reconstruct(it.two_d, it.path), TABLE),
-    "reconstruct the other way round": (lambda it: library.reconstruct(it.table, it.two_d), SET),
-    "reconstruct in an array": (
-        lambda it: library.reconstruct(it.two_d, it.table, it.array),
-        "stereocal.Pose",
-    ),
-    "plan a recording": (lambda it: library.plan(it.recording), PATH),
-    "sample a number": (lambda _: library.sample(5), "must be str"),
-    "sample beside": (lambda _: library.sample("../docs"), "recording, rig"),
-    "simulate words": (lambda _: library.simulate("three"), "int, not 'three'"),
-    "simulate without a seed": (lambda _: library.simulate(1, 25, -1), "seed"),
-    "detect in a recording": (lambda it: library.detect(it.recording), PATH),
-    "detect a board": (
-        lambda it: library.detect(it.path, library.BoardPattern(9, 6, 0.03)),
-        "target must be str",
-    ),
-    "sync a pair": (lambda it: library.sync(it.recording), "pair.recording"),
-    "sync a table": (lambda it: library.sync(it.table), READ),
-    "intrinsics of a recording": (
-        lambda it: library.calibrate_lens(it.recording, "18x12", 0.03),
-        "photographs must be",
-    ),
-    "intrinsics by two numbers": (
-        lambda it: library.calibrate_lens(it.path, (18, 12), 0.03),
-        "BoardPattern",
-    ),
-    "check a path": (lambda it: library.check(it.path, it.recording), SET),
-    "check a run": (lambda it: library.check(it.run, it.recording), SET),
-    "check with a path": (lambda it: library.check(it.two_d, it.path), READ),
-    "check by less than nothing": (
-        lambda it: library.check(it.two_d, it.recording, turn_deg=-1.0),
-        "above 0",
-    ),
-    "export a run": (lambda it: library.export(it.run, "opencv", "out"), SET),
-    "export nowhere": (lambda it: library.export(it.two_d, "opencv", None), PATH),
-    "import a list": (lambda it: library.import_parameters([it.path], "opencv"), PATH),
-    "load a recording": (lambda it: library.RigParameters.load(it.recording), PATH),
-    "parse two numbers": (lambda _: library.BoardPattern.parse((9, 6), 0.03), "size must"),
-    "a recording of a file": (
-        lambda it: library.Recording.from_dataframe(it.path, it.cameras, 0.9, 4.5),
-        TABLE,
-    ),
-    "a recording by files of cameras": (
+CALLS: list[tuple[Callable[[Given], object], str]] = [
+    (lambda it: library.read(it.recording), PATH),
+    (lambda it: library.read(it.table), PATH),
+    (lambda it: library.read([it.path]), PATH),
+    (lambda it: library.read(it.path, None, it.path), "'brown' | 'fisheye'"),
+    (lambda it: library.read_dataset(it.table), PATH),
+    (lambda it: library.read_camera(it.camera), "Path, not Camera"),
+    (lambda it: library.calibrate(it.path), READ),
+    (lambda it: library.calibrate(Path(it.path)), READ),
+    (lambda it: library.calibrate(it.table), READ),
+    (lambda it: library.calibrate(it.array), READ),
+    (lambda _: library.calibrate(None), READ),
+    (lambda it: library.calibrate(it.run), "run.dataset"),
+    (lambda it: library.calibrate(it.recording, it.path), "CalibrationSettings()"),
+    (lambda it: library.calibrate(it.recording, seed=1), "'seed'; it takes dataset, settings"),
+    (lambda _: library.calibrate(), "'dataset'"),
+    (lambda it: library.evaluate(it.path), READ),
+    (lambda it: library.evaluate(it.recording), "into a list"),
+    (lambda it: library.evaluate([it.path]), READ),
+    (lambda it: library.evaluate(it.table), READ),
+    (lambda _: library.evaluate([]), "no recording"),
+    (lambda it: library.evaluate([it.recording], runs=2.5), "int, not 2.5"),
+    (lambda it: library.calibrate_rig(it.path), READ),
+    (lambda it: library.calibrate_rig(it.recording), "pair.recording"),
+    (lambda it: library.match(it.path, it.table, it.table), SET),
+    (lambda it: library.match(it.run, it.table, it.table), SET),
+    (lambda it: library.match("2d", it.table, it.table), SET),
+    (lambda it: library.match(it.two_d, it.path, it.path), TABLE),
+    (lambda it: library.match(it.two_d, {"primary": it.path}), TABLE),
+    (lambda it: library.match(it.two_d, it.array, it.array), TABLE),
+    (lambda it: library.match(it.two_d, {}), "no points"),
+    (lambda it: library.match(it.two_d, it.points), "primary, secondary"),
+    (lambda it: library.match(it.two_d, it.table, it.table, depths_m=(3.0,)), "depths_m"),
+    (lambda it: it.run.sets["4d"], "2d, 3d, refined"),
+    (lambda it: library.reconstruct(it.path, it.table), SET),
+    (lambda it: library.reconstruct(it.two_d, it.path), TABLE),
+    (lambda it: library.reconstruct(it.table, it.two_d), SET),
+    (lambda it: library.reconstruct(it.two_d, it.table, it.array), "stereocal.Pose"),
+    (lambda it: library.plan(it.recording), PATH),
+    (lambda _: library.sample(5), "must be str"),
+    (lambda _: library.sample("../docs"), "recording, rig"),
+    (lambda _: library.simulate("three"), "int, not 'three'"),
+    (lambda _: library.simulate(1, 25, -1), "seed"),
+    (lambda it: library.detect(it.recording), PATH),
+    (lambda it: library.detect(it.path, library.BoardPattern(9, 6, 0.03)), "target must be str"),
+    (lambda it: library.sync(it.recording), "pair.recording"),
+    (lambda it: library.sync(it.table), READ),
+    (lambda it: library.calibrate_lens(it.recording, "18x12", 0.03), "photographs must be"),
+    (lambda it: library.calibrate_lens(it.path, (18, 12), 0.03), "BoardPattern"),
+    (lambda it: library.check(it.path, it.recording), SET),
+    (lambda it: library.check(it.run, it.recording), SET),
+    (lambda it: library.check(it.two_d, it.path), READ),
+    (lambda it: library.check(it.two_d, it.recording, turn_deg=-1.0), "above 0"),
+    (lambda it: library.export(it.run, "opencv", "out"), SET),
+    (lambda it: library.export(it.two_d, "opencv", None), PATH),
+    (lambda it: library.import_parameters([it.path], "opencv"), PATH),
+    (lambda it: library.RigParameters.load(it.recording), PATH),
+    (lambda _: library.BoardPattern.parse((9, 6), 0.03), "size must"),
+    (lambda it: library.Recording.from_dataframe(it.path, it.cameras, 0.9, 4.5), TABLE),
+    (
         lambda it: library.Recording.from_dataframe(it.table, {"primary": it.path}, 0.9),
         "read_camera",
     ),
-    "a recording of one camera": (
+    (
         lambda it: library.Recording.from_arrays(
             [1], ["primary"], ["A"], [[1.0, 2.0]], {"primary": it.camera}, 0.9
         ),
         "two cameras",
     ),
-    "a recording of points in space": (
+    (
         lambda it: library.Recording.from_arrays(
             [1], ["primary"], ["A"], [[1.0, 2.0, 3.0]], it.cameras, 0.9
         ),
         "(n, 2)",
     ),
-    "a pair by one name": (lambda it: it.recording.recording.pair("left-right"), "'second'"),
-    "a pair by other names": (
-        lambda it: it.recording.recording.pair("left", "right"),
-        "primary, secondary",
-    ),
-    "a camera of one side": (lambda _: library.Camera(np.eye(3), np.zeros(5), 100), "(w, h)"),
-    "validate words": (lambda it: it.run.evaluate(runs="100"), "runs must be int"),
-    "save nowhere": (lambda it: it.run.save(None), "folder must be"),
-    "export a set that is not": (lambda it: it.run.export("opencv", "out", "4d"), "'3d'"),
-    "plot a look that is not": (lambda it: it.run.plot("photographs"), "'residuals'"),
-    "plot a set that is not": (lambda it: it.run.plot("rig", "4d"), "'3d'"),
-}
+    (lambda it: it.recording.recording.pair("left-right"), "'second'"),
+    (lambda it: it.recording.recording.pair("left", "right"), "primary, secondary"),
+    (lambda _: library.Camera(np.eye(3), np.zeros(5), 100), "(w, h)"),
+    (lambda it: it.run.evaluate(runs="100"), "runs must be int"),
+    (lambda it: it.run.save(None), "folder must be"),
+    (lambda it: it.run.export("opencv", "out", "4d"), "'3d'"),
+    (lambda it: it.run.plot("photographs"), "'residuals'"),
+    (lambda it: it.run.plot("rig", "4d"), "'3d'"),
+]
 
 
-@pytest.mark.parametrize("call", CALLS)
-def test_a_wrong_call_says_what_is_meant(given: Given, call: str) -> None:
-    called, meant = CALLS[call]
+@pytest.mark.parametrize("number", range(len(CALLS)))
+def test_a_wrong_call_says_what_is_meant(given: Given, number: int) -> None:
+    call, meant = CALLS[number]
     with refused(meant):
-        called(given)
+        call(given)
 
 
 def test_every_function_is_checked_and_every_way_exists() -> None:
