@@ -51,7 +51,7 @@ class Known:
 
 
 def joint(
-    recording: Recording, start: Sequence[Pose], points: FloatArray, known: Known, loss: str
+    recording: Recording, start: Sequence[Pose], points: FloatArray, known: Known, loss: Loss
 ) -> tuple[list[Pose], list[Camera]]:
     """The poses and lenses of all cameras.
 

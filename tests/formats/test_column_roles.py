@@ -16,6 +16,7 @@ from stereocal.formats.correspondences_csv import read_table
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.point_answers import answered, first_answers, layout_of
 from stereocal.formats.point_files import read_points
+from stereocal.rig.correspondences import Correspondences
 from tests.known_rig import PRIMARY, SECONDARY, dataset
 from tests.refused import refused
 
@@ -80,9 +81,13 @@ TABLES = {
 }
 
 
+def rows_of(content: bytes, roles: str | None = None) -> Correspondences:
+    return bars_of(content, "t.csv", ExchangeOptions(roles=roles), (None, None)).rows
+
+
 @pytest.mark.parametrize("name", TABLES)
 def test_headers_name_the_columns(name: str) -> None:
-    rows = bars_of(TABLES[name], "t.csv", ExchangeOptions(), (None, None)).rows
+    rows = rows_of(TABLES[name])
     order = np.lexsort([ROWS.target, ROWS.frame])
     found = np.lexsort([rows.target, rows.frame])
     if name != "wide":
@@ -97,9 +102,8 @@ UNKNOWN = per_point("when which who right down", ("left", "right"), "P{}.png")
 
 def test_a_person_says_what_the_header_does_not() -> None:
     with refused("t.csv: ", "which, who, right, down", "--roles"):
-        bars_of(UNKNOWN, "t.csv", ExchangeOptions(), (None, None))
-    options = ExchangeOptions(roles="frame,camera,target,x,y")
-    assert len(bars_of(UNKNOWN, "t.csv", options, (None, None)).rows) == len(ROWS)
+        rows_of(UNKNOWN)
+    assert len(rows_of(UNKNOWN, "frame,camera,target,x,y")) == len(ROWS)
     for roles, *said in (
         ("frame,camera,target,x", "x", "y"),
         ("frame,camera,target,x,y,-", "6", "5"),
@@ -109,7 +113,7 @@ def test_a_person_says_what_the_header_does_not() -> None:
         ("frame,camera,whom,x,y", "column 3", "'whom'"),
     ):
         with refused("t.csv: ", *said):
-            bars_of(UNKNOWN, "t.csv", ExchangeOptions(roles=roles), (None, None))
+            rows_of(UNKNOWN, roles)
 
 
 def test_roles_are_one_text() -> None:
@@ -138,7 +142,7 @@ def test_points_of_one_camera_keep_their_names() -> None:
 def test_a_point_twice_is_named() -> None:
     again = TABLES["long"] + TABLES["long"].splitlines()[1] + b"\n"
     with refused("t.csv: ", "frame 1", "point A", "left"):
-        bars_of(again, "t.csv", ExchangeOptions(), (None, None))
+        rows_of(again)
 
 
 @pytest.mark.parametrize("number", ["0001", "1\u00b22/1", "9" * 5000 + "/1"])
@@ -146,7 +150,7 @@ def test_photographs_of_equal_numbers_are_counted_in_order(number: str) -> None:
     """Also where a number has a sign that is no digit, or too many."""
     content = TABLES["long"].replace(b"IMG_0001", f"b2/IMG_{number}".encode())
     content = content.replace(b"IMG_0002", f"b1/{number}".encode())
-    frames = bars_of(content, "t.csv", ExchangeOptions(), (None, None)).rows.frame
+    frames = rows_of(content).frame
     assert sorted({*frames.tolist()}) == list(range(1, 9))
 
 
