@@ -22,10 +22,10 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def scheduler() -> Iterator[str]:
-    """The address of a Dask cluster: a scheduler and two workers, each a process of its own."""
+    """The address of a Dask cluster: a scheduler, and a process that does two tasks at once."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=1, threads_per_worker=2, processes=True, dashboard_address=None
     ) as started:
         assert started.scheduler_address.startswith("tcp://")
         yield started.scheduler_address

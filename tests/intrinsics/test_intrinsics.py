@@ -406,12 +406,8 @@ class TestFisheye:
         assert "as good as the other" in note_on_model(search(24, 1), LensSettings())
 
 
-def test_a_video_in_the_place_of_photographs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_video_in_the_place_of_photographs(tmp_path: Path) -> None:
     pytest.importorskip("av")
-    check_of_the_size = "stereocal.intrinsics.boards._refuse_other_size"  # takes most of the time
-    monkeypatch.setattr(check_of_the_size, lambda *_, **__: None)
     video, other = film_boards(tmp_path / "board.mp4", 9, seed=5), tmp_path / "photographs"
     found = lens_from_files(video, PATTERN, settings=LensSettings(subset=6, repeats=4))
     # Nine small frames, compressed. Measured: 0.2 px.

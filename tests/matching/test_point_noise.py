@@ -45,7 +45,7 @@ def sample(tables: tuple[pd.DataFrame, pd.DataFrame]) -> list[FramePixels]:
     """The frames of two tables."""
     pixels = [table[["u", "v"]].to_numpy() for table in tables]
     frames = [table["frame"].to_numpy() for table in tables]
-    both = np.intersect1d(*frames)
+    both = np.intersect1d(frames[0], frames[1])
     first, second = (
         [own[number == frame] for frame in both] for own, number in zip(pixels, frames, strict=True)
     )
