@@ -66,7 +66,7 @@ def test_a_bar_that_is_known_badly_is_the_headline_of_a_plan() -> None:
     """0.5 % of the bar in sharp images: 1.96 of these, not what one field day shows on average."""
     bar = 0.005 * FIELD.bar_m
     own = replace(FIELD.uncertainty, bar_m=bar, focal=1e-4, centre_px=0.1)
-    found = forecast(replace(FIELD, noise_px=0.01, uncertainty=own), rigs=64)
+    found = forecast(replace(FIELD, noise_px=0.01, uncertainty=own), rigs=32)
     said = found.metric_p95("3d")
     assert said.value == pytest.approx(1.96 * 0.005, rel=0.15)
     assert said.value > 1.5 * found.estimate("3d", "p95_error_3d").value

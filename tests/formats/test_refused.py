@@ -251,7 +251,7 @@ CASES: list[tuple[Any, ...]] = [
     ("ros", {"0.yaml": ROS}, "camera_info", "1"),
     ("ros", {"0.yaml": ROS, "1.yaml": ROS}, "projection"),
     ("HDF5", hdf5(**{"df_with_missing/table": np.zeros(3)}), "f: ", "DeepLabCut", "CSV"),
-    *(("evaluation", content) for content in (b"", b"PK", b"not an archive", bytes(1000))),
+    *(("evaluation", b, "validation") for b in (b"", b"PK", b"no archive", bytes(9))),
     *(
         ("arrays", content, "f")
         for content in (
