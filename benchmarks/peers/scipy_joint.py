@@ -11,6 +11,7 @@ off.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -51,7 +52,11 @@ class Known:
 
 
 def joint(
-    recording: Recording, start: Sequence[Pose], points: FloatArray, known: Known, loss: Loss
+    recording: Recording,
+    start: Sequence[Pose],
+    points: FloatArray,
+    known: Known,
+    loss: Literal["linear", "soft_l1"],
 ) -> tuple[list[Pose], list[Camera]]:
     """The poses and lenses of all cameras.
 
