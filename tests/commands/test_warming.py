@@ -88,8 +88,10 @@ for folder, name in _ON_DISK:
     if kinds != 1:
         print(name, kinds)
 """
-OF_BOTH_LENSES = ("_fill_errors", "cost", "count_pairs", "reprojection_cost")
-OF_BOTH_LENSES += ("reprojection_shift", "search")
+OF_BOTH_LENSES = {
+    *("_fill_errors", "cost", "count_pairs", "reprojection_cost"),
+    *("reprojection_shift", "search"),
+}
 """A fisheye has a scale of the pixels at each point."""
 OF_CONSTANTS = ["_enlarged 3", "fill_shared 3", "image_radius 2", "imaged_shift 2"]
 """numba compiles what is called with a constant for each constant."""
