@@ -24,7 +24,7 @@ class NameReading:
     """What identifies the cameras, for messages."""
     rank: int
     """The lowest of readings that pair as many wins."""
-    found: Mapping[str, SideAndKey]
+    side_and_key: Mapping[str, SideAndKey]
     """The camera and the key of each name; a name that identifies no camera is missing."""
     twin: Callable[[str, int], str]
     """From a name and its camera to the expected name of the other camera's photograph."""
@@ -32,7 +32,7 @@ class NameReading:
     def exchanged(self) -> "NameReading":
         """With the other camera as the primary."""
         first, second = self.words
-        by_name = {name: (1 - side, key) for name, (side, key) in self.found.items()}
+        by_name = {name: (1 - side, key) for name, (side, key) in self.side_and_key.items()}
         return NameReading((second, first), self.rank, by_name, lambda n, i: self.twin(n, 1 - i))
 
 

@@ -96,7 +96,7 @@ class Motion:
     """The part of a step by which the photographs of each are then later than the first's."""
     exchanged: frozenset[str]
     """Photographs in which the two targets have each other's names."""
-    told: str
+    sentence: str
     """How it was found."""
 
 
@@ -136,7 +136,7 @@ class Pairing:
         """What a search found by the motion."""
         if self.by_hand is None:
             return self
-        moments, sentence = self.by_hand.moments(motion.later), motion.told
+        moments, sentence = self.by_hand.moments(motion.later), motion.sentence
         if len(self.by_hand.counts) == 2:
             sentence = f"{count(len(moments), 'pair')} by the motion. {sentence}"
         return Pairing(moments, (), self.unknown, sentence, False, self.by_hand, motion)
@@ -270,7 +270,7 @@ def _read(names: Sequence[str], reading: NameReading) -> _Read:
     sides: dict[str, tuple[list[str], list[str]]] = {}
     unknown = []
     for name in names:
-        side_and_key = reading.found.get(name)
+        side_and_key = reading.side_and_key.get(name)
         if side_and_key is None:
             unknown.append(name)
         else:

@@ -118,10 +118,10 @@ def _as_in(division: NameReading, words: Sequence[NameReading]) -> NameReading:
     """A division with the primary camera that words name, if they divide alike."""
     for reading in words:
         same = [
-            reading.found.get(name, side_and_key)[0] == side_and_key[0]
-            for name, side_and_key in division.found.items()
+            reading.side_and_key.get(name, side_and_key)[0] == side_and_key[0]
+            for name, side_and_key in division.side_and_key.items()
         ]
-        if len(reading.found) == len(same):
+        if len(reading.side_and_key) == len(same):
             return division if any(same) else division.exchanged()
     return division
 

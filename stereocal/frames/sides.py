@@ -54,14 +54,14 @@ def sides_of(taken: Mapping[str, Taken], readings: Sequence[NameReading]) -> Sid
         taken: what the files say, in the order given.
         readings: of the names.
     """
-    whole = [one for one in readings if len(one.found) == len(taken)]
-    most = [one for one in readings if len(one.found) >= (1 - MOST_UNKNOWN) * len(taken)]
+    whole = [one for one in readings if len(one.side_and_key) == len(taken)]
+    most = [one for one in readings if len(one.side_and_key) >= (1 - MOST_UNKNOWN) * len(taken)]
     for reading in sorted((one for one in whole if one.rank <= FOLDERS), key=lambda one: one.rank):
-        return _divided({name: side for name, (side, _) in reading.found.items()}, taken)
+        return _divided({name: side for name, (side, _) in reading.side_and_key.items()}, taken)
     if (by_body := _of_two({name: one.body for name, one in taken.items()})) is not None:
         return _divided(by_body, taken)
-    for reading in sorted((*whole, *most), key=lambda one: (-len(one.found), one.rank)):
-        return _divided({name: side for name, (side, _) in reading.found.items()}, taken)
+    for reading in sorted((*whole, *most), key=lambda one: (-len(one.side_and_key), one.rank)):
+        return _divided({name: side for name, (side, _) in reading.side_and_key.items()}, taken)
     sizes = _of_two({name: str(one.size or "") for name, one in taken.items()})
     sides = sizes if sizes is not None else _two_runs([*taken])
     return None if sides is None else _divided(sides, taken)

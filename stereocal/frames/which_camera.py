@@ -57,7 +57,7 @@ class WhichCamera:
 def which_camera(
     names: Iterable[str],
     known: Mapping[str, CameraName] | None = None,
-    each: bool = False,
+    one_by_one: bool = False,
     taken: Mapping[str, Taken] = MappingProxyType({}),
 ) -> WhichCamera:
     """The camera of each file.
@@ -65,7 +65,7 @@ def which_camera(
     Args:
         names: with folders, if there are any.
         known: further files whose cameras are known, which the same words may name.
-        each: every file is a series of its own: a video, a camera file.
+        one_by_one: every file is a series of its own: a video, a camera file.
         taken: what photographs say of themselves, by name.
     """
     ordered, known = sorted(dict.fromkeys(names), key=natural), dict(known or {})
@@ -74,7 +74,7 @@ def which_camera(
     rest = [name for name in ordered if name not in side_of]
     side_of |= _by_likeness(rest, {**known, **side_of})
     rest = [name for name in rest if name not in side_of]
-    series = tuple(Series((name,)) for name in rest) if each else _series(rest, taken)[0]
+    series = tuple(Series((name,)) for name in rest) if one_by_one else _series(rest, taken)[0]
     if (side := _other_side(series, {**known, **side_of})) is not None:
         side_of |= dict.fromkeys(series[0].names, side)
         series = ()

@@ -214,7 +214,7 @@ def apply_sets(
     table = work.views.TABLE
     out = folder / table
     matched = match_tables(rig, tables, out, stated, None, progress, executor, passed_on=rows)
-    if not matched.found:
+    if not matched.rows:
         raise StereocalError(work.views.NONE_FOUND.format(rounded(matched.threshold_px, 3)))
     begin(STAGES[1])
     whole = pd.concat(rows, ignore_index=True)
@@ -227,7 +227,7 @@ def apply_sets(
         digest=work.digest,
         threshold_px=matched.threshold_px,
         depths_m=work.shown_depths_m,
-        pairs=matched.found,
+        pairs=matched.rows,
         sentences=[*matched.sentences, *measured.sentences],
         notes=[*matched.notes, *measured.notes],
         made_with=_made_with(work, matched.threshold_px),

@@ -76,7 +76,7 @@ def match_tables(
             writer.add(groups)
             if lost is not None and lonely is not None:
                 lost.add(lonely)
-            reported.append(groups[matching.told])
+            reported.append(groups[matching.reported])
     report = matching.report(together(reported), by_camera)
     first = filter(None, [*timing, beyond_in_words(by_camera.beyond)])
     return replace(report, notes=[*first, *report.notes])

@@ -60,7 +60,7 @@ class Matching(ABC):
     """Of each camera the columns that are passed through, and their names in the table."""
     columns: list[str] | None
     """Of the table that is written; None: all that `match_frame` makes."""
-    told: list[str]
+    reported: list[str]
     """Those of what belongs together that the report needs."""
     names: Names
     contradiction: str
@@ -102,4 +102,4 @@ class Matching(ABC):
 
     @abstractmethod
     def report(self, reported: pd.DataFrame, by_camera: TablesByCamera) -> Report:
-        """The result, by the columns `told` of all frames."""
+        """The result, by the columns `reported` of all frames."""

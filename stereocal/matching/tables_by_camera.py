@@ -29,7 +29,7 @@ Frame = tuple[int, list[pd.DataFrame]]
 class Report:
     """The result of matching tables of points, or of measuring what belongs together."""
 
-    found: int
+    rows: int
     """Rows of the table that was written: pairs, tracks of several cameras, or 3D points."""
     sentences: list[str]
     notes: list[str] = field(default_factory=list)

@@ -231,7 +231,7 @@ class ProjectGiven(ProjectPart):
             self.settle()
             return {}
         pending = self.open_files
-        sides = which_camera(pending, {**used, **self.sides.known}, each=True)
+        sides = which_camera(pending, {**used, **self.sides.known}, one_by_one=True)
         placed = {side: name for name, side in sides.known.items()}
         if len(placed) < len(sides.known):
             raise StereocalError(

@@ -217,7 +217,7 @@ def place_videos(
     _waiting().update(videos)
     known: Mapping[str, str] = which_of(waiting, cameras)
     if cameras == CAMERAS:
-        known = which_camera(waiting, each=True).known
+        known = which_camera(waiting, one_by_one=True).known
     if len({*known.values()}) == len(waiting) >= fewest:
         named = {camera: name for name, camera in known.items()}
         _use_videos({camera: named[camera] for camera in cameras if camera in named}, use)

@@ -100,7 +100,7 @@ def test_cameras_that_share_a_view_with_one_only_are_joined_through_it() -> None
     motion = found_by_motion(ByHand(counts, {"third": 20.0}), seen, *about)
     for camera, (_, start, _) in starts.items():
         assert _offset(motion, camera) == pytest.approx(start, abs=0.03)
-    assert "The sound of third agrees" in motion.told
+    assert "The sound of third agrees" in motion.sentence
     moments = ByHand(counts).moments(motion.later)
     assert moments[100] == {"left": "left/100", "mid": "mid/60", "third": "third/80"}
 
@@ -131,10 +131,10 @@ def test_sound_decides_between_offsets_that_fit_and_none_other() -> None:
     with refused("offsets"):
         _found(120, seen, *about)
     found = _found(120, seen, *about, secondary=30.3)
-    assert found.later["secondary"] == 30 and "sound" in found.told
+    assert found.later["secondary"] == 30 and "sound" in found.sentence
     once = _seen(bar.ends_m, 120, 30 / 15)
     contradicted = _found(120, once, *about, secondary=-20.0)
-    assert contradicted.later["secondary"] == 30 and "contradict" in contradicted.told
+    assert contradicted.later["secondary"] == 30 and "contradict" in contradicted.sentence
 
 
 def test_claps_are_heard() -> None:

@@ -65,7 +65,7 @@ def test_what_names_do_not_tell_is_one_question(names: list[str], series: list[s
     ],
 )
 def test_files_that_go_with_others(name: str, known: dict[str, str], camera: str | None) -> None:
-    assert which_camera([name], known, each=True).known.get(name) == camera  # type: ignore[arg-type]
+    assert which_camera([name], known, one_by_one=True).known.get(name) == camera  # type: ignore[arg-type]
 
 
 def test_any_number_of_named_cameras() -> None:

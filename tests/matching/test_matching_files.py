@@ -162,7 +162,7 @@ class TestReconstruct:
         pairs.to_csv(folder / "pairs.csv", index=False)
         table = PointTable(folder / "pairs.csv", PIXELS)
         report = measure_tables(rig, table, folder / "points.csv")
-        assert (report.found, report.lost) == (3, 1)
+        assert (report.rows, report.lost) == (3, 1)
         assert "1 of 2 points lies outside the volume" in report.sentences[0]
         points = pd.read_csv(folder / "points.csv")
         assert points[OUTSIDE_VOLUME].tolist() == [True, False, True]
@@ -208,7 +208,7 @@ def test_points_beyond_the_view_are_counted_and_have_no_place(tmp_path: Path) ->
         for name, own in sides.items()
     }
     report = match_tables(parameters, tables, tmp_path / "pairs.csv")
-    assert report.found == 2
+    assert report.rows == 2
     assert any("2 points of the primary camera" in note for note in report.notes)
     pairs = pd.DataFrame(np.column_stack([one, two]), columns=list(PIXELS)).assign(frame=frame)
     measured = measure_tables(parameters, PointTable(pairs, PIXELS), tmp_path / "points.csv")
