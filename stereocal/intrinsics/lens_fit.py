@@ -76,11 +76,11 @@ class LensSettings(Settings):
 
     @property
     def free(self) -> FloatArray:
-        """(9,): 1 for a parameter that is fitted, 0 for one that is held at 0 or not used."""
-        if self.model == "fisheye":
+        """(9,): 1 for each of `PARAMETERS` that is fitted, 0 for those held at 0 or not used."""
+        if self.model == "fisheye":  # fx, fy, cx, cy, k1 to k4
             return np.array([1.0] * 8 + [0.0])
-        tangential = float(not self.zero_tangential)
-        return np.array([1.0] * 6 + [tangential, tangential, float(not self.fix_k3)])
+        tangential, k3 = float(not self.zero_tangential), float(not self.fix_k3)
+        return np.array([1.0] * 6 + [tangential, tangential, k3])  # fx, fy, cx, cy, k1, k2 first
 
 
 def solve_lens(

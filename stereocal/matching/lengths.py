@@ -38,10 +38,10 @@ class LengthCheck:
         return float(np.abs(self.errors).mean())
 
     def sentence(self) -> str:
-        left_out = (
-            f" {count(self.left_out, 'frame', 'were')} left out for having one of the points twice."
-        )
-        more, bias = left_out * bool(self.left_out), float(self.errors.mean())
+        bias, more = float(self.errors.mean()), ""
+        if self.left_out:
+            frames = count(self.left_out, "frame", "were")
+            more = f" {frames} left out for having one of the points twice."
         return (
             f"The mean distance in {count(len(self.frames), 'frame')} is "
             f"{digits(float(self.lengths_m.mean()), 4)} m; the known length is "

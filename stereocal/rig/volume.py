@@ -49,11 +49,17 @@ class Volume:
 
     @classmethod
     def around(cls, places: FloatArray) -> "Volume":
-        """The volume of bar ends whose directions and depths are given, (n, 3)."""
+        """The volume of bar ends whose directions and depths are given, (n, 3).
+
+        Of m numbers even between two limits, the least and the largest are a share 1 / (m + 1) of
+        the interval within each limit on average, which is their range over m - 1: so far out are
+        the limits put. m is the number of bars, whose two ends are not independent.
+        """
         if not len(places):
             raise StereocalError("No bar is in front of the cameras, so there is no volume.")
         low, high = places.min(axis=0), places.max(axis=0)
-        margin = (high - low) / (max(len(places) / 2, MINIMUM_BARS) - 1)
+        bars = max(len(places) / 2, MINIMUM_BARS)
+        margin = (high - low) / (bars - 1)
         low, high = low - margin, high + margin
         low[2] = max(low[2], 0.0)
         return cls(*zip(low.tolist(), high.tolist(), strict=True))

@@ -86,8 +86,8 @@ class FileFigures:
         """The threshold in a sentence, and what it is of."""
         if self.threshold_px is None:
             return ""
-        of = "held-out frames" if self.is_threshold_held_out else "forecast"
-        return f" below {digits(self.threshold_px, 2)} px ({of})"
+        source = "held-out frames" if self.is_threshold_held_out else "forecast"
+        return f" below {digits(self.threshold_px, 2)} px ({source})"
 
 
 def figures_of(

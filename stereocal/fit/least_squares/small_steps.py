@@ -70,7 +70,8 @@ def turned(R: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def poses_in(q: FloatArray) -> FloatArray:
-    """(c, 6): a view on the rotations and T of all cameras in q."""
+    """(c, 6): a view on the rotation and T of each camera in q (Q,), which ends with the factor of
+    the lengths."""
     return q[:-1].reshape(-1, EACH)[:, :LENS]
 
 

@@ -147,7 +147,8 @@ class Judge:
         return readings_of(recording, OF_FILES, groups, [*self.whole.cameras])
 
     def every_reading(self) -> Iterator[Reading]:
-        """All of them."""
+        """Every reading of what was given of the cameras; those that estimate a value only if the
+        cameras are in step."""
         yield from self._of_one_file()
         yield from self._exchanged(self.whole)
         yield from self._readings((*OF_CAMERAS, *OF_POINTS))

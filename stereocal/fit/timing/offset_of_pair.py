@@ -395,23 +395,26 @@ def _named_alike(dataset: Pair, pose: Pose, near: float) -> Pair:
     frames, frame_of = np.unique(rows.frame, return_inverse=True)
 
     def apart(named: Pair) -> FloatArray:
+        """(f,): rms distance of the points of each frame from their epipolar lines, on z = 1."""
         squares = np.square(sampson(pose.essential, named.rays.T))
         return np.asarray(np.sqrt(np.bincount(frame_of, squares) / np.bincount(frame_of)))
 
-    wrong = apart(dataset) > EXCHANGED * (apart(dataset.with_targets_exchanged(frames)) + near)
+    exchanged = dataset.with_targets_exchanged(frames)  # in the secondary camera
+    wrong = apart(dataset) > EXCHANGED * (apart(exchanged) + near)
     if not wrong.any():
         return dataset
     rows = dataset.with_targets_exchanged(frames[wrong]).correspondences
     held = rows.rigid_object or RigidObject.bar(dataset.target_distance_m)
-    places = np.full((len(frames), len(held.names), 4), np.nan)
-    places[frame_of, rows.target] = np.hstack([rows.primary, rows.secondary])
-    turns = exchanged_ends(places[:, held.longest])
-    names = np.where(turns[frame_of], held.half_turn[rows.target], rows.target)
+    pixels = np.full((len(frames), len(held.names), 4), np.nan)  # u, v of both cameras
+    pixels[frame_of, rows.target] = np.hstack([rows.primary, rows.secondary])
+    turned = exchanged_ends(pixels[:, held.longest])
+    names = np.where(turned[frame_of], held.half_turn[rows.target], rows.target)
     return dataset.changed(correspondences=replace(rows, target=names))
 
 
-def _best(some: Iterable[_Candidate]) -> _Candidate:
-    return min(some, key=lambda candidate: candidate.score, default=_Candidate(np.nan))
+def _best(candidates: Iterable[_Candidate]) -> _Candidate:
+    """The candidate of the least score; one of no offset and infinite score if there is none."""
+    return min(candidates, key=lambda candidate: candidate.score, default=_Candidate(np.nan))
 
 
 def _of_lengths(pose: Pose, ends: FloatArray) -> float:
