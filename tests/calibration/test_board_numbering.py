@@ -11,10 +11,8 @@ from stereocal.errors import StereocalError
 from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.workflow.pair_run import PairRun
 from tests.further import further
-from tests.rigs.board_mistakes import MISTAKES
 from tests.rigs.board_pairs import BoardPair, sound
-from tests.rigs.mistakes import from_the_right
-from tests.rigs.pair_mistakes import of_points
+from tests.rigs.mistakes import MISTAKES, from_the_right, of_points
 
 PAIR, EVEN_ROWS, OTHER_SIZE = (
     sound(number, frames=6, baseline=number == 6) for number in (0, 2, 6)
@@ -31,16 +29,16 @@ PAIR, EVEN_ROWS, OTHER_SIZE = (
         ("half a turn of one camera", EVEN_ROWS),
         ("corners of one camera mirrored", PAIR),
         ("corners of one camera from the last row", PAIR),
-        ("one file for both cameras", OTHER_SIZE),
-        ("frames shifted by one", PAIR),
+        ("one file for all cameras", OTHER_SIZE),
+        ("one frame less", PAIR),
         ("all points at 75 %", PAIR),
-        *further(("frames shifted by one", sound(0, frames=12))),
+        *further(("one frame less", sound(0, frames=12))),
     ],
 )
 def test_mistake_is_named_first(mistake: str, pair: BoardPair) -> None:
     it = MISTAKES[mistake]
     with pytest.raises(StereocalError) as refused:
-        _ = PairRun(with_baseline_found(it.data(pair, np.random.default_rng(1)))).inputs
+        _ = PairRun(with_baseline_found(it.of_board(pair, np.random.default_rng(1)))).inputs
     first, *_ = str(refused.value).lower().split(". ")
     assert any(word in first for word in it.words)
 
@@ -49,11 +47,11 @@ def test_sound_numbers_pass_and_other_ways_round_are_told() -> None:
     check_numbering(PAIR.recording)
     assert not note_on_ways_round(PAIR.recording)
     one, both = (of_points(from_the_right, each) for each in (False, True))
-    mirrored = both(PAIR.dataset, np.random.default_rng(1)).recording
+    mirrored = both(PAIR.recording, np.random.default_rng(1))
     check_numbering(mirrored)
     assert "mirrored" in note_on_ways_round(mirrored)
     # One camera alone is no such case.
-    alone = one(PAIR.dataset, np.random.default_rng(1)).recording
+    alone = one(PAIR.recording, np.random.default_rng(1))
     assert not note_on_ways_round(alone)
 
 

@@ -28,38 +28,46 @@ from stereocal.simulation.nineteen import simulate_nineteen
 from tests.fisheye_rig import recording
 from tests.further import further
 from tests.rigs.culprits import KINDS, accusations_of, sound
-from tests.rigs.mistakes import flipped
+from tests.rigs.mistakes import MISTAKES, flipped
 from tests.rigs.mistakes import rig as random_rig
-from tests.rigs.pair_mistakes import MISTAKES
 
 CASES = Path(__file__).parents[1] / "cases"
 PAGE = Path(__file__).parents[2] / "docs" / "wrong_input.md"
 FOUR = np.array([-0.25, 0.1, 0.001, -0.001])
 SOUND = random_rig(3)[1]
 SIDES = ("primary",), ("secondary",), CAMERAS
-ELSEWHERE = (
-    "one camera mirrored",
-    "one camera counted from below",
-    "0.3 frames late",
-    "targets exchanged in one camera",
-    "a crop of an eighth on each side",
-)
-"""Kinds that another test shows: below, tests/fit/test_time_offset.py, commands/test_cli.py."""
-ALIKE = "half of the frames copied", "K of both of half the image"
-"""A fifth of them, and K of another size in one camera, are tested."""
 NAMED = (
-    *(name for name in [*MISTAKES][:13] if name not in ELSEWHERE + ALIKE),
+    "a wand table camera by camera",
+    "frames in the order of words",
+    "one frame less",
+    "a fifth of the frames copied",
+    "camera files exchanged",
+    "file of another zoom",
+    "0.3 frames late, every tenth frame kept",
+    "frames in no order",
     "one camera upside down",
     "u and v exchanged in one camera",
     "K of twice the image",
     "distortion of one camera of the other sign",
 )
+SEEN_ELSEWHERE = (
+    "one camera mirrored",
+    "one camera counted from below",
+    "0.3 frames late",
+    "targets exchanged in one camera",
+    "a crop of an eighth on each side",
+    "half of the frames copied",
+    "K of all of half the image",
+)
+"""Below, or in tests/fit/test_time_offset.py and commands/test_cli.py; the last two are alike to a
+fifth of the frames, and to K of another size in one camera."""
 
 
 @pytest.mark.parametrize("solver", ["linear", *further("constrained")])
 def test_the_textbooks_solver_accuses_nobody(solver: Solver) -> None:
-    """Its poor pose fits wrong cameras no worse: held against it, 6 of these 19 were refused."""
-    for _, dataset in simulate_nineteen(0):
+    """Its poor pose fits wrong cameras no worse: held against it, 6 of all 19 were refused. None of
+    these ten is one of 6 with a probability of 0.3 %."""
+    for _, dataset in simulate_nineteen(0)[::2]:
         calibrate(dataset, CalibrationSettings(essential=solver), refined=None)
 
 
@@ -128,7 +136,7 @@ def test_a_lens_of_the_other_model_is_named(lens: str, sides: tuple[str, ...]) -
     [
         *((name, "frame" not in name) for name in NAMED),
         *further(*((name, False) for name in NAMED if "frame" not in name)),
-        *further(*product((*ELSEWHERE, *ALIKE), (False,))),
+        *further(*product(SEEN_ELSEWHERE, (False,))),
     ],
 )
 def test_each_kind_of_mistake_is_named(name: str, apart: bool) -> None:
@@ -161,7 +169,7 @@ def test_an_order_of_words_is_that_of_all_frames() -> None:
 
 def test_a_crop_is_no_fisheye() -> None:
     """The true centre is 726.5: 729 is found, with lenses known to 1 %."""
-    with pytest.raises(StereocalError, match="secondary camera's image centre") as said:
+    with pytest.raises(StereocalError, match="secondary camera") as said:
         calibrate(read_dataset(CASES / "crop_called_a_fisheye" / "set"))
     found = re.search(r"at \((\d+), (\d+)\) px", str(said.value))
     assert found and float(found[1]) == pytest.approx(726.5, abs=8.0)

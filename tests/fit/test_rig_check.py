@@ -16,7 +16,7 @@ from stereocal.fit.rig_file import RigFile, rig_file
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import SimulatedRig, simulated_rig
 from tests.further import further
-from tests.rigs.spoiled_rigs import bumped_from
+from tests.rigs.mistakes import bumped_from
 
 
 @pytest.fixture(scope="module")

@@ -18,8 +18,8 @@ from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import field_rig
 from stereocal.system.numbers import rounded
 from tests.further import further
+from tests.rigs.mistakes import joined
 from tests.rigs.moving_bar import move_bar, record
-from tests.rigs.spoiled_rigs import joined
 
 PAIR = ("1", "2")
 
@@ -105,7 +105,7 @@ def test_a_camera_of_half_the_rate_is_brought_into_step_by_the_stated_rates() ->
     two = _window(300, 420)
     own = two.where((two.camera == 0) | (two.frame % 2 == 1))
     counted = replace(own, frame=np.where(own.camera == 1, (own.frame - 301) // 2, own.frame))
-    with pytest.raises(StereocalError, match=r'state the .*"frame_rates": {"1": 60, "2": 30}'):
+    with pytest.raises(StereocalError, match=r'"frame_rates": {"1": 60, "2": 30}'):
         bring_into_step(counted)
     in_step = bring_into_step(at_slowest(counted, {"1": 60.0, "2": 30.0}))
     value, sigma = in_step.offsets["2"]
@@ -128,7 +128,7 @@ def test_ends_exchanged_in_one_camera_throughout_are_named() -> None:
     ends = named.object.half_turn[named.target]
     exchanged = replace(named, target=np.where(named.camera == 1, ends, named.target))
     one, other = (named.object.names[at] for at in named.object.longest)
-    with pytest.raises(StereocalError, match=f"With {one} and {other} exchanged"):
+    with pytest.raises(StereocalError, match=f"{one} and {other}"):
         bring_into_step(exchanged)
     orders = [np.arange(3), named.object.half_turn]
     in_step = bring_into_step(exchanged, orders=orders)
@@ -156,7 +156,7 @@ def _resting(at: int, first: int, frames: int) -> Recording:
 def test_a_motion_that_repeats_itself_leaves_two_offsets() -> None:
     once = _window(300, 345)
     again = [once.counted_from(dict.fromkeys(PAIR, 45 * turn)) for turn in range(4)]
-    with pytest.raises(StereocalError, match=r"two offsets fit nearly as well, -?\d+ .* and -?\d+"):
+    with pytest.raises(StereocalError, match=r"two offsets.* -?\d+ .* and -?\d+"):
         offset_of_pair(joined(*again), PAIR)
 
 

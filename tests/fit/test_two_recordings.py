@@ -18,14 +18,22 @@ from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.library.calibrations import calibrate
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import BoardPattern
 from tests import known_rig as rig
 from tests.further import further
-from tests.rigs.board_mistakes import board_of
-from tests.rigs.board_pairs import BoardPair, draw_placings, drawn_rig, seen_by, sound, waved
+from tests.rigs.board_pairs import (
+    BoardPair,
+    board_of,
+    draw_placings,
+    drawn_rig,
+    seen_by,
+    sound,
+    waved,
+)
 from tests.rigs.culprits import sound as bars
-from tests.rigs.pair_mistakes import MISTAKES, moved, turned_after
+from tests.rigs.mistakes import MISTAKES, moved, turned_from
 from tests.rigs.refined_rigs import (
     Misjudged,
     random_rig,
@@ -55,7 +63,7 @@ def said_of(data: Pair) -> str:
     ],
 )
 def test_moved_camera_is_told_with_its_frame(pair: BoardPair, seed: list[int], last: str) -> None:
-    spoiled = moved(pair.dataset, np.random.default_rng(seed), 1.0)
+    spoiled = moved(1.0)(pair.recording, np.random.default_rng(seed)).pair(*CAMERAS)
     assert re.search(rf"A camera moved between frames {last} ", said_of(spoiled))
 
 
@@ -63,8 +71,8 @@ def test_few_bars_after_a_movement_are_not_left_out_unsaid() -> None:
     """Nearly all of those bars were left out as contradicting the others, without a cause."""
     data = rig.dataset(120, 0.2)
     last = int(data.correspondences.frames[-21])
-    turned = turned_after(data, "secondary", np.radians([0.0, 0.5, 0.0]), last)
-    assert f"A camera moved between frames {last} and " in said_of(turned)
+    turned = turned_from(data.recording, "secondary", np.radians([0.0, 0.5, 0.0]), last + 1)
+    assert f"A camera moved between frames {last} and " in said_of(turned.pair(*CAMERAS))
 
 
 def test_few_frames_of_much_noise_are_no_movement() -> None:
@@ -74,7 +82,7 @@ def test_few_frames_of_much_noise_are_no_movement() -> None:
 
 
 def test_another_board_is_told() -> None:
-    spoiled = board_of(PAIR, np.array([1.15, 1.15]), second_half=True)
+    spoiled = board_of(PAIR, [1.15, 1.15], second_half=True)
     assert re.search(r"the board is 1\.1\d times as large", said_of(spoiled.dataset))
 
 
@@ -85,11 +93,11 @@ def test_sound_recording_is_one() -> None:
 
 def test_stretched_board_is_told_and_sound_one_is_not() -> None:
     assert not stretched_board(refine(PAIR.dataset))
-    some = board_of(PAIR, np.array([1.007, 1.0]))
+    some = board_of(PAIR, [1.007, 1.0])
     said = stretched_board(refine(some.dataset))
     assert "rows" in said and "ruler" in said
-    with pytest.raises(StereocalError, match="columns of the board are"):
-        stretched_board(refine(board_of(PAIR, np.array([1.0, 1.015])).dataset))
+    with pytest.raises(StereocalError, match="columns"):
+        stretched_board(refine(board_of(PAIR, [1.0, 1.015]).dataset))
 
 
 def test_a_length_that_is_far_off_is_a_reason_not_to_rely_on_the_files() -> None:
@@ -150,7 +158,8 @@ def test_a_camera_before_bars_is_told_with_its_frame(
     """Measured: the frame itself; where few points tell, the one before or after."""
     _, data, rng = bars(kind, 1, frames)
     assert not said_of(data)
-    found = re.search(r"moved between frames (\d+) and", said_of(moved(data, rng, degrees)))
+    turned = moved(degrees)(data.recording, rng).pair(*CAMERAS)
+    found = re.search(r"moved between frames (\d+) and", said_of(turned))
     assert found and abs(int(found[1]) - frames / 2) < 2
 
 
@@ -167,7 +176,7 @@ def test_lenses_that_are_not_as_their_model_are_no_movement() -> None:
     [
         ("another bar from half-way on", 1, "the bar is 0.8"),
         ("another bar from half-way on", 2, "the bar is 0.8"),
-        ("the same points in both cameras", 0, "have exactly the same points"),
+        ("the same points in two cameras", 0, "have exactly the same points"),
     ],
 )
 def test_another_bar_and_points_given_twice_are_told(mistake: str, number: int, says: str) -> None:
@@ -177,7 +186,7 @@ def test_another_bar_and_points_given_twice_are_told(mistake: str, number: int, 
 def test_a_turn_by_a_tenth_of_a_degree_in_a_real_recording_is_told() -> None:
     """It was silent; the recording as it is stays one."""
     data = read_dataset("sample_data/recording")
-    late = turned_after(data, "secondary", np.radians([0.1, 0.0, 0.0]), 300)
-    found = re.search(r"moved between frames (\d+) and", said_of(late))
+    late = turned_from(data.recording, "secondary", np.radians([0.1, 0.0, 0.0]), 301)
+    found = re.search(r"moved between frames (\d+) and", said_of(late.pair(*CAMERAS)))
     assert found and abs(int(found[1]) - 300) < 25
     assert not said_of(data)

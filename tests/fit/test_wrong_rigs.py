@@ -23,9 +23,9 @@ from stereocal.simulation.simulate import lens_off_by
 from stereocal.system.array_types import FloatArray
 from stereocal.workflow.pair_of_rig import data_of_pair
 from tests.further import further
-from tests.rigs.mistakes import from_the_right, upside_down
+from tests.rigs.mistakes import MISTAKES, bumped_from, from_the_right, upside_down
 from tests.rigs.moving_wand import wave_wand
-from tests.rigs.spoiled_rigs import MISTAKES, bumped_from, sound
+from tests.rigs.several_cameras import sound
 
 
 def simulated(seed: int, cameras: int = 3) -> SimulatedRig:
@@ -83,18 +83,18 @@ def test_a_sound_chain_is_not_accused_because_a_camera_shares_too_few_bars() -> 
     ("kind", "mistake", "names"),
     [
         ("3 cameras, waved wand", "a crop", "camera c3's image centre"),
-        ("3 cameras", "points twice", "c1 and c2 have exactly the same points"),
-        ("3 cameras", "one file for all", "cameras c1 and c2 and c3 have the same lens"),
+        ("3 cameras", "the same points in two cameras", "c1 and c2 have exactly the same points"),
+        ("3 cameras", "one file for all cameras", "cameras c1 and c2 and c3 have the same lens"),
         *further(
-            ("3 cameras", "files exchanged", "camera files of c1 and c2, or their points"),
-            ("3 cameras", "K of half size", "camera c1's"),
-            ("3 cameras", "ends exchanged", "A and B seem to be exchanged in camera c1"),
+            ("3 cameras", "camera files exchanged", "camera files of c1 and c2, or their points"),
+            ("3 cameras", "K of half the image", "camera c1's"),
             (
                 "3 cameras",
-                "frames shifted by one",
-                "frames of camera c1 seem to be counted 1 apart",
+                "targets exchanged in one camera",
+                "A and B seem to be exchanged in camera c1",
             ),
-            ("3 cameras", "object in cm, baseline", "c1 and c2: .*distance looks like centimetres"),
+            ("3 cameras", "one frame less", "frames of camera c1 seem to be counted 1 apart"),
+            ("3 cameras", "bar in cm", "c1 and c2: .*distance looks like centimetres"),
         ),
     ],
 )
@@ -104,11 +104,11 @@ def test_a_wrong_input_is_refused_and_its_camera_named(kind: str, mistake: str, 
     Readings that a pair has too are judged as there (tests/calibration/test_wrong_inputs.py).
     """
     with pytest.raises(StereocalError, match=names):
-        calibrate_rig(MISTAKES[mistake](kind, 0))
+        calibrate_rig(MISTAKES[mistake].of_rig(kind, 0))
 
 
 def test_lengths_of_another_unit_are_asked_about() -> None:
-    (warning,) = calibrate_rig(MISTAKES["object in cm"]("3 cameras", 0)).warnings
+    (warning,) = calibrate_rig(MISTAKES["object in cm"].of_rig("3 cameras", 0)).warnings
     assert "Are these lengths in metres?" in warning and "if they are in cm" in warning
 
 
@@ -200,7 +200,7 @@ def test_lenses_that_are_not_as_their_model_make_no_movement_and_no_offsets(
 @pytest.mark.parametrize("degrees", [0.2, 2.0])
 def test_of_two_cameras_it_cannot_be_told_which_was_bumped(degrees: float) -> None:
     recording = bumped_from(simulated(1), "c2", degrees, 80)
-    with pytest.raises(StereocalError, match=r"frame 80.*cannot be told which: c1 or c2"):
+    with pytest.raises(StereocalError, match=r"frame 80.* c1 or c2"):
         calibrate_rig(recording.of_cameras(["c1", "c2"]))
 
 
@@ -219,7 +219,7 @@ def test_a_camera_whose_frames_contradict_the_others_since_one_is_refused(
 ) -> None:
     """Its images since then were left out one by one, and files were written; the last agrees with
     none of the others, but its frames before and after do."""
-    with pytest.raises(StereocalError, match=f"Camera {name} seems to have moved at about"):
+    with pytest.raises(StereocalError, match=f"{name} .* moved"):
         calibrate_rig(bumped_from(rig(), name, degrees, 61))
 
 
@@ -233,7 +233,7 @@ def test_a_camera_that_moved_has_no_wrong_distortion(
     recording = simulated_rig(np.random.default_rng(seed), 3, 60).recording
     points = recording.points.copy()
     points[(recording.camera == camera) & (recording.frame >= 30)] += px
-    with pytest.raises(StereocalError, match=f"Camera c{camera + 1} seems to have moved"):
+    with pytest.raises(StereocalError, match=f"c{camera + 1} .* moved"):
         calibrate_rig(replace(recording, points=points))
 
 
@@ -280,7 +280,7 @@ def test_an_offset_that_drifts_is_followed() -> None:
 
 
 def test_frames_that_are_counted_apart_are_said_where_they_were_brought_into_step() -> None:
-    recording = MISTAKES["frames shifted by one"]("3 cameras", 7000)
+    recording = MISTAKES["one frame less"].of_rig("3 cameras", 7000)
     rig = rig_file(calibrate_rig(recording.where(recording.frame < 60)))
     (note,) = rig_notes(rig)
-    assert "c2 counts its frames 1 apart from c1: its frame 1 is of the same moment as" in note
+    assert "c2 counts its frames 1 apart from c1: its frame 0 is of the same moment as" in note

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation, Slerp
 
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
@@ -222,6 +223,21 @@ def seen_at(rig: Rig, pose: Pose, corners: FloatArray, late: Pose | None = None)
     """(k, 2, 2): the corners in both images, the second perhaps of another moment."""
     first, second = pose.apply(corners), rig.pose.apply((late or pose).apply(corners))
     return np.stack([rig.primary.project(first), rig.secondary.project(second)], axis=1)
+
+
+def board_of(pair: BoardPair, scale: npt.ArrayLike, second_half: bool = False) -> BoardPair:
+    """The printed board is larger by a factor along its columns and rows than is stated; all along
+    or in the second half."""
+    assert pair.truth is not None
+    rng, points = np.random.default_rng(7), pair.points.copy()
+    corners = true_corners(pair.board, 0.0) * np.append(scale, 1.0)
+    for frame, pose in enumerate(pair.placings):
+        if not second_half or frame >= len(points) // 2:
+            points[frame] = seen_at(pair.truth, pose, corners)
+            points[frame] += pair.noise_px * rng.standard_normal(points[frame].shape)
+    sizes = np.array([camera.image_size for camera in pair.cameras])
+    inside = ((points > 0) & (points < sizes - 1)).all(axis=(1, 2, 3))
+    return replace(pair, points=points[inside])
 
 
 def waved(number: int, late: float, frames: int = 80, length: int = 10) -> BoardPair:

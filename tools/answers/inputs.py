@@ -16,9 +16,9 @@ from tests.docs.prepared import videos
 from tests.files import description, write
 from tests.fisheye_rig import recording
 from tests.photographed_rig import BAR_M, PRIMARY, RIG, SECONDARY, TAGS, photographed_bars
+from tests.rigs.mistakes import bumped_from
 from tests.rigs.moving_bar import move_bar, record
 from tests.rigs.moving_wand import wave_wand
-from tests.rigs.spoiled_rigs import bumped_from
 
 ROOT = Path(__file__).parents[2]
 
