@@ -66,9 +66,7 @@ class TestPoints:
             points[which] = 500.0 + np.linspace(0, side, n)[:, None] * np.ones(2)
             data = with_points(**points)
             if refused:
-                with pytest.raises(
-                    StereocalError, match=f"points of the {which} camera lie within"
-                ):
+                with pytest.raises(StereocalError, match=f"{which} camera"):
                     check_enough_points(data)
             else:
                 check_enough_points(data)
@@ -86,7 +84,7 @@ class TestScale:
     )
     def test_a_wrong_unit_is_named(self, factor: float, unit: str, which: str) -> None:
         data = SOUND.changed(target_distance_m=min(BAR_M * factor, 999.0))
-        with pytest.raises(StereocalError, match=f"{which} looks like {unit}"):
+        with pytest.raises(StereocalError, match=f"{which} .*{unit}"):
             calibrate(data)
 
 
@@ -114,7 +112,7 @@ class TestExchangedTargets:
 
     def test_in_one_frame(self) -> None:
         check_in_front(self.data(None), self.pose)
-        with pytest.raises(StereocalError, match=r"1 of 30 pairs do not meet .*\(frame 6, target"):
+        with pytest.raises(StereocalError, match=r"1 of 30 pairs .*\(frame 6, target"):
             check_in_front(self.data(6), self.pose)
 
 

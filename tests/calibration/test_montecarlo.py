@@ -111,7 +111,7 @@ class TestResult:
         assert found.trace.cost.shape == (50,)
 
     def test_a_start_with_a_point_behind_is_refused(self) -> None:
-        with pytest.raises(StereocalError, match="cannot start"):
+        with pytest.raises(StereocalError, match="start"):
             minimise(PROBLEMS["2d"], Pose(RIG.R, -RIG.T), SETTINGS)
 
 
@@ -187,5 +187,5 @@ def test_known_points_of_a_board_keep_the_3d_set_near_the_images() -> None:
 
 def test_a_bar_or_a_wand_has_no_known_points() -> None:
     for data in (recorded(WAND), dataset()):
-        with pytest.raises(StereocalError, match="No row has a known point"):
+        with pytest.raises(StereocalError, match="known point"):
             reconstruction_problem(data, known_points=True)

@@ -186,7 +186,7 @@ def pair_of_sets(field: Pair) -> list[Pair]:
 
 
 def test_threads_give_the_same(pair_of_sets: list[Pair]) -> None:
-    several = replace(FEW, runs=25)
+    several = replace(FEW, runs=6)
     by_hand = [
         [evaluate_run(dataset, several, number, run) for run in range(several.runs)]
         for number, dataset in enumerate(pair_of_sets)
@@ -212,16 +212,16 @@ def test_cancelled_drops_what_is_left(pair_of_sets: list[Pair]) -> None:
 def test_a_split_that_leaves_no_test_is_refused_with_a_sentence(field: Pair) -> None:
     with (
         ThreadPoolExecutor(1) as threads,
-        pytest.raises(StereocalError, match="has 25 frames; with 24 to calibrate, 1 are left"),
+        pytest.raises(StereocalError, match=r"25 frames.* 24 .* 1 "),
     ):
         evaluate([field], replace(FEW, calibration_frames=24), threads)
 
 
 @pytest.fixture(scope="module", params=["linear", "constrained"])
 def pooled(request: pytest.FixtureRequest) -> Iterator[tuple[Solver, list[list[RunCounts]]]]:
-    """The nineteen, 6 runs each, with either essential solver."""
+    """The nineteen, 4 runs each, with either essential solver."""
     datasets = [read_dataset(folder) for folder in sorted(NINETEEN.iterdir())]
-    settings = EvaluationSettings(CalibrationSettings(essential=request.param), runs=6)
+    settings = EvaluationSettings(CalibrationSettings(essential=request.param), runs=4)
     with ThreadPoolExecutor(1) as threads:
         found = evaluate(datasets, settings, threads)
     yield request.param, found
@@ -245,11 +245,11 @@ def test_the_papers_ranking_on_the_nineteen(pooled: tuple[Solver, list[list[RunC
         assert fcp[1].high < fcp[0].low
         assert lengths[0].high < lengths[1].low
     else:
-        # Level: the median 3D errors within 10 %, the FCP within 0.001 (it is 0.0013 of 114 runs,
+        # Level: the median 3D errors within 10 %, the FCP within 0.001 (it was 0.0013 of 114 runs,
         # about 1 of 1140 correct pairs).
         assert lengths[1].value == pytest.approx(lengths[0].value, rel=0.1)
         assert fcp[1].value == pytest.approx(fcp[0].value, abs=0.001)
-    assert essential.reprojection.correct.n == matching.reprojection.correct.n == 19 * 6 * 10
+    assert essential.reprojection.correct.n == matching.reprojection.correct.n == 19 * 4 * 10
 
 
 @pytest.mark.parametrize(("frames", "fit", "runs"), [(25, 20, 40), (400, 200, 10)])

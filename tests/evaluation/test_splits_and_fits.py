@@ -31,7 +31,7 @@ from tests import known_rig as rig
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 FIELD = read_dataset(SAMPLES / "field")
 KINDS: tuple[Splits, ...] = ("runs", "frames")
-USUAL = EvaluationSettings(runs=12, refined=RefineSettings())
+USUAL = EvaluationSettings(runs=5, refined=RefineSettings())
 
 
 def with_search(**values: float) -> EvaluationSettings:
@@ -56,7 +56,7 @@ def assert_equal(
         with_search(delta=5e-3, acceptance=0.4),
         with_search(seed=3),
         replace(USUAL, calibration_frames=15),
-        replace(USUAL, runs=11),
+        replace(USUAL, runs=4),
         replace(USUAL, refined=None),
     ],
 )

@@ -35,7 +35,7 @@ def angle_errors(found: RefinedResult, truth: Rig) -> np.ndarray:
 
 @pytest.mark.parametrize("length", [20, *further(10)])
 def test_errors_are_as_large_as_stated(length: int) -> None:
-    fits = [fitted(seed, length) for seed in range(30)]
+    fits = [fitted(seed, length) for seed in range(15)]
     rms = float(np.sqrt(np.mean([np.square(angle_errors(*each)) for each in fits])))
     # Measured: 1.09 and 1.16; 1.9 and 2.7 with frames taken as independent.
     assert 0.8 < rms < 1.3
@@ -52,7 +52,7 @@ def test_runs_count_where_neighbours_do_not_show_that_errors_are_alike() -> None
 
 
 def test_independent_frames_state_what_they_did() -> None:
-    fits = [fitted(seed, 1) for seed in range(10)]
+    fits = [fitted(seed, 1) for seed in range(4)]
     effects = [found.design_effect for found, _ in fits]
     assert np.median(effects) == 1.0
     assert max(effects) < 1.3
@@ -73,7 +73,7 @@ def test_the_file_states_the_covariance_with_its_design_effect() -> None:
     assert np.linalg.eigvalsh(more / np.outer(*2 * [np.sqrt(np.diag(more))])).min() > -1e-6
 
 
-@pytest.mark.parametrize(("seeds", "most"), [(7, 1), *further((20, 3))])
+@pytest.mark.parametrize(("seeds", "most"), [(4, 0), *further((20, 3))])
 def test_runs_accuse_no_sound_input(seeds: int, most: int) -> None:
     lens = LensPrior(0.001, 1.0)
     settings = RefineSettings(lenses=dict.fromkeys(CAMERAS, lens))

@@ -23,7 +23,7 @@ KNOWN = Misjudged()
 
 @pytest.mark.parametrize(
     ("what", "rigs", "least"),
-    [("baseline", 6, 6), *further(("baseline", 15, 13), ("primary focal", 15, 13))],
+    [("baseline", 3, 3), *further(("baseline", 15, 13), ("primary focal", 15, 13))],
 )
 def test_the_wrong_input_is_named(what: str, rigs: int, least: int) -> None:
     """Baseline 3 % too long, focal length 2 % too long. Measured of 300: 300 and 293, with 3 and 4
@@ -33,9 +33,9 @@ def test_the_wrong_input_is_named(what: str, rigs: int, least: int) -> None:
     assert accused <= (2 if rigs > 6 else 0)
 
 
-@pytest.mark.parametrize(("rigs", "most"), [(12, 0), *further((25, 2))])
+@pytest.mark.parametrize(("rigs", "most"), [(6, 0), *further((25, 2))])
 def test_sound_rigs_are_not_accused(rigs: int, most: int) -> None:
-    """Measured: 3 of 300 rigs."""
+    """Measured: 3 of 300 rigs; of other 6 one is accused with a probability of 6 %."""
     assert accusations(rigs, "", seed=2)[1] <= most
 
 
@@ -87,7 +87,7 @@ def test_what_nobody_stated_is_asked_for() -> None:
     assert "focal" not in undetectable_errors(compare_inputs(refine(data, settings)).inputs)
 
 
-@pytest.mark.parametrize("rigs", [5, *further(12)])
+@pytest.mark.parametrize("rigs", [2, *further(12)])
 def test_an_error_is_noticed_from_the_size_that_is_told(rigs: int) -> None:
     """Half of it is not noticed, twice as much is, in all but chance (3.2 +- 1)."""
     seen = {0.5: 0, 2.0: 0}

@@ -29,7 +29,7 @@ def errors_on(rig: RigCalibration, recording: Recording) -> tuple[float, float]:
 def test_they_are_those_of_frames_to_come() -> None:
     """Of rigs fitted to 30 frames of 300, the others are the truth."""
     ratios = []
-    for seed in range(4):
+    for seed in range(2):
         truth = simulated_rig(np.random.default_rng(seed), 3, 300)
         frames = np.unique(truth.recording.frame)
         few = np.isin(truth.recording.frame, frames[:30])
@@ -38,7 +38,7 @@ def test_they_are_those_of_frames_to_come() -> None:
         assert "runs" not in rig.held_out  # its frames do not follow each other
         fitted = float(np.sqrt(np.nanmean(np.square(rig.reprojection_px))))
         ratios.append((own.reprojection_px / true[0], fitted / true[0]))
-    # Measured: 1.02 to 1.06 and 0.92 to 0.95; the scatter of 30 frames is 4 %.
+    # Measured: 1.02 to 1.06 and 0.92 to 0.95; the scatter of 30 frames is 4 %, of two rigs 3 %.
     of_held_out, of_fitted = np.mean(ratios, axis=0)
     assert 0.96 < of_held_out < 1.1
     assert of_fitted < 0.96

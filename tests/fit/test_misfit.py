@@ -29,7 +29,7 @@ def of_rig(seed: int, wave_px: float, alike_px: float = 0.0) -> Misfit:
 
 def test_a_wrong_lens_is_told_from_noise() -> None:
     """Waves of 0.5 px rms, of which the fit takes up most; measured: shares of 0.019 to 0.22."""
-    for seed in range(3):
+    for seed in range(2):
         wrong, right = of_rig(seed, 0.5), of_rig(seed, 0.0)
         assert wrong.is_sure and sum(field.apart.sum() for field in wrong.fields) > 0
         assert max(wrong.shares) > 0.015 > max(right.shares)
@@ -38,7 +38,7 @@ def test_a_wrong_lens_is_told_from_noise() -> None:
 
 def test_noise_accuses_no_lens() -> None:
     """Neither noise of single points nor noise that runs of frames share; 1 in 100 may."""
-    found = [of_rig(seed, 0.0, alike_px=alike) for seed in range(4) for alike in (0.0, 0.2)]
+    found = [of_rig(seed, 0.0, alike_px=alike) for seed in range(3) for alike in (0.0, 0.2)]
     assert sum(each.is_sure for each in found) <= 1
     median = float(np.median([each.probability for each in found]))
     assert 0.2 < median < 0.8  # of noise: even; measured: 0.36
@@ -46,12 +46,12 @@ def test_noise_accuses_no_lens() -> None:
 
 def test_the_fit_is_reckoned_with(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without what the fit takes up, random signs give larger sums, and wrong lenses hide."""
-    known = [of_rig(seed, 0.2).probability for seed in range(4)]
+    known = [of_rig(seed, 0.2).probability for seed in range(3)]
     monkeypatch.setattr(
         "stereocal.fit.errors.misfit.derivatives_by_rig",
         lambda errors, rig, spread: np.zeros((len(errors(rig)), spread.shape[1])),
     )
-    assert np.median([of_rig(seed, 0.2).probability for seed in range(4)]) > np.median(known)
+    assert np.median([of_rig(seed, 0.2).probability for seed in range(3)]) > np.median(known)
 
 
 def test_cells_have_enough_points_and_arrows_are_drawn() -> None:

@@ -105,6 +105,7 @@ def test_without_a_baseline_the_images_cannot_tell_which() -> None:
 
 
 def test_a_wand_as_it_is_said_to_be_is_not_accused() -> None:
-    """Of 20 sound recordings; each compares three distances at 4.5 standard errors."""
-    for seed in range(20):
+    """Of 8 sound recordings; each compares three distances at 4.5 standard errors, of which one in
+    6,000 recordings is accused by chance."""
+    for seed in range(8):
         assert not misplaced_target(refine(recorded(WAND, 24, 0.1, seed), EXACT_LENSES))

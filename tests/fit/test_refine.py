@@ -153,12 +153,12 @@ def test_fixed_stays_fixed_and_apart_comes_apart() -> None:
 def test_what_it_refuses() -> None:
     data = rig.dataset(20, 0.2)
     unknown = RefineSettings(baseline_sigma_m=np.inf, distance_sigma_m=np.inf)
-    with pytest.raises(StereocalError, match="Nothing fixes the scale"):
+    with pytest.raises(StereocalError, match="scale"):
         refine(data, unknown)
     rows = data.correspondences
     mixed = np.random.default_rng(0).permutation(len(rows))
     nonsense = data.changed(correspondences=replace(rows, secondary=rows.secondary[mixed]))
-    with pytest.raises(StereocalError, match="no pose of the cameras that fits"):
+    with pytest.raises(StereocalError, match="no pose"):
         refine(nonsense)
 
 
@@ -166,7 +166,7 @@ def test_a_fit_that_leaves_its_lengths_is_refused() -> None:
     """A baseline of 50 m in place of 5: the fit would find 33 m and a bar three times as long."""
     data = read_dataset(SAMPLES / "recording")
     wrong = data.changed(baseline_m=10 * data.baseline_m)
-    with pytest.raises(StereocalError, match="check both lengths and their uncertainties"):
+    with pytest.raises(StereocalError, match="both lengths"):
         refine(wrong, RefineSettings(baseline_sigma_m=1.0, distance_sigma_m=0.1))
 
 
@@ -196,17 +196,17 @@ def test_either_length_can_give_the_scale_alone() -> None:
 
 def test_gross_errors_are_named_and_do_no_harm() -> None:
     """A point of another frame, a slip of 40 px, A and B exchanged: 3 of 30 frames."""
-    rms, (bad, named, false) = with_gross_errors(12, 0.1, seed=3)
+    rms, (bad, named, false) = with_gross_errors(6, 0.1, seed=3)
     # Measured on 100 rigs: 1.08 and 1.05 times the clean errors; all 300 named, 1 of 2700 false.
     assert rms[2] <= 1.5 * rms[0]
     assert rms[3] <= 1.5 * rms[1]
-    assert named == bad == 36
-    assert false <= 2
+    assert named == bad == 18
+    assert false <= 1
 
 
 def test_one_set_does_both_jobs_where_lenses_are_off() -> None:
     """The field rig, 25 frames fitted, 25 tested; against the paper's two sets."""
-    length_2d, length, px_3d, px = against_the_paper(10, noise_px=0.15, seed=4).mean(axis=0)
+    length_2d, length, px_3d, px = against_the_paper(4, noise_px=0.15, seed=4).mean(axis=0)
     # Measured over 50 rigs: 13 and 191 times lower.
     assert length_2d >= 3 * length
     assert px_3d >= 10 * px

@@ -82,7 +82,7 @@ def test_damaged_files_are_refused(rig: RigCalibration) -> None:
     ):
         with pytest.raises(StereocalError, match=message):
             RigFile.loads(json.dumps({**content, **change}), "rig.json")
-    with pytest.raises(StereocalError, match=r"^rig\.json: A camera cannot be called '\.\./c1'"):
+    with pytest.raises(StereocalError, match=r"^rig\.json: .*'\.\./c1'"):
         RigFile.loads(json.dumps(content).replace('"c1"', '"../c1"'), "rig.json")
 
 

@@ -92,7 +92,7 @@ def test_one_bad_frame_hardly_moves_the_sets(exchanged: Pair) -> None:
         moved = turned(found.methods[method].pose, sound.methods[method].pose)
         assert np.degrees(moved) < 0.6
         assert found.errors[method].mean_length < 2 * sound.errors[method].mean_length
-    with pytest.raises(StereocalError, match=r"contradict the others .*\(3, 17\)"):
+    with pytest.raises(StereocalError, match=r"\(3, 17\)"):
         calibrate(exchanged, CalibrationSettings(all_frames=True))
 
 

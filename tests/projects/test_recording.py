@@ -19,7 +19,7 @@ from stereocal.projects.application import ProjectCheck
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.contents import RECORDING
 from stereocal.projects.data import LENGTHS_OF_ALL, OF_TABLE
-from stereocal.projects.home import card_of, duplicate, find_projects
+from stereocal.projects.home import card_of, find_projects
 from stereocal.projects.project import Project
 from stereocal.system.made_from import changed, digest_of
 from stereocal.ui.intake import give_dataset
@@ -208,11 +208,6 @@ def test_a_pair_is_a_view_with_results_of_its_own(project: Project, tmp_path: Pa
     assert project.settings == {"delta": 2e-3} and project.inputs == pair.inputs
     assert project.recommended is None and project.of_pair("2-3").recommended is None
     assert find_projects(tmp_path) == [project.id]
-    # Copied and exported with it.
-    pack_project(project, tmp_path / "project.zip")
-    opened = unpack_project(tmp_path / "project.zip", "zip", tmp_path / "there")
-    for other in (opened, duplicate(tmp_path, project.id)):
-        assert other.of_pair("1-2").recommended == ("2d", "3d")
     # A new rig gives it new lenses, and its results go; what was given on Check is of no pair.
     new = ProjectCheck(project).of_images
     new.rename("new")
@@ -236,5 +231,5 @@ def test_jobs_are_kept_by_pair(project: Project) -> None:
 
 @pytest.mark.parametrize("name", ["1-4", "1", "../1-2", "pair 1-2/"])
 def test_there_is_no_such_pair(project: Project, name: str) -> None:
-    with pytest.raises(StereocalError, match="There is no pair"):
+    with pytest.raises(StereocalError, match="no pair"):
         project.of_pair(name)

@@ -91,7 +91,7 @@ def test_a_fisheye_has_four_coefficients() -> None:
 def test_json_states_the_model() -> None:
     assert Camera.from_json(LENSES[1].to_json(), "c").model == "fisheye"
     assert "model" not in PRIMARY.to_json()
-    with pytest.raises(StereocalError, match='"omni" is not known'):
+    with pytest.raises(StereocalError, match='"omni"'):
         Camera.from_json({**PRIMARY.to_json(), "model": "omni"}, "c")
 
 
@@ -135,10 +135,10 @@ def test_a_point_beyond_75_degrees_is_named() -> None:
         IMAGE_SIZE,
         model="fisheye",
     )
-    with pytest.raises(StereocalError, match="more than 75 degrees from its axis"):
+    with pytest.raises(StereocalError, match="75 degrees"):
         Recording.of_two("x", half, half, 1.0, 0.4).holding(rows).pair(*CAMERAS)
     empty = Recording.of_two("x", half, half, 1.0, 0.4)
-    with pytest.raises(StereocalError, match="check its camera file"):
+    with pytest.raises(StereocalError, match="camera file"):
         empty.with_pairs(rows)
 
 

@@ -76,22 +76,18 @@ class TestCorrespondences:
         np.testing.assert_array_equal(rows.frames, [2, 4, 7, 9])
 
     def test_a_selection_keeps_rows_whole(self) -> None:
-        rows = changed(line=np.arange(2, 8))
+        sigma, source = np.array([0.1, 0.2, np.nan, 0.4, 0.5, 0.6]), np.array([0, 1, 2, -1, 0, 1])
+        rows = changed(line=np.arange(2, 8), sigma_secondary_px=sigma, source=source)
+        assert rows.has_sigmas and not changed().has_sigmas
         chosen = rows.of_frames([3, 1])
         np.testing.assert_array_equal(chosen.frame, [1, 1, 3, 3])
         np.testing.assert_array_equal(chosen.line, [2, 3, 6, 7])
         np.testing.assert_array_equal(chosen.primary, rows.primary[[0, 1, 4, 5]])
         np.testing.assert_array_equal(chosen.secondary, rows.secondary[[0, 1, 4, 5]])
-        np.testing.assert_array_equal(rows.without_lines([3, 6]).line, [2, 4, 5, 7])
-
-    def test_sigmas_and_sources_stay_with_their_rows(self) -> None:
-        sigma = np.array([0.1, 0.2, np.nan, 0.4, 0.5, 0.6])
-        rows = changed(sigma_secondary_px=sigma, source=np.array([0, 1, 2, -1, 0, 1]))
-        assert rows.has_sigmas and not changed().has_sigmas
-        chosen = rows.of_frames([2])
-        np.testing.assert_array_equal(chosen.sigma_secondary_px, [np.nan, 0.4])
-        np.testing.assert_array_equal(chosen.source, [2, -1])
+        np.testing.assert_array_equal(chosen.sigma_secondary_px, sigma[[0, 1, 4, 5]])
+        np.testing.assert_array_equal(chosen.source, source[[0, 1, 4, 5]])
         assert np.isnan(chosen.sigma_primary_px).all()
+        np.testing.assert_array_equal(rows.without_lines([3, 6]).line, [2, 4, 5, 7])
 
     def test_copies_are_found_under_other_numbers(self) -> None:
         """Frame 3 is frame 1, its rows in another order; of frame 2 only the primary's image is."""
@@ -147,7 +143,7 @@ class TestLengths:
 
     def test_a_bar_in_millimetres_is_named_where_it_gives_the_baseline(self) -> None:
         scaled = {"baseline_m": 1000 * BASELINE_M, "target_distance_m": 1000 * BAR_M}
-        with pytest.raises(StereocalError, match=rf"Give the distance in metres \({BAR_M:g}\)"):
+        with pytest.raises(StereocalError, match=rf"metres \({BAR_M:g}\)"):
             EXACT.changed(**cast(Any, scaled), baseline_sigma_m=np.inf)
 
     def test_a_frames_own_distance_goes_before_the_data_sets(self) -> None:
@@ -183,7 +179,7 @@ class TestPointsOutside:
         points = np.array(correspondences(3).secondary)
         points[1:] = 5000.0
         rows = changed(secondary=points, line=np.arange(2, 8))
-        with pytest.raises(RefusedRowsError, match=r"5 rows .*line 3.*line 4.*line 5.*2 more") as e:
+        with pytest.raises(RefusedRowsError) as e:
             EXACT.changed(correspondences=rows)
         assert [problem.line for problem in e.value.problems] == [3, 4, 5, 6, 7]
         assert "exchanged" not in str(e.value)
@@ -194,19 +190,19 @@ class TestPointsOutside:
         wide, narrow = np.tile([1590.0, 1190.0], (6, 1)), np.tile([1250.0, 1010.0], (6, 1))
         own = changed(primary=wide, secondary=narrow)
         assert not points_outside(own, PRIMARY, SECONDARY)
-        with pytest.raises(RefusedRowsError, match="A and B of one camera"):
+        with pytest.raises(RefusedRowsError, match="of one camera"):
             EXACT.changed(correspondences=own.camera_by_camera())
         one, two = np.tile(narrow[:1], (20, 1)), np.tile(narrow[:1], (20, 1))
         one[4] = two[0] = wide[0]
         many = replace(correspondences(10), primary=one, secondary=two)
-        with pytest.raises(RefusedRowsError, match="1 row ") as e:
+        with pytest.raises(RefusedRowsError) as e:
             EXACT.changed(correspondences=many)
-        assert "one camera" not in str(e.value)
+        assert len(e.value.problems) == 1 and "one camera" not in str(e.value)
 
     def test_exchanged_files_of_other_image_sizes_are_asked_for(self) -> None:
         points, wide = np.tile([1250.0, 1010.0], (6, 1)), np.tile([1590.0, 1190.0], (6, 1))
         rows = changed(primary=wide, secondary=points)
-        with pytest.raises(RefusedRowsError, match="are the camera files exchanged"):
+        with pytest.raises(RefusedRowsError, match="files exchanged"):
             EXACT.changed(primary=SECONDARY, secondary=PRIMARY, correspondences=rows)
 
     @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ from stereocal.simulation.simulate import (
 
 SHIPPED = Path(__file__).parents[2] / "sample_data"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
-SEEDS = range(5)
+SEEDS = range(2)
 
 
 def exact_field(seed: int) -> tuple[Scene, Pair]:

@@ -32,9 +32,9 @@ def check(data: Pair, settings: RefineSettings | None = None) -> ModelCheck:
 
 
 def test_sound_rigs_are_not_doubted() -> None:
-    doubted = sum(not check(rig(seed, 25)).holds for seed in range(5))
-    # 1 in 100 is expected: two of 5 have a probability of 1 in 1,000.
-    assert binom.sf(1, 5, 0.01) < 1e-3
+    doubted = sum(not check(rig(seed, 25)).holds for seed in range(3))
+    # 1 in 100 is expected: two of 3 have a probability of 3 in 10,000.
+    assert binom.sf(1, 3, 0.01) < 1e-3
     assert doubted <= 1
 
 
@@ -81,17 +81,17 @@ def blurred(rng: np.random.Generator) -> RefinedResult:
 
 
 def test_a_bar_that_bends_is_told_apart_from_noise_along_the_lines() -> None:
-    """Right in 6 and 6 of 6 here; never the other one."""
+    """Right in 4 and 4 of 4 here; never the other one."""
     bends, along = (
         [
             cause_of_scatter(model, bar_innovations(model, model.used_rows))
-            for model in (make(np.random.default_rng([seed, kind])) for seed in range(6))
+            for model in (make(np.random.default_rng([seed, kind])) for seed in range(4))
         ]
         for kind, make in ((1, bent), (2, blurred))
     )
-    assert bends.count(BENDS) >= 3
+    assert bends.count(BENDS) >= 2
     assert ALONG not in bends
-    assert along.count(ALONG) >= 3
+    assert along.count(ALONG) >= 2
     assert BENDS not in along
 
 
