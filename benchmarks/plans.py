@@ -34,7 +34,7 @@ from stereocal.simulation.simulate import field_rig
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.fresh_frames import draw_noise
 from tests import known_rig
-from tests.rigs.plans import observed
+from tests.rigs.population import observed
 
 DRAWS = 400
 EXACT = Uncertainty(0.0005, 0.5, 0.002, 0.0002)

@@ -6,8 +6,10 @@ import pytest
 
 from tests.soak import SHORT
 
+OF_A_WHOLE_SOAK = [pytest.mark.soak, *([pytest.mark.skip("of a whole soak")] if SHORT else [])]
+
 
 def further(*cases: Any) -> list[Any]:
-    """Parameters of a test that only the soak tests; none of them in a short one."""
+    """Parameters of a test that only the soak tests, and a short one skips."""
     tuples = [case if isinstance(case, tuple) else (case,) for case in cases]
-    return [] if SHORT else [pytest.param(*each, marks=pytest.mark.soak) for each in tuples]
+    return [pytest.param(*each, marks=OF_A_WHOLE_SOAK) for each in tuples]

@@ -38,7 +38,6 @@ SOUND = random_rig(3)[1]
 SIDES = ("primary",), ("secondary",), CAMERAS
 NAMED = (
     "a wand table camera by camera",
-    "frames in the order of words",
     "one frame less",
     "a fifth of the frames copied",
     "camera files exchanged",
@@ -51,6 +50,7 @@ NAMED = (
     "distortion of one camera of the other sign",
 )
 SEEN_ELSEWHERE = (
+    "frames in the order of words",
     "one camera mirrored",
     "one camera counted from below",
     "0.3 frames late",

@@ -79,7 +79,8 @@ def test_other_steps_of_the_search_need_no_new_fits(monkeypatch: pytest.MonkeyPa
 
 
 def test_the_first_runs_of_every_data_set_can_be_seen_while_others_are_computed() -> None:
-    growing, seen = GrowingRuns(2, USUAL), []
+    settings = replace(USUAL, runs=12)
+    growing, seen = GrowingRuns(2, settings), []
 
     def look(_done: int, _total: int) -> None:
         seen.append([[len(own) for own in growing.so_far(refined)] for refined in (False, True)])
@@ -88,9 +89,9 @@ def test_the_first_runs_of_every_data_set_can_be_seen_while_others_are_computed(
 
     with ThreadPoolExecutor(1) as executor, pytest.raises(StoppedError):
         growing.compute([FIELD, FIELD], executor, KeptFits(), look)
-    assert 0 < min(seen[-1][1]) <= max(seen[-1][1]) < USUAL.runs
+    assert 0 < min(seen[-1][1]) <= max(seen[-1][1]) < settings.runs
     (first, *_), _ = growing.so_far(refined=True)
-    assert_equal([[first]], [[evaluate_run(FIELD, USUAL, 0, 0)]])
+    assert_equal([[first]], [[evaluate_run(FIELD, settings, 0, 0)]])
 
 
 def test_runs_are_left_out_whole() -> None:

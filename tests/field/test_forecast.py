@@ -22,7 +22,7 @@ from stereocal.verdict.in_words import percent
 from tests import known_rig
 from tests.field.plans import FIELD, LENS, contents, plan
 from tests.refused import refused
-from tests.rigs.plans import observed
+from tests.rigs.population import observed
 
 
 @lru_cache(maxsize=2)

@@ -197,7 +197,7 @@ def test_lenses_that_are_not_as_their_model_make_no_movement_and_no_offsets(
     assert rig.warnings == () and not rig.time_offsets.any()
 
 
-@pytest.mark.parametrize("degrees", [0.2, 2.0])
+@pytest.mark.parametrize("degrees", [0.2, *further(2.0)])
 def test_of_two_cameras_it_cannot_be_told_which_was_bumped(degrees: float) -> None:
     recording = bumped_from(simulated(1), "c2", degrees, 80)
     with pytest.raises(StereocalError, match=r"frame 80.* c1 or c2"):

@@ -1,27 +1,30 @@
-"""The figures of parameter files on a large test whose truth is known."""
+"""The figures of parameter files on a large test whose truth is known, of rigs and of plans."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from stereocal.calibration.methods import ALL_METHODS, CalibrationSettings, Method
+from stereocal.calibration.methods import ALL_METHODS, FILE_METHODS, CalibrationSettings, Method
+from stereocal.errors import StereocalError
 from stereocal.evaluation.counting import CORRECT, REPROJECTION, RESIDUAL, UNDERFLOW
 from stereocal.evaluation.evaluate import count_set
 from stereocal.evaluation.summary import merge_bins, overlap
+from stereocal.field.planning.plan import Plan
 from stereocal.fit.least_squares.small_steps import rig_at
 from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.library.calibrations import calibrate
+from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
-from stereocal.simulation.simulate import place_bars
+from stereocal.simulation.simulate import Nominal, observe, place_bars
 from stereocal.system.array_types import FloatArray
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.forecast_draws import ForecastFigures, bin_edge, partners_in_groups
 from stereocal.verdict.fresh_frames import GROUP
 from stereocal.verdict.intervals import MERGE
 from stereocal.verdict.judging import judge
-from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
+from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, misjudged, random_scene, stated
 
 
 def population(
@@ -137,3 +140,38 @@ def one_rig(off: Misjudged, frames: int, seed: int) -> dict[Method, dict[str, tu
 def _numbers(figures: ForecastFigures, figure: str) -> tuple[float, float, float]:
     estimate = getattr(figures, figure)
     return estimate.value, estimate.low, estimate.high
+
+
+FIGURES_OF_PLANS = {
+    name: name
+    for name in ("median_error_3d", "p95_error_3d", "fcp_reprojection", "mean_reprojection_px")
+} | {"mean_length_error": "mean_error_3d"}
+"""Their names in `population`."""
+
+
+def observed(plan: Plan, seed: int) -> dict[tuple[Method, str], float]:
+    """The figures of the files of one field day on its population."""
+    rng = np.random.default_rng([seed, 0xF1E1D])
+    own = plan.uncertainty
+    off = Misjudged(own.baseline_m, own.bar_m, own.focal, own.centre_px, plan.noise_px)
+    planned, depths = Rig(plan.primary, plan.secondary, plan.pose), (plan.near_m, plan.far_m)
+    nominal = Nominal(plan.primary, plan.secondary, plan.baseline_m, plan.bar_m)
+    true = misjudged(planned, plan.bar_m, rng, off)
+    pose = Pose(plan.pose.R, plan.pose.T * true.baseline_m / plan.baseline_m)
+    truth, bar = Rig(true.primary, true.secondary, pose), true.target_distance_m
+    scene = place_bars(truth, rng, plan.frames, bar, depths)
+    dataset = observe(scene, rng, plan.noise_px, plan.name, nominal)
+    found = calibrate(dataset, refined=off.settings())
+    files = {m: Rig(plan.primary, plan.secondary, r.pose) for m, r in found.methods.items()}
+    refined = found.refined
+    if refined is None:
+        raise StereocalError("There is no refined set.")
+    files["refined"] = refined.rig
+    test = place_bars(truth, rng, TEST_BARS // 2, bar, depths)
+    limits: dict[Method, float] = dict.fromkeys(files, 1.0)
+    figures = population(truth, files, test.ends_m, plan.noise_px, limits, rng)
+    return {
+        (method, name): figures[method][known]
+        for method in FILE_METHODS
+        for name, known in FIGURES_OF_PLANS.items()
+    }
