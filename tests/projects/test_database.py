@@ -22,6 +22,7 @@ from stereocal.projects.files import Store
 from stereocal.projects.home import copy_database, recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
+from tests.further import further
 from tests.pages.stored_projects import FULL, placed
 
 
@@ -226,9 +227,10 @@ for number in range(100_000):
 """
 
 
-def test_killed_at_random_moments_nothing_acknowledged_is_lost(database: Store) -> None:
+@pytest.mark.parametrize("kills", [2, *further(12)])
+def test_killed_at_random_moments_nothing_acknowledged_is_lost(kills: int, database: Store) -> None:
     rng, said = random.Random(5), 0
-    for _ in range(4):
+    for _ in range(kills):
         with database.transaction() as db:
             db.execute("DELETE FROM named")
         with subprocess.Popen(

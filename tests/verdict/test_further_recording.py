@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from stereocal.library.calibrations import calibrate
 from stereocal.rig.pair import Pair
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.further_recording import half_width, note_on_splits, widened
+from tests.further import further
 from tests.rigs.board_pairs import sound
 from tests.rigs.population import figures_on
 from tests.rigs.refined_rigs import Misjudged, waved
@@ -100,7 +100,7 @@ def note(data: Pair, splits: Splits) -> str:
     return note_on_splits(data, settings, summarise([runs]))
 
 
-@pytest.mark.parametrize("splits", get_args(Splits))
+@pytest.mark.parametrize("splits", ["runs", *further("frames")])
 def test_a_difference_is_stated_whichever_was_evaluated(splits: Splits) -> None:
     assert "Rely on the figures of whole runs" in note(recorded(20), splits)
 
@@ -132,7 +132,7 @@ def test_intervals_of_few_boards_hold_what_these_show() -> None:
     """Whose errors lenses and pose follow: the forecast in the images is 1.08 times as large."""
     pair = sound(0, frames=8, baseline=True)
     found = forecast_files(calibrate(pair.recording.pair("primary", "secondary"))).draws
-    for method, further in found.further.items():
+    for method, own in found.further.items():
         said = found.figures[method].mean_reprojection_px
-        shown = further.shown["mean_reprojection_px"]
-        assert said.low <= 1.0001 * shown * np.exp(-further.in_images)
+        shown = own.shown["mean_reprojection_px"]
+        assert said.low <= 1.0001 * shown * np.exp(-own.in_images)
