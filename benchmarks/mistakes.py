@@ -7,7 +7,7 @@
 Kinds: pairs (six kinds of bars), balls, tags, fisheyes (`tests.rigs.culprits`: balls and tags reach
 a calibration as points with the noise and number of photographs of them); boards and wide-boards
 (before fisheyes; `tests.rigs.board_pairs`, bent by 0.4 % of their width or not); rigs of 3 to 9
-cameras (`tests.rigs.spoiled_rigs`; `--kind rigs` is all of them), by what `stereocal rig` does.
+cameras (`tests.rigs.several_cameras`; `--kind rigs` is all of them), by what `stereocal rig` does.
 
 - wrong: each mistake: refused or named, or silent; a file is wrong if its 95 % length error on
   further bars or boards is more than 3 times what it states, its baseline more than 5 % off, or a
@@ -56,13 +56,20 @@ from stereocal.verdict.in_words import why_not_trusted
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tests.files import write
-from tests.rigs import board_pairs, culprits, spoiled_rigs
+from tests.rigs import board_pairs, culprits, several_cameras
 from tests.rigs.accuracy import turned
-from tests.rigs.board_mistakes import MISTAKES as OF_BOARDS
 from tests.rigs.board_pairs import BoardPair
-from tests.rigs.mistakes import rig, with_frames_exchanged, with_points_off
-from tests.rigs.pair_mistakes import MISTAKES as OF_PAIRS
-from tests.rigs.spoiled_rigs import MISTAKES as OF_RIGS
+from tests.rigs.mistakes import (
+    BARS,
+    BOARDS,
+    RIGS,
+    mistakes_of,
+    rig,
+    with_frames_exchanged,
+    with_points_off,
+)
+
+OF_PAIRS, OF_BOARDS, OF_RIGS = map(mistakes_of, (BARS, BOARDS, RIGS))
 
 MOST, MOST_BASELINE, FAR_BASELINE = 3.0, 0.05, 0.02
 """Stated errors and shares of a baseline beyond which a file is wrong; the last of real ones."""
@@ -166,7 +173,7 @@ def of_bars(row: str, number: int, name: str, __: Asked) -> tuple[str, str] | No
     if mistake is None:
         return of_sound(said_of(lambda: data, error))
     return in_words(
-        said_of(partial(mistake.data, number, kind), error), mistake.names, mistake.harmless
+        said_of(partial(mistake.data, number, kind), error), mistake.words, mistake.harmless
     )
 
 
@@ -177,9 +184,10 @@ def of_boards(row: str, number: int, name: str, asked: Asked) -> tuple[str, str]
         number += 1000
         pair = board_pairs.sound(number, asked.frames, number % 3 == 1, draw)
         return of_sound(said_of(lambda: pair.dataset, error_of_boards(pair)))
-    pair = board_pairs.sound(number, asked.frames, "square" in name, draw)
     mistake, rng = OF_BOARDS[name], np.random.default_rng([number, 5])
-    return in_words(said_of(partial(mistake.data, pair, rng), error_of_boards(pair)), mistake.words)
+    pair = board_pairs.sound(number, asked.frames, mistake.measured, draw)
+    said = said_of(partial(mistake.of_board, pair, rng), error_of_boards(pair))
+    return in_words(said, mistake.words)
 
 
 def error_of_boards(pair: BoardPair) -> Callable[[PairAnswer], float] | None:
@@ -197,10 +205,10 @@ def error_of_boards(pair: BoardPair) -> Callable[[PairAnswer], float] | None:
 
 def of_rigs(kind: str, number: int, name: str, __: Asked) -> tuple[str, str] | None:
     """A mistake in a rig; None of one that it cannot have."""
-    if name == "half a frame late" and not spoiled_rigs.KINDS[kind].waved:
+    if name == "0.3 frames late" and not several_cameras.KINDS[kind].waved:
         return None
-    truth, _ = spoiled_rigs.sound(kind, number)
-    recording = OF_RIGS[name](kind, number) if name in OF_RIGS else truth.recording
+    truth, _ = several_cameras.sound(kind, number)
+    recording = OF_RIGS[name].of_rig(kind, number) if name in OF_RIGS else truth.recording
     word, text, found = by_command(recording)
     off = largest_z(found, truth.poses) if found else 0.0
     if name not in OF_RIGS:
@@ -256,14 +264,14 @@ def of_sound(said: Said) -> tuple[str, str]:
 KINDS = {
     **dict.fromkeys(("pairs", "balls", "tags", "fisheyes"), (of_bars, OF_PAIRS)),
     **dict.fromkeys(("boards", "wide-boards"), (of_boards, OF_BOARDS)),
-    **dict.fromkeys(spoiled_rigs.KINDS, (of_rigs, OF_RIGS)),
+    **dict.fromkeys(several_cameras.KINDS, (of_rigs, OF_RIGS)),
 }
 """By kind, what judges a mistake in it, and its mistakes."""
 
 
 def each_kind(asked: Asked, sound: bool) -> None:
     """Print what became of each mistake in each kind, or of sound recordings."""
-    every = (spoiled_rigs.KINDS if kind == "rigs" else [kind] for kind in asked.kind or KINDS)
+    every = (several_cameras.KINDS if kind == "rigs" else [kind] for kind in asked.kind or KINDS)
     for kind in chain.from_iterable(every):
         of, mistakes = KINDS[kind]
         total = Counter[str]()
@@ -316,10 +324,10 @@ def real_pair(data: Pair, asked: Asked) -> None:
 
     print(f"  sound: {said_of(lambda: data, None).accusations or 'nothing accused'}")
     for name, mistake in OF_PAIRS.items():
-        change = mistake.change
-        if change is not None and name in (asked.mistake or OF_PAIRS):
-            said = said_of(partial(change, data, np.random.default_rng(5)), far)
-            _print_real(name, *in_words(said, mistake.names, mistake.harmless), asked)
+        if mistake.change is not None and name in (asked.mistake or OF_PAIRS):
+            changed = partial(mistake.of_pair, data.recording, np.random.default_rng(5))
+            said = said_of(changed, far)
+            _print_real(name, *in_words(said, mistake.words, mistake.harmless), asked)
 
 
 def real_boards(asked: Asked) -> None:
@@ -332,9 +340,9 @@ def real_boards(asked: Asked) -> None:
     images = recording.images()[1]
     print(f"  sound: {of_sound(said_of(lambda: recording.pair(*cameras), None))[1]}")
     for name, mistake in OF_BOARDS.items():
-        if not mistake.needs_truth and name in (asked.mistake or OF_BOARDS):
-            pair = BoardPair((one, two), board, images, 0.0997 if "square" in name else None)
-            said = said_of(partial(mistake.data, pair, np.random.default_rng([0, 5])), None)
+        if mistake.printed is None and name in (asked.mistake or OF_BOARDS):
+            pair = BoardPair((one, two), board, images, 0.0997 if mistake.measured else None)
+            said = said_of(partial(mistake.of_board, pair, np.random.default_rng([0, 5])), None)
             _print_real(name, *in_words(said, mistake.words), asked)
 
 
@@ -348,10 +356,11 @@ def real_rig(data: Recording, asked: Asked) -> None:
     print(f"  sound: {usual}; {text}", flush=True)
     assert sound is not None
     usual_notes = {*map(kind_of, text.split("Note: "))}
-    for name, made in OF_RIGS.items():
-        if not isinstance(made, partial) or name not in (asked.mistake or OF_RIGS):
+    for name, mistake in OF_RIGS.items():
+        change = mistake.change
+        if change is None or mistake.measured or name not in (asked.mistake or OF_RIGS):
             continue
-        word, text, found = by_command(made.args[0](data, np.random.default_rng(5)))
+        word, text, found = by_command(change(data, np.random.default_rng(5)))
         off = 0.0
         if found is not None:
             notes = [note for note in text.split("Note: ") if kind_of(note) not in usual_notes]

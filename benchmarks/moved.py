@@ -73,7 +73,7 @@ from tests.rigs.bumps import (
     true_fit,
 )
 from tests.rigs.culprits import KINDS, bars_of, lit, sound
-from tests.rigs.pair_mistakes import turned_after
+from tests.rigs.mistakes import turned_from
 from tests.rigs.refined_rigs import (
     BAR_M,
     DEPTHS_M,
@@ -259,7 +259,8 @@ def as_moved(still: Pair, axis: FloatArray) -> list[tuple[str, Pair]]:
     middle = float(np.median(still.correspondences.frames))
     found = [("still", still)]
     for name, frame in (("turned", -np.inf), ("turned half-way", middle)):
-        found.append((name, turned_after(still, "secondary", turn, frame)))
+        turned = turned_from(still.recording, "secondary", turn, frame + 0.5)
+        found.append((name, turned.pair(*CAMERAS)))
     return found
 
 

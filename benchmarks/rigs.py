@@ -45,8 +45,8 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import Recording
 from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
 from stereocal.system.array_types import FloatArray
+from tests.rigs.mistakes import bumped_from
 from tests.rigs.moving_wand import stated_over_true, wave_wand
-from tests.rigs.spoiled_rigs import bumped_from
 
 LENS = LensPrior(*LENS_ERRORS)
 OF_POSE = 6

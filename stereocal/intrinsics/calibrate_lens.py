@@ -9,7 +9,7 @@ photographs; the mean square deviation of such results from the result of all ph
 m / d, estimates the variance of the latter (delete-d jackknife: Shao & Wu 1989, Annals of
 Statistics 17, 1176). With 20 of 50 the spread is sqrt(30 / 20) = 1.2 times the standard error,
 with 20 of 30 it is 0.7 times, and with 20 of 21 only 0.2 times. `standard_errors` adds to the
-jackknife the part due to the finite number of draws (measured in tests/intrinsics/test_intrinsics.py).
+jackknife the part due to the finite number of draws (tests/intrinsics/test_intrinsics.py measures).
 Errors common to all photographs are not covered: a board that is not flat, or a lens that five
 coefficients do not describe.
 """

@@ -94,6 +94,9 @@ def _folder(path: Path) -> Path:
     for earlier in _KEPT.glob(f"{prefix}-*"):
         if earlier != folder:
             shutil.rmtree(earlier, ignore_errors=True)
+    for kept in folder.glob("*/*.nb[ci]"):
+        if not kept.stat().st_size:  # what a power cut leaves; numba's reader would raise
+            kept.unlink(missing_ok=True)
     return folder
 
 

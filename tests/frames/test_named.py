@@ -102,7 +102,7 @@ def test_balls_are_found_among_clutter(tmp_path: Path) -> None:
         for name, centres in zip(frame.files, frame.centres, strict=True):
             found = np.array([(c.u, c.v) if c else (np.nan, np.nan) for c in centres])
             wrong += frame.use and not np.abs(found - truth[name]).max() < 1.0
-    # Measured with 200 pairs (`benchmarks.photographs balls-in-clutter`): 98 % right, none wrong and in use.
+    # Of 200 pairs (`benchmarks.photographs balls-in-clutter`) 98 % right, none wrong and in use.
     assert not wrong and sum(frame.use for frame in frames) >= 5
 
 

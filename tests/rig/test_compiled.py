@@ -128,3 +128,15 @@ def test_folders_of_earlier_states_of_a_file_go(tmp_path: Path) -> None:
     _source.cache_clear()
     assert _folder.__wrapped__(source) != earlier
     assert not earlier.exists()
+
+
+def test_empty_files_are_removed(tmp_path: Path) -> None:
+    """A power cut leaves them, and numba raises an error where it reads one."""
+    source = tmp_path / "source.py"
+    source.write_text("ONE = 1\n")
+    kept = _folder(source) / "rig"
+    kept.mkdir(parents=True)
+    (kept / "cost-1.nbi").touch()
+    (kept / "cost-2.nbi").write_bytes(b"kept")
+    _folder.__wrapped__(source)
+    assert [file.name for file in kept.iterdir()] == ["cost-2.nbi"]
