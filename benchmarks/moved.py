@@ -49,11 +49,11 @@ from stereocal.field.checking.findings import FOCAL_LEVEL
 from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
-from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.least_squares.small_steps import baseline_direction, pose_at, pose_places
 from stereocal.fit.parameter_file import refined_parameters
 from stereocal.fit.refine import refine
 from stereocal.fit.screening.screen import screen
+from stereocal.library.calibrations import calibrate
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair
@@ -313,7 +313,7 @@ def turned(rows: Recording, name: str, vector: FloatArray, frame: int) -> Record
 def said(rows: Recording) -> str:
     """What is said of a movement; empty if nothing is."""
     try:
-        words = calibrate_rig(rows).warnings
+        words = calibrate(rows).warnings
     except StereocalError as error:
         words = (str(error),)
     return next((word for word in words if " moved " in word), "")
