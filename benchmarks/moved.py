@@ -49,6 +49,7 @@ from stereocal.field.checking.findings import FOCAL_LEVEL
 from stereocal.field.checking.new_images import NewImages, images_of_bars
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
+from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.least_squares.small_steps import baseline_direction, pose_at, pose_places
 from stereocal.fit.parameter_file import refined_parameters
 from stereocal.fit.refine import refine
@@ -313,7 +314,9 @@ def turned(rows: Recording, name: str, vector: FloatArray, frame: int) -> Record
 def said(rows: Recording) -> str:
     """What is said of a movement; empty if nothing is."""
     try:
-        words = calibrate(rows).warnings
+        # `rig` does not take a pair with its own times or lengths, as ewand12 has them.
+        two = len(rows.cameras) == 2
+        words = (calibrate(rows.pair(*rows.cameras)) if two else calibrate_rig(rows)).warnings
     except StereocalError as error:
         words = (str(error),)
     return next((word for word in words if " moved " in word), "")
