@@ -73,8 +73,8 @@ FIRST_DAMPING, EASED, RAISED, LEAST_RAISED = 1e-5, 0.05, 20.0, 1e-4
 """Marquardt's damping of a solve: at first; its factors after a step that lowers the cost and after
 one that does not; and its least value then. Nearly undamped at first, since poses begin near: 20
 steps for sample_data/field, 40 for the recording, 397 for every eighth frame of ewand123. A quarter
-and four times each number: 18 to 23, 36 to 43, 365 to 432 steps, and the same answers (to 1e-6
-standard errors). Where field begins up to 0.55 rad off, 10 starts of 10 come to the same fit in
+and four times each number: 18 to 23, 36 to 43, 365 to 432 steps, and the same answers (to 1.5e-5 in
+any unknown, of ewand123 to 1e-6 standard errors). Where field begins up to 0.55 rad off, 10 starts of 10 come to the same fit in
 2940 steps, or 2738 to 3206."""
 ROUNDING = 1e-6
 """A step that is predicted to gain less, and gains nothing, ends the solve: what is left is
@@ -86,7 +86,7 @@ the same third of the frames as the first limit, so that one solve is nearly alw
 ROUGHLY_SAME_NOISE, OF_SMALLEST_SCATTER = 0.1, 0.1
 """Relative change of the noise that ends the annealing, and change of the scatter over
 `SMALLEST_SCATTER`. With 0.4 of the first, ewand123 takes 358 steps and 103 solves instead of 397
-and 116, with 0.025 413 and 129; answers change by 1e-6 standard errors."""
+and 116, with 0.025 413 and 129; its answers change by 1e-6 standard errors."""
 SAME_NOISE = 0.01
 """Relative change of the noise in a round, below which it has converged."""
 
