@@ -19,12 +19,12 @@ PACKAGE = Path(__file__).parents[1]
 def use_writable_cache() -> None:
     """Make numba cache compiled code in a writable folder.
 
-    Nothing changes if `NUMBA_CACHE_DIR` or the folder of the sources is writable. Otherwise
-    `NUMBA_CACHE_DIR` is set, which child processes inherit: to a folder in the user's cache folder,
-    or else to one in the temporary folder that has the same name each time.
+    Nothing changes if `NUMBA_CACHE_DIR` is writable, or not set and the folder of the sources is
+    writable. Otherwise it is set, which child processes inherit: to a folder in the user's cache
+    folder, or else to one in the temporary folder that has the same name each time.
     """
     configured = os.environ.get(VARIABLE)
-    if (configured and _can_write(Path(configured))) or _can_write_beside():
+    if _can_write(Path(configured)) if configured else _can_write_beside():
         return
     folder = next(filter(_is_ours, _candidates()), None)
     if folder is None:

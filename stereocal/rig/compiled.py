@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -31,6 +31,9 @@ _IMPORTED = re.compile(rf"^from ({_PACKAGE.name}[.\w]*) import ([\w, ]*)", re.MU
 FAST_MATH = {"contract", "nsz", "arcp", "reassoc"}
 """Allows reordered sums, so that loops over points are vectorised; keeps the rules for NaN."""
 
+DAY_S = 86400.0
+END_OF_PICKLE = b"."
+
 _ON_DISK: list[tuple[Path, str]] = []
 """The folder and the name of each function of this package that was decorated."""
 _DECORATING = threading.Lock()
@@ -50,21 +53,34 @@ def inlined(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def _decorated(function: Callable[P, T], forceinline: bool = False) -> Callable[P, T]:
+    """The compiled function, kept in the folder of its file's state, or else not at all.
+
+    Where numba cannot write there, it would take code from beside the source, whatever its state.
+    """
     folder = _folder(Path(inspect.getfile(function)))
+
+    def decorate(cache: bool) -> Callable[P, T]:
+        made: Callable[P, T] = numba.njit(
+            cache=cache,
+            nogil=True,
+            error_model="numpy",
+            fastmath=FAST_MATH,
+            forceinline=forceinline,
+        )(function)
+        return made
+
     with _DECORATING:
         others, _SETTINGS.CACHE_DIR = _SETTINGS.CACHE_DIR, str(folder)
         try:
-            decorated: Callable[P, T] = numba.njit(
-                cache=True,
-                nogil=True,
-                error_model="numpy",
-                fastmath=FAST_MATH,
-                forceinline=forceinline,
-            )(function)
+            decorated = decorate(cache=True)
         finally:
             _SETTINGS.CACHE_DIR = others
-    # The same function with NUMBA_DISABLE_JIT.
-    if decorated is not function and function.__module__.startswith(f"{_PACKAGE.name}."):
+    if decorated is function:  # with NUMBA_DISABLE_JIT
+        return function
+    dispatcher: Any = decorated
+    if not Path(dispatcher.stats.cache_path).is_relative_to(folder):
+        decorated = decorate(cache=False)
+    elif function.__module__.startswith(f"{_PACKAGE.name}."):
         _ON_DISK.append((folder, function.__qualname__))
     return decorated
 
@@ -76,7 +92,10 @@ def uncompiled() -> bool:
 
 @functools.cache
 def _folder(path: Path) -> Path:
-    """Where the compiled functions of a source file are kept; those of its earlier states go.
+    """Where the compiled functions of a source file are kept.
+
+    Those of its earlier states go once nothing was written there for a day: another process may
+    still run one. So do files that a power cut left empty or cut off, since numba's reader raises.
 
     Compiled code contains the functions it calls and the constants it reads from other modules, but
     numba looks only at the function's own file: each state of the file and of all modules of this
@@ -91,12 +110,14 @@ def _folder(path: Path) -> Path:
     owner = f"{path} {numba.__version__} {sys.implementation.cache_tag}"
     prefix = hashlib.sha256(owner.encode()).hexdigest()[:8]
     folder = _KEPT / f"{prefix}-{stamp}"
-    for earlier in _KEPT.glob(f"{prefix}-*"):
-        if earlier != folder:
-            shutil.rmtree(earlier, ignore_errors=True)
-    for kept in folder.glob("*/*.nb[ci]"):
-        if not kept.stat().st_size:  # what a power cut leaves; numba's reader would raise
-            kept.unlink(missing_ok=True)
+    with suppress(OSError):  # another process removes the same
+        for earlier in _KEPT.glob(f"{prefix}-*"):
+            written = max(at.stat().st_mtime for at in (earlier, *earlier.iterdir()))
+            if earlier != folder and time.time() - written > DAY_S:
+                shutil.rmtree(earlier, ignore_errors=True)
+        for kept in folder.glob("*/*.nb[ci]"):
+            if kept.read_bytes()[-1:] != END_OF_PICKLE:
+                kept.unlink(missing_ok=True)
     return folder
 
 

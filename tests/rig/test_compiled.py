@@ -1,12 +1,14 @@
 """What is kept of compiled code on disk, and what Python sees of it."""
 
 import os
+import pickle
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from stereocal.rig.compiled import _ON_DISK, _folder, _source, compiled, contiguous
 
@@ -20,8 +22,14 @@ print(costs.cost(costs.POINTS, R, T, rays, np.zeros((3, 1)), scale))
 """
 
 
-def test_code_on_disk_is_not_used_when_what_it_calls_has_changed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("writable", [True, False])
+def test_code_on_disk_is_not_used_when_what_it_calls_has_changed(
+    writable: bool, tmp_path: Path
+) -> None:
     """The cost stands in costs.py and holds a copy of the midpoint, which stands in geometry.py."""
+    at = tmp_path / "cache"
+    if not writable:  # a file in the place of the folder of each state
+        at.touch()
     shutil.copytree(ROOT / "stereocal", tmp_path / "stereocal")
 
     def cost() -> float:
@@ -31,7 +39,7 @@ def test_code_on_disk_is_not_used_when_what_it_calls_has_changed(tmp_path: Path)
             capture_output=True,
             text=True,
             check=True,
-            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+            env={**os.environ, "NUMBA_CACHE_DIR": str(at)},
         )
         return float(run.stdout)
 
@@ -127,16 +135,21 @@ def test_folders_of_earlier_states_of_a_file_go(tmp_path: Path) -> None:
     source.write_text("ONE = 2\n")
     _source.cache_clear()
     assert _folder.__wrapped__(source) != earlier
+    assert earlier.exists()  # another process may run it
+    os.utime(earlier, (0, 0))
+    assert _folder.__wrapped__(source) != earlier
     assert not earlier.exists()
 
 
-def test_empty_files_are_removed(tmp_path: Path) -> None:
+def test_files_that_are_cut_off_are_removed(tmp_path: Path) -> None:
     """A power cut leaves them, and numba raises an error where it reads one."""
     source = tmp_path / "source.py"
     source.write_text("ONE = 1\n")
     kept = _folder(source) / "rig"
     kept.mkdir(parents=True)
-    (kept / "cost-1.nbi").touch()
-    (kept / "cost-2.nbi").write_bytes(b"kept")
+    whole = pickle.dumps("0.68") + pickle.dumps({"cost": 1})
+    contents = {"empty": b"", "zeros": bytes(len(whole)), "cut": whole[:-3], "whole": whole}
+    for name, content in contents.items():
+        (kept / f"{name}.nbi").write_bytes(content)
     _folder.__wrapped__(source)
-    assert [file.name for file in kept.iterdir()] == ["cost-2.nbi"]
+    assert [file.name for file in kept.iterdir()] == ["whole.nbi"]

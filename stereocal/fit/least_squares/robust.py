@@ -74,8 +74,8 @@ FIRST_DAMPING, EASED, RAISED, LEAST_RAISED = 1e-5, 0.05, 20.0, 1e-4
 one that does not; and its least value then. Nearly undamped at first, since poses begin near: 20
 steps for sample_data/field, 40 for the recording, 397 for every eighth frame of ewand123. A quarter
 and four times each number: 18 to 23, 36 to 43, 365 to 432 steps, and the same answers (to 1.5e-5 in
-any unknown, of ewand123 to 1e-6 standard errors). Where field begins up to 0.55 rad off, 10 starts of 10 come to the same fit in
-2940 steps, or 2738 to 3206."""
+any unknown, of ewand123 to 1e-6 standard errors). Where field begins up to 0.55 rad off, 10 starts
+of 10 come to the same fit in 2940 steps, or 2738 to 3206."""
 ROUNDING = 1e-6
 """A step that is predicted to gain less, and gains nothing, ends the solve: what is left is
 rounding and the remaining error of the points. (2.5e-7 and 4e-6: the same steps, but 4 of 2940.)"""
