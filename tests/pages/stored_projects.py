@@ -5,11 +5,16 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.formats.dataset_files import pack_recording
 from stereocal.projects.archive import unpack_project
 from stereocal.projects.project import Project
 from stereocal.ui import jobs
+from stereocal.ui.rig import run_of
+from stereocal.ui.start import three_cameras
+from tests.projects.test_recording import rig_text
 
 ROOT = Path(__file__).parents[2]
 FULL = ROOT / "tests" / "projects" / "full.zip"
@@ -24,6 +29,22 @@ SLOW = 120
 def placed(source: Path, home: Path) -> Project:
     """The project of a zip."""
     return unpack_project(source, source.name, home)
+
+
+def rig_of_three(home: Path) -> Project:
+    """The sample of three cameras with its rig, and the frames that it was fitted to."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STEREOCAL_HOME", str(home))
+        project = three_cameras()
+    recording = project.recording
+    assert recording is not None
+    fitted = recording.where(recording.frame % 3 == 0)
+    project.give_recording(fitted, pack_recording(fitted))
+    run = run_of(project)
+    assert run is not None
+    project.keep_rig(rig_text(), b"zip", run.made_from)
+    project.keep_settings(FEW)
+    return project
 
 
 def dashboard(page: str = "start", **address: str) -> AppTest:

@@ -34,20 +34,19 @@ from stereocal.ui.apply_points import CLICKED
 from stereocal.ui.menu import OTHER_ADDRESSES
 from stereocal.ui.results import looks_of
 from stereocal.ui.rig import TILES as RIG_TILES
-from stereocal.ui.rig import run_of
-from stereocal.ui.start import RIG, three_cameras
+from stereocal.ui.start import RIG
 from stereocal.ui.validation import ALL_PAIRS
 from tests.archives import caliscope_files, wand_csv
 from tests.files import encoded, zipped
 from tests.lens import PATTERN, SMALL, photographed
 from tests.pages.stored_projects import (
-    FEW,
     dashboard,
     drop,
     ended,
     go,
     look_at,
     page_of,
+    rig_of_three,
     run_job,
     told,
     wait_until,
@@ -61,18 +60,7 @@ from tests.rigs.boards import HERE, placings, stereo
 
 @pytest.fixture
 def project(home: Path) -> Project:
-    """The sample of three cameras with its rig, and the frames that it was fitted to."""
-    assert home.is_dir()
-    found = three_cameras()
-    recording = found.recording
-    assert recording is not None
-    fitted = recording.where(recording.frame % 3 == 0)
-    found.give_recording(fitted, pack_recording(fitted))
-    run = run_of(found)
-    assert run is not None
-    found.keep_rig(rig_text(), b"zip", run.made_from)
-    found.keep_settings(FEW)
-    return found
+    return rig_of_three(home)
 
 
 def titles(app: AppTest) -> list[str]:
