@@ -164,18 +164,6 @@ def test_names_decide_with_a_switch(app: AppTest, home: Path) -> None:
     assert (pairs["point_primary"] != pairs["point_secondary"]).sum() == 12
 
 
-def test_a_long_work_runs_as_a_job(
-    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(apply_page, "INSTANT_S", 0.0)
-    monkeypatch.setattr(apply_page, "UNASKED_S", 0.0)
-    with_files(app)
-    assert "No result yet" in told(app)
-    job = run_job(app, "apply_run", store_of(app, home).project, "apply")
-    assert job.state == "done"
-    assert "90 pairs in 6 frames" in told(app, "success")
-
-
 def test_work_of_seconds_begins_unasked_once(
     app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -211,16 +199,6 @@ def test_unasked_work_leaves_what_was_pressed(app: AppTest, home: Path) -> None:
     jobs.start(work(follows=True))
     assert ended(project, "apply").state == "done"
     assert not stored_jobs.is_interrupted(project.results, kind)
-
-
-def test_refined_set_serves_both(pressed: AppTest) -> None:
-    app = go(pressed, "apply")
-    for use in ("matching", "measuring"):
-        app.selectbox(key=f"apply_{use}").set_value("refined").run()
-    assert "50 of 50 pairs have the same target" in told(app, "caption")
-    assert not app.error and not app.warning
-    app.selectbox(key="apply_matching").set_value("3d").run()
-    assert "it accepts more wrong pairs" in told(app, "warning")
 
 
 @pytest.fixture
@@ -332,8 +310,14 @@ def files_named(app: AppTest) -> tuple[str, ...]:
     return found
 
 
-def test_the_files_of_the_project_that_were_used_are_named(pressed: AppTest) -> None:
+def test_sets_of_the_project_serve_and_are_named(pressed: AppTest) -> None:
     app = go(pressed, "apply")
+    for use in USES:
+        app.selectbox(key=f"apply_{use}").set_value("refined").run()
+    assert "50 of 50 pairs have the same target" in told(app, "caption")
+    assert not app.error and not app.warning
+    app.selectbox(key="apply_matching").set_value("3d").run()
+    assert "it accepts more wrong pairs" in told(app, "warning")
     app.selectbox(key="apply_matching").set_value("2d").run()
     app.selectbox(key="apply_measuring").set_value("3d").run()
     assert files_named(app) == ("parameters_2d.json", "parameters_3d.json")
@@ -378,15 +362,6 @@ def test_the_viewer_opens_at_a_frame_with_pairs_and_draws_no_empty_box(app: AppT
     assert "Frame 1: 0 pairs" in pictured(app) and drawn() == boxes[:1]
 
 
-def test_tables_on_the_page_have_four_digits_and_files_all(app: AppTest, home: Path) -> None:
-    with_files(app).segmented_control(key="apply_view").set_value("Tables").run()
-    shown = [json.loads(table.proto.columns) for table in app.dataframe]
-    assert shown[0]["u_primary"]["type_config"]["format"] == "%.2f"
-    assert {shown[1][axis]["type_config"]["format"] for axis in "xyz"} == {"%.4g"}
-    x = str(result_of(app, home)[1]["x"][0])
-    assert len(x) > 10
-
-
 def test_a_result_of_a_table_is_not_shown_with_clicked_points(app: AppTest, home: Path) -> None:
     with_files(app)
     before = store_of(app, home).result
@@ -398,14 +373,23 @@ def test_a_result_of_a_table_is_not_shown_with_clicked_points(app: AppTest, home
     after = store_of(app, home).result
     assert "90 pairs in 6 frames" in told(app, "success")
     assert after is not None and after[0] == before[0]  # kept, not computed again
+    # On the page tables have four digits, in files all.
+    app.segmented_control(key="apply_view").set_value("Tables").run()
+    shown = [json.loads(table.proto.columns) for table in app.dataframe]
+    assert shown[0]["u_primary"]["type_config"]["format"] == "%.2f"
+    assert {shown[1][axis]["type_config"]["format"] for axis in "xyz"} == {"%.4g"}
+    assert len(str(result_of(app, home)[1]["x"][0])) > 10
 
 
-def test_what_has_changed_since_a_result_is_said(
-    app: AppTest, monkeypatch: pytest.MonkeyPatch
+def test_a_long_work_runs_as_a_job_and_what_has_changed_since_is_said(
+    app: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with_files(app)
     monkeypatch.setattr(apply_page, "INSTANT_S", 0.0)
     monkeypatch.setattr(apply_page, "UNASKED_S", 0.0)
+    with_files(app)
+    assert "No result yet" in told(app)
+    assert run_job(app, "apply_run", store_of(app, home).project, "apply").state == "done"
+    assert "90 pairs in 6 frames" in told(app, "success")
     app.number_input(key="apply_threshold").set_value(40.0).run()
     words = "Changed since this result: threshold, depths, noise, names or world frame."
     assert words in told(app, "warning")

@@ -62,6 +62,12 @@ def test_photographs_to_the_projects_camera(
     assert "Of the primary camera: 7 photographs" in told(app)
     # As the photographs show.
     assert [app.number_input(key=f"board_{name}").value for name in ("columns", "rows")] == [8, 6]
+    # A fisheye has no coefficients to hold.
+    held, model = ("lens_fix_k3", "lens_zero_tangential"), app.segmented_control(key="lens_model")
+    usual = model.value
+    for chosen in ("fisheye", usual):
+        app.segmented_control(key="lens_model").set_value(chosen).run()
+        assert {app.toggle(key=key).disabled for key in held} == {chosen == "fisheye"}
     calibrate(small_board(app))
     assert not app.error
     assert "The focal length fx is" in messages(app)
@@ -108,14 +114,6 @@ def test_a_video_to_a_lens(app: AppTest, home: Path, tmp_path: Path) -> None:
     found = store_of(app, home).calibration
     # Eight small frames, compressed. Measured: 0.2 px.
     assert found is not None and abs(found.camera.K[0, 0] - SMALL.K[0, 0]) < 3
-
-
-def test_a_fisheye_has_no_coefficients_to_hold(app: AppTest, boards: dict[str, bytes]) -> None:
-    drop(app, boards, "upload_boards_primary")
-    held = ("lens_fix_k3", "lens_zero_tangential")
-    assert not any(app.toggle(key=key).disabled for key in held)
-    app.segmented_control(key="lens_model").set_value("fisheye").run()
-    assert all(app.toggle(key=key).disabled for key in held)
 
 
 def test_loaded_lenses_are_not_called_missing(pressed: AppTest) -> None:

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from streamlit.testing.v1 import AppTest
 
@@ -19,14 +18,13 @@ from stereocal.projects.application import (
     ProjectCheck,
 )
 from stereocal.projects.archive import pack_project, unpack_project
-from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.zip_files import pack_zip
 from tests.pages.stored_projects import again, drop, go, project_of, told
 from tests.pages.test_once import counted
-from tests.rigs.bumps import Case, bumped, cases, matched, seen_by
+from tests.rigs.bumps import Case, bumped, cases, seen_by
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M
 
 
@@ -38,8 +36,6 @@ class Files:
     same: bytes
     moved: bytes
     table: bytes
-    points: bytes
-    """200 matched points of the unmoved rig, 2 px less exact than its targets."""
 
 
 @pytest.fixture(scope="module")
@@ -50,16 +46,11 @@ def files() -> Files:
         return pack_dataset(seen_by(case, place_bars(rig, case.rng, 5, BAR_M, DEPTHS_M)))
 
     moved = five(bumped(case, np.radians(0.5)))
-    rows = matched(case, case.truth, 200).dataset.correspondences
-    sides = (rows.primary, rows.secondary)
-    pairs = np.column_stack([a + 2.0 * case.rng.standard_normal(a.shape) for a in sides])
-    points = pd.DataFrame(pairs, columns=list(PIXELS)).clip(lower=0.0).rename_axis("frame")
     return Files(
         case.prior.rig.dumps().encode(),
         pack_zip(five(case.truth)),
         pack_zip(moved),
         moved["correspondences.csv"],
-        points.to_csv().encode(),
     )
 
 
@@ -73,9 +64,13 @@ def begun(app: AppTest) -> AppTest:
 
 def test_files_alone_give_the_answer(begun: AppTest, files: Files) -> None:
     assert "Still missing: the parameters" in told(begun, "info")
-    drop(begun, {"p.json": files.parameters}, "upload_check_parameters")
+    known = RigParameters.loads(files.parameters, "p.json")
+    bare = replace(known, uncertainties=None).dumps().encode()
+    drop(begun, {"bare.json": bare}, "upload_check_parameters")
     assert "Still missing: new bars" in told(begun, "info")
     drop(begun, {"moved.zip": files.moved}, "upload_check_images")
+    assert "bare.json: the file does not state the covariance" in told(begun)
+    drop(begun, {"p.json": files.parameters}, "upload_check_parameters")
     assert told(begun, "warning").startswith("Moved: ")
     assert begun.session_state["page_states"]["check"].mark == "done"
     # The next session shows the same.
@@ -86,16 +81,6 @@ def test_files_alone_give_the_answer(begun: AppTest, files: Files) -> None:
     begun.number_input(key="check_turn_deg").set_value(1.0).run()
     begun.number_input(key="check_baseline_percent").set_value(5.0).run()
     assert "Same: no movement" in told(begun, "success")
-
-
-def test_parameters_without_covariance_are_named(begun: AppTest, files: Files) -> None:
-    known = RigParameters.loads(files.parameters, "p.json")
-    bare = replace(known, uncertainties=None).dumps().encode()
-    drop(begun, {"bare.json": bare}, "upload_check_parameters")
-    drop(begun, {"moved.zip": files.moved}, "upload_check_images")
-    assert "bare.json: the file does not state the covariance" in told(begun)
-    drop(begun, {"p.json": files.parameters}, "upload_check_parameters")
-    assert told(begun, "warning").startswith("Moved: ")
 
 
 def test_a_check_is_computed_once(
@@ -113,11 +98,18 @@ def test_a_check_is_computed_once(
     assert len(calls) == 3
 
 
-def test_the_repaired_parameters_are_used_by_one_press(
-    begun: AppTest, home: Path, files: Files
+def test_a_table_of_bars_is_kept_and_the_repaired_parameters_are_used_by_one_press(
+    begun: AppTest, home: Path, files: Files, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     drop(begun, {"p.json": files.parameters}, "upload_check_parameters")
-    drop(begun, {"moved.zip": files.moved}, "upload_check_images")
+    drop(begun, {"bars.csv": files.table}, "upload_check_images")
+    assert told(begun, "warning").startswith("Moved: ")
+    packed = tmp_path_factory.mktemp("elsewhere") / "packed.zip"
+    pack_project(project_of(begun, home), packed)
+    check = ProjectCheck(unpack_project(packed, packed.name, packed.parent))
+    for name, content in ((PARAMETERS, files.parameters), (IMAGES, files.table)):
+        kept = check.file(name)
+        assert kept is not None and kept.read_bytes() == content
     assert begun.button(key="use_repaired").proto.type == "primary"
     begun.button(key="use_repaired").click().run()
     assert begun.button(key="use_repaired").proto.type == "secondary"  # nothing is left to press
@@ -136,19 +128,6 @@ def test_the_repaired_parameters_are_used_by_one_press(
     few = write_table(bars.of_frames(bars.frames[:4]))
     drop(go(begun, "check"), {"p.csv": few}, "upload_check_images")
     assert begun.button(key="use_repaired").proto.type == "primary"
-
-
-def test_a_table_of_bars_and_the_archive(
-    begun: AppTest, home: Path, files: Files, tmp_path: Path
-) -> None:
-    drop(begun, {"p.json": files.parameters}, "upload_check_parameters")
-    drop(begun, {"bars.csv": files.table}, "upload_check_images")
-    assert told(begun, "warning").startswith("Moved: ")
-    pack_project(project_of(begun, home), tmp_path / "packed.zip")
-    store = ProjectCheck(unpack_project(tmp_path / "packed.zip", "packed.zip", home))
-    for name, content in ((PARAMETERS, files.parameters), (IMAGES, files.table)):
-        found = store.file(name)
-        assert found is not None and found.read_bytes() == content
 
 
 def test_the_results_of_the_project_are_checked(pressed: AppTest, home: Path) -> None:

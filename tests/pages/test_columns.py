@@ -22,21 +22,18 @@ def rows_of(app: AppTest, home: Path) -> int:
     return 0 if table is None else table[1].count(b"\n") - 1
 
 
-@pytest.mark.parametrize("name", ["spreadsheet", "wide", "long"])
+NUMBERED = TABLES["long"].replace(b";left;", b";2;").replace(b";right;", b";1;")
+"""Each camera is called by the number of the other."""
+
+
+@pytest.mark.parametrize("name", ["spreadsheet", "wide", "long", "numbered"])
 def test_a_table_is_shown_and_taken_by_one_press(name: str, app: AppTest, home: Path) -> None:
-    give(app, TABLES[name])
+    give(app, {**TABLES, "numbered": NUMBERED}[name])
     assert not app.error
     shown = app.dataframe[0].value
     assert shown.index[0] == "Read as" and len(shown) > 2
     assert "Nothing is loaded" not in told(app, "info")
     assert not [name for name in app.table[0].value.columns if "_" in name]  # names in files
-    app.button(key="use_bars").click().run()
-    assert rows_of(app, home) == len(ROWS)
-
-
-def test_cameras_may_be_called_by_the_number_of_another(app: AppTest, home: Path) -> None:
-    give(app, TABLES["long"].replace(b";left;", b";2;").replace(b";right;", b";1;"))
-    assert not app.error
     app.button(key="use_bars").click().run()
     assert rows_of(app, home) == len(ROWS)
 

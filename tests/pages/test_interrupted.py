@@ -37,22 +37,6 @@ def keys(app: AppTest) -> set[str]:
     return {str(button.key) for button in app.button}
 
 
-def test_what_ended_with_its_server_is_said_and_begun_again(pressing: AppTest, home: Path) -> None:
-    app, project = pressing, project_of(pressing, home)
-    stored_jobs.begin(project.database, "calibration")
-    killed(project.database)
-    assert STOPPED in messages(app.run())
-    app.button(key="run").click().run()
-    assert ended(project, "calibration").state == "done"
-    app.run()
-    assert STOPPED not in messages(app) and not app.error
-    assert project.calibration_evaluation is not None
-    stored_jobs.begin(project.database, "calibration")
-    killed(project.database)
-    app.run().button(key="discard_calibration").click().run()
-    assert STOPPED not in messages(app)
-
-
 def test_a_removed_project_stops_its_job(pressing: AppTest, home: Path) -> None:
     project, begun = project_of(pressing, home), threading.Event()
 
@@ -85,10 +69,10 @@ def test_a_job_cancelled_while_it_looks_for_its_project_ends(
 
 
 def test_a_job_that_waits_for_the_compilation_can_be_cancelled(
-    pressing: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
+    home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(WARM_UP, "over", threading.Event())
-    project, run = project_of(pressing, home), list[jobs.Job]()
+    project, run = Project.create(home), list[jobs.Job]()
     job = jobs.start(jobs.PageWork(project, "calibration", ("runs",), run.append))
     jobs.abandon(project, "calibration")
     assert ended(project, "calibration").state == "cancelled" and job.cancelled and not run
@@ -216,11 +200,20 @@ def test_no_page_computes_before_the_press(
 def test_the_press_and_a_restart(
     long: AppTest, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """What ended with its server is said, and is begun again or discarded."""
     project = project_of(long, home)
     project.keep_settings(FEW)
-    long.switch_page("pages/calibrate.py").run()
+    stored_jobs.begin(project.database, "calibration")
+    killed(project.database)
+    assert STOPPED in messages(go(long, "calibrate"))
     long.button(key="run").click().run()
     assert ended(project, "calibration").state == "done"
+    assert STOPPED not in messages(long.run()) and not long.error
+    assert project.calibration_evaluation is not None
+    stored_jobs.begin(project.database, "calibration")
+    killed(project.database)
+    long.run().button(key="discard_calibration").click().run()
+    assert STOPPED not in messages(long)
     with monkeypatch.context() as patch:
         forbid(patch)
         long.run()

@@ -54,11 +54,14 @@ def test_sample_to_result_and_back_in_a_new_session(app: AppTest, home: Path) ->
     app.switch_page("pages/calibrate.py").run()
     assert "No result yet" in messages(app)
     app.slider(key="calibration_frames_1_25").set_value(20).run()
-    project_of(app, home).keep_settings(FEW)
+    project = project_of(app, home)
+    project.keep_settings({"validate_splits": "frames", **FEW})
     app.button(key="run").click().run()
     assert "Use the refined set for both" in messages(app)
-    result = project_of(app, home).calibration
+    result, evaluation = project.calibration, project.calibration_evaluation
     assert result is not None and len(result.frames) == 20
+    # The tiles are of whole runs, whatever Validate shows.
+    assert evaluation is not None and evaluation.settings.splits == "runs"
 
     tab = again(app, "calibrate")
     assert "Use the refined set for both" in messages(tab)
@@ -81,6 +84,7 @@ def test_real_recording_with_its_middle_marker_to_apply(app: AppTest, home: Path
 
 def test_form_that_moved_on_is_said_and_the_result_stays(pressed: AppTest) -> None:
     app = pressed
+    assert states(app)["calibrate"] == "done"
     app.number_input(key="delta").set_value(2e-3).run()
     assert (
         "Changed since this result: Δ (0.001, now 0.002). It is shown as it was before."
@@ -89,36 +93,30 @@ def test_form_that_moved_on_is_said_and_the_result_stays(pressed: AppTest) -> No
     assert "Use the refined set for both" in messages(app)
     app.switch_page("pages/data.py").run()
     app.number_input(key="baseline_m_value").set_value(4.6).run()
+    assert states(app)["calibrate"] == "stale"
     app.switch_page("pages/calibrate.py").run()
     assert "baseline (4.5 m, now 4.6 m), Δ (0.001, now 0.002)" in messages(app)
     assert app.number_input(key="delta").value == 2e-3
 
 
-@pytest.mark.parametrize(
-    ("line", "column", "value", "reason"),
-    [(5, 2, "x", 'u_primary is "x"'), (9, 2, "5000", "outside the 2336x1728 px image")],
-)
-def test_bad_row_is_listed_and_can_be_left_out(
-    line: int, column: int, value: str, reason: str, app: AppTest
-) -> None:
-    open_sample(app)
-    lines = (FIELD / "correspondences.csv").read_text().splitlines()
-    cells = lines[line - 1].split(",")
-    cells[column] = value
-    lines[line - 1] = ",".join(cells)
-    drop(app, {"points.csv": "\n".join(lines).encode()})
-    refused = app.dataframe[0].value
-    assert list(refused["Line"]) == [line]
-    assert reason in refused["Refused because"][0]
-    app.button(key="use_rest").click().run()
-    assert "49 pairs of points in 25 frames" in messages(app)
+BAD_CELLS = ((5, "x", 'u_primary is "x"'), (9, "5000", "outside the 2336x1728 px image"))
 
 
-def test_a_table_without_one_good_row_is_refused(app: AppTest) -> None:
+def test_bad_rows_are_listed_and_can_be_left_out_unless_all_are(app: AppTest) -> None:
     open_sample(app)
     lines = (FIELD / "correspondences.csv").read_text().splitlines()
-    bad = "\n".join([lines[0], *(line.rsplit(",", 1)[0] + ",9e9" for line in lines[1:])])
-    drop(app, {"points.csv": bad.encode()})
+    for line, value, reason in BAD_CELLS:
+        cells = lines[line - 1].split(",")
+        cells[2] = value
+        bad = [*lines[: line - 1], ",".join(cells), *lines[line:]]
+        drop(app, {"points.csv": "\n".join(bad).encode()})
+        refused = app.dataframe[0].value
+        assert list(refused["Line"]) == [line]
+        assert reason in refused["Refused because"][0]
+        app.button(key="use_rest").click().run()
+        assert "49 pairs of points in 25 frames" in messages(app)
+    bad = [lines[0], *(line.rsplit(",", 1)[0] + ",9e9" for line in lines[1:])]
+    drop(app, {"points.csv": "\n".join(bad).encode()})
     assert len(app.dataframe[0].value) == len(lines) - 1
     assert not [button for button in app.button if button.key == "use_rest"]
 
@@ -269,16 +267,6 @@ def test_the_project_is_named_and_renamed(project: Project) -> None:
     assert go(app, "data").sidebar.text_input(key="project_name").value == "Meadow"
 
 
-def test_the_states_follow_what_the_page_has_changed(project: Project) -> None:
-    project.keep_settings(FEW)
-    app = page_of(project, "calibrate")
-    app.button(key="run").click().run()
-    assert states(app)["calibrate"] == "done"
-    app = go(app, "data")
-    app.number_input(key="baseline_m_value").set_value(1.2345).run()
-    assert states(app)["calibrate"] == "stale"
-
-
 def test_sample_photographs_fill_all_pages(app: AppTest, home: Path) -> None:
     app.button(key="demo_photographs").click().run()
     app.switch_page("pages/data.py").run()
@@ -313,11 +301,13 @@ def test_large_counts_are_written_alike(app: AppTest, home: Path) -> None:
     assert str(len(many)) not in shown
 
 
-@pytest.mark.parametrize("page", ["data", "validate", "apply", "check", "plan"])
-def test_one_button_of_a_page_stands_out(page: str, home: Path) -> None:
-    app = page_of(placed(FULL, home), page)
-    buttons = [*app.get("button"), *app.get("download_button")]
-    assert [each.proto.label for each in buttons if each.proto.type == "primary"][1:] == []
+def test_one_button_of_a_page_stands_out(project: Project) -> None:
+    app = page_of(project)
+    for page in ("data", "validate", "apply", "check", "plan"):
+        go(app, page)
+        buttons = [*app.get("button"), *app.get("download_button")]
+        first = [each.proto.label for each in buttons if each.proto.type == "primary"]
+        assert len(first) <= 1, (page, first)
 
 
 def test_a_plan_without_a_project_is_kept_by_the_button_that_stands_out(app: AppTest) -> None:

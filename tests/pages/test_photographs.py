@@ -267,7 +267,7 @@ def balls(home: Path) -> Project:
     return project
 
 
-def test_balls_are_stated_and_found(balls: Project) -> None:
+def test_balls_are_stated_and_found_and_tags_are_stated(balls: Project) -> None:
     app = page_of(balls, "data")
     # Proposed with its picture; the user has not answered yet.
     assert "bar with two coloured balls" in told(app, "markdown")
@@ -289,6 +289,11 @@ def test_balls_are_stated_and_found(balls: Project) -> None:
     assert "Changed since" not in messages(app)
     app.segmented_control(key="held").set_value("tags").run()
     assert "Changed since this result: what you hold" in messages(app) and not app.exception
+    app.text_input(key="held_tags").set_value("4X4_50:3").run()
+    assert "tags:4X4_50:3,7" in messages(app) and app.button(key="find_targets").disabled
+    app.text_input(key="held_tags").set_value("4X4_50:3,7").run()
+    assert held_target(balls) == Tags("4X4_50", (3, 7))
+    assert not app.button(key="find_targets").disabled and not app.exception
 
 
 def test_a_bar_is_no_board_that_lies_about(app: AppTest, home: Path) -> None:
@@ -315,16 +320,6 @@ def test_a_bar_is_no_board_that_lies_about(app: AppTest, home: Path) -> None:
     run_job(app, "find_boards", project, "photographs")
     app.button(key="held_bar").click().run()
     assert held_target(project) == BAR and project.settings["held"] == "bar2x2"
-
-
-def test_tags_are_stated(balls: Project) -> None:
-    app = page_of(balls, "data")
-    app.segmented_control(key="held").set_value("tags").run()
-    app.text_input(key="held_tags").set_value("4X4_50:3").run()
-    assert "tags:4X4_50:3,7" in messages(app) and app.button(key="find_targets").disabled
-    app.text_input(key="held_tags").set_value("4X4_50:3,7").run()
-    assert held_target(balls) == Tags("4X4_50", (3, 7))
-    assert not app.button(key="find_targets").disabled and not app.exception
 
 
 def test_tags_are_printed_before_there_is_a_project(app: AppTest) -> None:

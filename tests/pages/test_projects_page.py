@@ -3,6 +3,7 @@
 import os
 import re
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +14,7 @@ from stereocal.calibration.methods import Method
 from stereocal.projects.archive import pack_project
 from stereocal.projects.home import DAY_S, find_projects, recent_projects, remove
 from stereocal.projects.project import Project
-from tests.pages.stored_projects import (
-    FEW,
-    FULL,
-    dashboard,
-    drop,
-    messages,
-    page_of,
-    project_of,
-    told,
-)
+from tests.pages.stored_projects import FULL, dashboard, drop, messages, page_of, project_of, told
 from tests.pages.test_pages import open_sample
 
 
@@ -38,16 +30,15 @@ def keys(app: AppTest) -> set[str]:
     return set(keys_in_order(app))
 
 
-def test_a_card_says_what_a_project_holds_and_its_key_result(app: AppTest, home: Path) -> None:
-    def card() -> str:
-        (text,) = [each.value for each in start(app).caption if each.value.startswith("20")]
-        return str(text)
+def card_of(app: AppTest) -> str:
+    """What Start says of the only project."""
+    (text,) = [each.value for each in start(app).caption if each.value.startswith("20")]
+    return str(text)
 
-    project = project_of(open_sample(app), home)
-    assert "25 frames" in card() and "not calibrated" in card()
-    project.keep_settings(FEW)
-    app.switch_page("pages/calibrate.py").run()
-    app.button(key="run").click().run()
+
+def test_a_card_says_what_a_project_holds_and_its_key_result(pressed: AppTest, home: Path) -> None:
+    card = partial(card_of, pressed)
+    project = project_of(pressed, home)
     found = project.calibration_evaluation
     assert found is not None
 
@@ -73,6 +64,7 @@ def test_a_card_says_what_a_project_holds_and_its_key_result(app: AppTest, home:
 
 def test_a_sample_that_is_there_is_opened_again(app: AppTest, home: Path) -> None:
     first = project_of(open_sample(app), home)
+    assert "25 frames" in card_of(app) and "not calibrated" in card_of(app)
     first.keep_settings({"delta": 2e-3})
     start(app).button(key="demo").click().run()
     assert project_of(app, home).id == first.id and find_projects(home) == [first.id]
