@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Error, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Error, Locator, Page, expect, sync_playwright
 
 from stereocal.projects.home import duplicate
+from stereocal.projects.project import Project
 from tests.browser.work import finished_project
 
 ROOT = Path(__file__).parents[2]
@@ -36,6 +37,8 @@ LONGEST_MS = 120_000
 
 expect.set_options(timeout=20_000)  # a busy machine is no fault of a page
 
+HEALTH = {"STREAMLIT_SERVER_SCRIPT_HEALTH_CHECK_ENABLED": "true"}
+"""As the container has it (Dockerfile)."""
 FROM_CHECKOUT = ("-m", "streamlit", "run", "app.py", "--server.headless", "true", "--server.port")
 
 
@@ -136,19 +139,21 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def app_url(home: Path) -> Iterator[str]:
-    with serve(home) as url:
+    with serve(home, **HEALTH) as url:
         yield url
 
 
 @pytest.fixture(scope="session")
-def finished_once(home: Path) -> str:
+def finished_once(home: Path) -> Project:
     return finished_project(home)
 
 
 @pytest.fixture
-def finished(home: Path, finished_once: str) -> str:
-    """The id of a project with results of everything, in which no other walk chose a view."""
-    return duplicate(home, finished_once).id
+def finished(home: Path, finished_once: Project) -> Project:
+    """A project with results of everything, in which no other walk chose a view."""
+    project = duplicate(home, finished_once.id)
+    project.keep_settings({"frames_view": "All frames"})
+    return project
 
 
 @pytest.fixture
@@ -161,32 +166,50 @@ def page(browser: Browser) -> Iterator[Page]:
 
 DRAWN = """longest => {
   const app = document.querySelector("[data-testid=stApp]")
-  const rests = app?.dataset.testScriptState === "notRunning" && document.querySelector("h1")
-  window.restsSince = rests ? window.restsSince ?? performance.now() : undefined
-  return rests && performance.now() - window.restsSince > longest
+  const main = document.querySelector("[data-testid=stMain]")
+  const figures = [...document.querySelectorAll("[data-testid=stPlotlyChart]")]
+  const whole = app?.dataset.testScriptState === "notRunning" && document.querySelector("h1")
+    && figures.every((one) => !one.offsetParent || one.querySelector(".main-svg"))
+  const now = whole && `${main.scrollHeight} ${main.querySelectorAll("*").length}`
+  if (now !== window.drawn) [window.drawn, window.drawnSince] = [now, performance.now()]
+  return whole && performance.now() - window.drawnSince > longest
 }"""
-"""Whether a page has been whole for some time: between two runs it rests for a moment, too."""
-GAP_MS = 150
+"""Whether a page has been whole for some time: between two runs it rests for a moment, too, and
+Plotly draws and folds open after it."""
+GAP_MS = 250
 
 
 def settle(page: Page) -> None:
-    """Wait until the server has drawn the page whole."""
-    page.evaluate("delete window.restsSince")
+    """Wait until the server has drawn the page whole, and the browser what it was sent."""
+    page.evaluate("delete window.drawn")
     page.wait_for_function(DRAWN, arg=GAP_MS, timeout=LONGEST_MS)
 
 
-def open_page(page: Page, name: str) -> None:
-    """Open a page by the menu; again if the click fell between two runs of the page before."""
-    link = page.get_by_test_id("stSidebar").get_by_role("link", name=name)
-    for _ in range(5):
-        settle(page)
-        link.click()
-        with suppress(Error):
-            page.wait_for_url(f"**/{name.lower()}*", timeout=15_000)
-            break
-    else:
-        raise AssertionError(f"{name} could not be opened")
+def open_folds(page: Page) -> None:
+    """Open all that is folded."""
+    page.evaluate(OPEN)
     settle(page)
+
+
+OPEN = """[...document.querySelectorAll(
+  "[data-testid=stExpander] details:not([open]) > summary")].forEach(each => each.click())"""
+
+
+def visit(page: Page, url: str, name: str, project: Project) -> None:
+    """Open a page of a project."""
+    page.goto(f"{url}/{'' if name == 'start' else name}?project={project.id}")
+    settle(page)
+
+
+def project_of(page: Page, home: Path) -> Project:
+    """The project of a page's address."""
+    return Project.open(home, page.url.split("project=")[1][:32])
+
+
+def one_of(page: Page, name: str) -> Locator:
+    """What is chosen among others: a button, or a radio button."""
+    button = page.get_by_role("button", name=name, exact=True)
+    return page.get_by_role("radio", name=name, exact=True).or_(button).first
 
 
 def results_shown(page: Page, longest_ms: int = LONGEST_MS) -> None:

@@ -10,12 +10,11 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, ConsoleMessage, Page, expect
 
+from stereocal.projects.project import Project
 from stereocal.ui.menu import TITLES
-from tests.browser.conftest import LONGEST_MS, ROOT, settle
+from tests.browser.conftest import LONGEST_MS, one_of, open_folds, settle, visit
 
 pytestmark = pytest.mark.browser
-FIELD = ROOT / "sample_data" / "field"
-PATHS = ["" if name == "start" else name for name in TITLES]
 
 CUT = """() => {
     const wide = []
@@ -65,36 +64,6 @@ def violations(page: Page) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_pages_fit_a_narrow_screen_and_axe_finds_nothing(
-    browser: Browser, app_url: str, finished: str, scheme: Any
-) -> None:
-    context = browser.new_context(viewport={"width": 420, "height": 900}, color_scheme=scheme)
-    page = context.new_page()
-    problems: dict[str, list[str]] = {}
-    errors: list[str] = []
-    page.on("console", partial(keep_error, errors))
-    for path in PATHS:
-        page.goto(f"{app_url}/{path}?project={finished}")
-        settle(page)
-        page.wait_for_timeout(700)  # Plotly draws after the page is settled
-        for opened in page.locator("[data-testid=stExpander] summary").all():
-            opened.click()
-        page.wait_for_timeout(400)
-        width = page.evaluate("document.documentElement.scrollWidth")
-        main = page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth")
-        found = [f"{width} px wide"] * (max(width, main) > 420)
-        found += ["a figure without words"] * page.locator(UNNAMED).count()
-        problems[path] = found + page.evaluate(CUT) + violations(page)
-        background = page.evaluate(
-            "getComputedStyle(document.querySelector('.stApp')).backgroundColor"
-        )
-        assert background == ("rgb(18, 24, 30)" if scheme == "dark" else "rgb(255, 255, 255)")
-    context.close()
-    problems["console"] = errors
-    assert not any(problems.values()), json.dumps(problems, indent=1)
-
-
 LABELS = """() => [...document.querySelectorAll('.textpoint text')].map((text) => {
     const grey = (colour) => Math.max(...colour.match(/\\d+/g).slice(0, 3).map(Number))
     const style = getComputedStyle(text)
@@ -105,19 +74,51 @@ LABELS = """() => [...document.querySelectorAll('.textpoint text')].map((text) =
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_labels_of_points_are_read_on_a_photograph(
-    browser: Browser, app_url: str, finished: str, scheme: Any
+def test_pages_fit_a_narrow_screen_and_axe_finds_nothing(
+    browser: Browser, app_url: str, finished: Project, scheme: Any
 ) -> None:
-    """Whatever is below: the label and its rim are far apart."""
-    context = browser.new_context(color_scheme=scheme)
+    """And labels of points are read on any photograph: label and rim are far apart."""
+    context = browser.new_context(viewport={"width": 420, "height": 900}, color_scheme=scheme)
     page = context.new_page()
-    for path in ("calibrate", "plan"):
-        page.goto(f"{app_url}/{path}?project={finished}")
-        settle(page)
-        expect(page.locator(".textpoint text").first).to_be_attached(timeout=LONGEST_MS)
-        for label, rim in page.evaluate(LABELS):
-            assert rim is not None and abs(label - rim) > 150, (path, label, rim)
+    problems: dict[str, list[str]] = {}
+    errors: list[str] = []
+    page.on("console", partial(keep_error, errors))
+    for name in TITLES:
+        visit(page, app_url, name, finished)
+        if name in ("calibrate", "plan"):
+            expect(page.locator(".textpoint text").first).to_be_attached(timeout=LONGEST_MS)
+            for label, rim in page.evaluate(LABELS):
+                assert rim is not None and abs(label - rim) > 150, (name, label, rim)
+        open_folds(page)
+        width = page.evaluate("document.documentElement.scrollWidth")
+        main = page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth")
+        found = [f"{width} px wide"] * (max(width, main) > 420)
+        found += ["a figure without words"] * page.locator(UNNAMED).count()
+        problems[name] = found + page.evaluate(CUT) + violations(page)
+        background = page.evaluate(
+            "getComputedStyle(document.querySelector('.stApp')).backgroundColor"
+        )
+        assert background == ("rgb(18, 24, 30)" if scheme == "dark" else "rgb(255, 255, 255)")
+        if name == "validate" and scheme == "light":
+            check_validation(page)
     context.close()
+    problems["console"] = errors
+    assert not any(problems.values()), json.dumps(problems, indent=1)
+
+
+def check_validation(page: Page) -> None:
+    """Three panels scrolled sideways there, out of sight, and the legend with them."""
+    for column in ("residual", "reprojection", "reconstruction"):
+        figure = page.locator(f".st-key-validation_{column}")
+        expect(figure.locator(".legend text").first).to_be_visible(timeout=LONGEST_MS)
+        for text in figure.locator(".legend text").all():
+            box = text.bounding_box()
+            assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= 420
+    expect(page.locator(".st-key-validation")).to_have_count(0)
+    page.set_viewport_size({"width": 1400, "height": 900})
+    expect(page.locator(".st-key-validation .legend").first).to_be_visible()
+    expect(page.locator(".st-key-validation_residual")).to_have_count(0)
+    page.set_viewport_size({"width": 420, "height": 900})
 
 
 FOCUSED = """async () => {
@@ -169,29 +170,39 @@ STILL = "*, *::before, *::after { transition: none !important; animation: none !
 """What shows the focus may come slowly; it is looked at once."""
 
 
-@pytest.mark.parametrize("path", ["", "data", "calibrate", "apply"])
+MOST_STOPS = 4
+"""From *Skip to main content* to the first button of Start. Measured: 3; with the toolbars of the
+figures and the links of headings 23."""
+
+
+@pytest.mark.parametrize("name", ["start", "data", "calibrate", "apply"])
 def test_tab_goes_through_a_page_and_out(
-    page: Page, app_url: str, finished: str, path: str
+    page: Page, app_url: str, finished: Project, name: str
 ) -> None:
     """The table of pairs and the photographs to pick in hold nobody."""
-    page.goto(f"{app_url}/{path}?project={finished}")
-    settle(page)
-    if path == "data":
+    visit(page, app_url, name, finished)
+    if name == "data":
         page.get_by_text("The pairs as a table").click()
-        page.get_by_role("radio", name="One frame").or_(
-            page.get_by_role("button", name="One frame", exact=True)
-        ).first.click()
+        one_of(page, "One frame").click()
         expect(page.locator(".st-key-pick_secondary canvas")).to_have_attribute(
             "data-ready", re.compile(".")
         )
         page.mouse.click(700, 20)
     settle(page)
     page.add_style_tag(content=STILL)
-    seen: list[dict[str, Any] | None] = []
+    page.keyboard.press("Tab")
+    seen: list[dict[str, Any] | None] = [page.evaluate(FOCUSED)]
+    if name == "start":
+        # Buttons are drawn by a script that comes later where many projects are listed.
+        page.locator(".st-key-recording button").wait_for()
+        assert seen[0] and seen[0]["text"] == "Skip to main content"
+        page.keyboard.press("Enter")
     while len(seen) < LONGEST_WALK and seen.count(None) < 2:
         page.keyboard.press("Tab")
         seen.append(page.evaluate(FOCUSED))
     assert seen.count(None) == 2, "Tab does not come to an end"
+    if name == "start":
+        assert "recording" in {now["key"] for now in seen[: 1 + MOST_STOPS] if now}
     first, second = (at for at, now in enumerate(seen) if now is None)
     through = [now for now in seen[first + 1 : second] if now]
     # Streamlit's table draws its focus itself, and not at once: that is not ours to look at.
@@ -200,58 +211,18 @@ def test_tab_goes_through_a_page_and_out(
     assert not lost, json.dumps(lost)
     words = {now["text"] for now in seen if now}
     assert {"Start", "Data", "Apply"} <= words  # the menu, and with it a way to every page
-    if path == "data":
+    if name == "data":
         pickers = [now for now in through if now["text"].startswith("Photograph of the")]
         assert len(pickers) == 2 and any(now["tag"] == "CANVAS" for now in through)
         assert {"As they were found", "Zoom in", "Go to target A"} <= words
 
 
-def test_a_narrow_screen_shows_all_of_the_validation(
-    browser: Browser, app_url: str, finished: str
-) -> None:
-    """Three panels scrolled sideways there, out of sight, and the legend with them."""
-    context = browser.new_context(viewport={"width": 420, "height": 900})
-    page = context.new_page()
-    page.goto(f"{app_url}/validate?project={finished}")
-    expect(page.get_by_text("Made with: ").first).to_be_visible(timeout=LONGEST_MS)
-    for column in ("residual", "reprojection", "reconstruction"):
-        figure = page.locator(f".st-key-validation_{column}")
-        expect(figure.locator(".legend text").first).to_be_visible(timeout=LONGEST_MS)
-        for text in figure.locator(".legend text").all():
-            box = text.bounding_box()
-            assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= 420
-    expect(page.locator(".st-key-validation")).to_have_count(0)
-    page.set_viewport_size({"width": 1400, "height": 900})
-    expect(page.locator(".st-key-validation .legend").first).to_be_visible()
-    expect(page.locator(".st-key-validation_residual")).to_have_count(0)
-    context.close()
-
-
-MOST_STOPS = 4
-"""From *Skip to main content* to the first button of Start. Measured: 3; with the toolbars of the
-figures and the links of headings 23."""
 FOCUS = "document.activeElement.matches('[data-testid=stMain]')"
 
 
-def test_the_first_button_is_a_few_stops_away(page: Page, app_url: str, finished: str) -> None:
-    page.goto(f"{app_url}?project={finished}")
-    settle(page)
-    # Buttons are drawn by a script that comes later where many projects are listed.
-    page.locator(".st-key-recording button").wait_for()
-    page.wait_for_timeout(1000)  # Plotly draws its toolbars after the page is settled
-    page.keyboard.press("Tab")
-    page.keyboard.press("Enter")
-    stops = 0
-    while page.evaluate(FOCUSED)["key"] != "recording":
-        page.keyboard.press("Tab")
-        stops += 1
-        assert stops <= MOST_STOPS
-
-
-def test_the_focus_goes_with_the_page(page: Page, app_url: str, finished: str) -> None:
+def test_the_focus_goes_with_the_page(page: Page, app_url: str, finished: Project) -> None:
     """From a button to the top of the page that it opens; a link of the menu keeps it."""
-    page.goto(f"{app_url}/plan?project={finished}")
-    settle(page)
+    visit(page, app_url, "plan", finished)
     for key in ("cameras", "data"):
         page.locator(".st-key-next button").press("Enter")
         expect(page).to_have_url(re.compile(f"/{key}"))
@@ -267,3 +238,24 @@ def test_the_focus_goes_with_the_page(page: Page, app_url: str, finished: str) -
     settle(page)
     page.keyboard.press("Tab")
     assert page.evaluate(FOCUSED)["text"] == "Skip to main content"
+
+
+def test_frames_play_and_stop_by_keyboard(page: Page, app_url: str, finished: Project) -> None:
+    visit(page, app_url, "apply", finished)
+    expect(page.get_by_text(" in 14 frames, none").first).to_be_visible(timeout=LONGEST_MS)
+    settle(page)
+    slider = page.locator("[class*=st-key-apply_frame_] input")
+    slider.focus()
+    page.keyboard.press("ArrowRight")
+    expect(page.get_by_text(re.compile("^Frame 2: ")).first).to_be_visible()
+    play = page.locator(".st-key-apply_play button")
+    play.press("Enter")
+    expect(page.get_by_text(re.compile(r"^Frame ([4-9]|\d\d+): "))).to_be_visible(
+        timeout=LONGEST_MS
+    )
+    play.press("Enter")
+    expect(play).to_contain_text("Play", timeout=LONGEST_MS)
+    settle(page)
+    stopped = slider.get_attribute("aria-valuetext")
+    page.wait_for_timeout(2000)  # four frames, if it went on
+    assert slider.get_attribute("aria-valuetext") == stopped

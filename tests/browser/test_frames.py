@@ -1,4 +1,4 @@
-"""From the errors of a frame to the frame, and out of the calibration, in a real browser."""
+"""From a figure to what it shows, and numbers typed into a table, in a real browser."""
 
 import re
 from pathlib import Path
@@ -8,23 +8,12 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stereocal.fit.screening.outliers import bar_frames
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from tests.browser.conftest import LONGEST_MS, ROOT, results_shown, settle
-from tests.browser.work import a_project
+from tests.browser.conftest import LONGEST_MS, settle, visit
+from tests.pages.stored_projects import rig_of_three
 
 pytestmark = pytest.mark.browser
-FIELD = ROOT / "sample_data" / "field"
-
-
-def given(page: Page, app_url: str, home: Path) -> Project:
-    """A project with the sample, opened on Calibrate and calibrated."""
-    project = a_project(home, FIELD)
-    page.goto(f"{app_url}/calibrate?project={project.id}")
-    settle(page)
-    page.locator(".st-key-run button").click()
-    results_shown(page)
-    settle(page)
-    return project
 
 
 def frame_of_largest_error(project: Project) -> int:
@@ -41,7 +30,7 @@ def points(page: Page) -> list[str]:
     expect(symbols.first).to_be_visible(timeout=LONGEST_MS)
     found: list[str] = []
     while True:  # Plotly draws after the page is settled
-        page.wait_for_timeout(1000)
+        page.wait_for_timeout(300)
         last, found = (
             found,
             page.locator(".st-key-frames .scatterlayer .point").evaluate_all(
@@ -65,10 +54,10 @@ def click_highest(page: Page) -> None:
     page.mouse.click(x, y)
 
 
-def test_an_outlier_is_clicked_and_left_out(page: Page, app_url: str, home: Path) -> None:
-    project = given(page, app_url, home)
+def test_an_outlier_is_clicked_and_left_out(page: Page, app_url: str, finished: Project) -> None:
+    project = finished
     page.set_viewport_size({"width": 1400, "height": 3000})
-    settle(page)
+    visit(page, app_url, "calibrate", project)
     before, outlier = points(page), frame_of_largest_error(project)
     shown = page.get_by_text(re.compile(r"Frame \d+ is used\.")).first
     if f"Frame {outlier} " in shown.inner_text():  # so that the click has something to change
@@ -86,3 +75,53 @@ def test_an_outlier_is_clicked_and_left_out(page: Page, app_url: str, home: Path
     settle(page)
     assert project.inputs.left_out == [outlier]
     assert points(page) != before
+
+
+def test_a_line_between_cameras_chooses_the_pair(page: Page, app_url: str, home: Path) -> None:
+    project = rig_of_three(home)
+    page.set_viewport_size({"width": 420, "height": 900})
+    page.goto(f"{app_url}/rig?project={project.id}")  # an address of before
+    title = page.get_by_role("heading", name="Calibrate", exact=True).first
+    expect(title).to_be_visible(timeout=LONGEST_MS)
+    settle(page)
+    assert page.evaluate("document.body.scrollWidth <= window.innerWidth")
+    # The first pair is calibrated and validated without a press.
+    expect(page.locator(".st-key-download_2d button")).to_be_enabled(timeout=LONGEST_MS)
+    page.get_by_role("button", name="More").click()
+    page.get_by_role("button", name="All cameras", exact=True).click()
+    settle(page)
+    graph = page.locator(".st-key-rig_graph .js-line").first
+    graph.scroll_into_view_if_needed(timeout=LONGEST_MS)
+    line = graph.bounding_box()
+    assert line is not None
+    page.mouse.click(line["x"] + line["width"] / 2, line["y"] + line["height"] / 2)
+    expect(page.locator(".st-key-pair input")).not_to_have_value("1-2", timeout=LONGEST_MS)
+
+
+def number_frame(page: Page, row: int, number: str) -> None:
+    """Type a frame's number into the table of pairs, a canvas with rows of 35 px."""
+    canvas = page.locator("[data-testid=stDataFrame] canvas").first
+    canvas.scroll_into_view_if_needed()
+    settle(page)  # the expander opens slowly, and moves the table
+    box = canvas.bounding_box()
+    assert box is not None
+    page.mouse.dblclick(box["x"] + 0.33 * box["width"], box["y"] + 35 * (row + 1.5))
+    field = page.locator("#portal input")
+    field.fill(number)
+    field.press("Enter")
+    expect(field).to_have_count(0)
+
+
+def test_pairs_are_changed_by_hand(page: Page, app_url: str, finished: Project) -> None:
+    visit(page, app_url, "data", finished)
+    page.get_by_text("The pairs as a table").click()
+    expect(page.locator("[data-testid=stDataFrame] canvas").first).to_be_attached()
+    for row, number in ((0, "101"), (1, "102"), (0, "103")):
+        number_frame(page, row, number)
+        page.wait_for_timeout(500)
+        settle(page)
+    store = ProjectPhotographs(finished)
+    assert [row.pair.frame for row in store.rows][:3] == [103, 102, 3]
+    page.reload()
+    settle(page)
+    assert [row.pair.frame for row in store.rows][:3] == [103, 102, 3]

@@ -1,10 +1,14 @@
-"""A server that is killed while somebody works: what a page has acknowledged is there.
+"""Servers that begin, of an installed wheel too, that are one too many, and that are killed: what a
+page has acknowledged is there.
 
 STEREOCAL_KILLS says how often each activity is killed.
 """
 
+import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -15,12 +19,15 @@ import numpy as np
 import pytest
 from playwright.sync_api import Error, FilePayload, Page, expect
 
+from stereocal.cli import main
 from stereocal.projects.home import recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
+from stereocal.ui.menu import TITLES
 from tests.bar_photographs import bar_set
-from tests.browser.conftest import LONGEST_MS, ROOT, served, settle
+from tests.browser.conftest import LONGEST_MS, ROOT, download, results_shown, served, settle
 from tests.browser.work import a_project
+from tests.wheel import installed_in
 
 pytestmark = pytest.mark.browser
 KILLS = int(os.environ.get("STEREOCAL_KILLS", "1"))
@@ -108,52 +115,124 @@ ACTIVITIES: dict[str, tuple[str, float, Callable[[Page], Iterator[Step]]]] = {
 
 
 @pytest.mark.parametrize("number", range(KILLS))
-@pytest.mark.parametrize("activity", ACTIVITIES)
-def test_nothing_acknowledged_is_lost(
-    activity: str, number: int, page: Page, tmp_path: Path
-) -> None:
-    where, longest_s, act_on = ACTIVITIES[activity]
-    project = a_project(tmp_path, FIELD)
-    allowed = [found_in(project, activity)]
-    with served(tmp_path) as (server, url):
-        page.goto(f"{url}/{where}?project={project.id}")
-        settle(page)
-        moment = np.random.default_rng([number, len(activity)]).uniform(0.2, longest_s)
-        killer = threading.Timer(moment, os.killpg, (server.pid, signal.SIGKILL))
-        killer.start()
-        page.set_default_timeout(5000)
-        with suppress(Error, AssertionError):  # the server is gone
-            for value, act in act_on(page):
-                allowed.append(value)
-                act()
-                allowed = [value]
-        killer.join()
-        server.wait(20)
-    again = Project.open(tmp_path, project.id)
-    assert found_in(again, activity) in allowed
-    _ = again.dataset, again.calibration, again.evaluation
+def test_nothing_acknowledged_is_lost(number: int, page: Page, tmp_path: Path) -> None:
+    """One activity after the other, each looked at on the server that is killed next."""
+    looks: list[tuple[str, str]] = []
+    for activity, (where, longest_s, act_on) in ACTIVITIES.items():
+        project = a_project(tmp_path, FIELD)
+        allowed = [found_in(project, activity)]
+        with served(tmp_path) as (server, url):
+            look(page, url, looks)
+            page.goto(f"{url}/{where}?project={project.id}")
+            settle(page)
+            moment = np.random.default_rng([number, len(activity)]).uniform(0.2, longest_s)
+            killer = threading.Timer(moment, os.killpg, (server.pid, signal.SIGKILL))
+            killer.start()
+            page.set_default_timeout(5000)
+            with suppress(Error, AssertionError):  # the server is gone
+                for value, act in act_on(page):
+                    allowed.append(value)
+                    act()
+                    allowed = [value]
+            killer.join()
+            server.wait(20)
+        page.set_default_timeout(60_000)
+        again = Project.open(tmp_path, project.id)
+        assert found_in(again, activity) in allowed, activity
+        _ = again.dataset, again.calibration, again.evaluation
+        looks.append((where, project.id))
     with served(tmp_path) as (_, url):
-        page.goto(f"{url}/{where}?project={project.id}")
+        look(page, url, looks)
+    assert {each.id for each in recent_projects(tmp_path)} == {found for _, found in looks}
+
+
+def look(page: Page, url: str, looks: list[tuple[str, str]]) -> None:
+    """At the project whose activity was killed last."""
+    for where, project in looks[-1:]:
+        page.goto(f"{url}/{where}?project={project}")
         settle(page)
         expect(page.get_by_test_id("stMain").locator("h1")).to_be_visible(timeout=LONGEST_MS)
         for wrong in ("cannot be read", "damaged", "no project at this address"):
             expect(page.get_by_text(wrong)).to_have_count(0)
-    assert [each.id for each in recent_projects(tmp_path)] == [project.id]
 
 
-def test_a_second_server_of_the_same_projects_says_so_and_ends(page: Page, tmp_path: Path) -> None:
+WATCH = """
+window.seen = []
+let last = ''
+setInterval(() => {
+    const texts = (all) => [...document.querySelectorAll(all)].map((one) => one.innerText.trim())
+    const now = { menu: texts('[data-testid=stSidebarNavLink] span:last-of-type'),
+        titles: texts('h1') }
+    if (JSON.stringify(now) === last) return
+    last = JSON.stringify(now)
+    window.seen.push(now)
+}, 10)
+"""
+
+
+def open_new(page: Page, url: str, first: str) -> None:
+    """Open the page of an address on a new server, whose first request imports the package for 3 s:
+    a title and our menu stand there before, and never anything else."""
+    page.goto(url)
+    expect(page.get_by_text("Starting …").first).to_be_visible(timeout=LONGEST_MS)
+    assert page.evaluate("window.seen.at(-1).titles") == [first]
+    settle(page)
+    expect(page.get_by_text("Starting …")).to_have_count(0)
+    seen = page.evaluate("window.seen")
+    menus = [now["menu"] for now in seen if now["menu"]]
+    assert menus and all(menu == list(TITLES.values()) for menu in menus)
+    assert all(len(now["titles"]) <= 1 for now in seen)
+
+
+def test_a_new_server_and_a_second_one_of_the_same_projects(page: Page, tmp_path: Path) -> None:
+    """The second says that there is another, and ends."""
+    page.add_init_script(WATCH)
+    said = page.get_by_text("Another stereocal server")
     with served(tmp_path) as (first, url):
-        page.goto(url)
-        settle(page)
+        open_new(page, url, "stereocal")
         with served(tmp_path) as (second, other):
             page.goto(other)
-            expect(page.get_by_text("Another stereocal server")).to_be_visible(timeout=LONGEST_MS)
+            expect(said).to_be_visible(timeout=LONGEST_MS)
             assert second.wait(60) is not None
         assert first.poll() is None
         page.goto(url)
         settle(page)
-        expect(page.get_by_text("Another stereocal server")).to_have_count(0)
+        expect(said).to_have_count(0)
     with served(tmp_path) as (_, url):  # once the first has ended
+        open_new(page, f"{url}/apply", "Apply")
+        expect(said).to_have_count(0)
+
+
+def test_an_installed_package_serves_a_sample_to_both_files(page: Page, tmp_path: Path) -> None:
+    command = ("-m", "stereocal", "serve", "--headless", "--port")
+    environment = installed_in(tmp_path)
+    # Now, so that the walk waits for the pages alone.
+    subprocess.run(
+        [sys.executable, "-m", "stereocal", "compile"],
+        cwd=tmp_path,
+        env=environment,
+        check=True,
+        capture_output=True,
+    )
+    with served(tmp_path / "home", environment, command, tmp_path) as (_, url):
         page.goto(url)
         settle(page)
-        expect(page.get_by_text("Another stereocal server")).to_have_count(0)
+        page.locator(".st-key-demo button").click()
+        expect(page.get_by_text("50 pairs of points in 25 frames").first).to_be_visible(
+            timeout=LONGEST_MS
+        )
+        settle(page)
+        page.get_by_role("button", name="Next: Calibrate").click()
+        settle(page)
+        page.locator(".st-key-run button").click(timeout=LONGEST_MS)
+        results_shown(page)
+        settle(page)
+        # The same as by the command line, but for date and name.
+        assert main(["calibrate", str(ROOT / "sample_data/field"), "--out", str(tmp_path)]) == 0
+        for method in ("2d", "3d"):
+            shown = json.loads(download(page, f"download_{method}", tmp_path / "shown").read_text())
+            printed = json.loads((tmp_path / f"parameters_{method}.json").read_text())
+            for content in (shown, printed):
+                assert content.pop("created")
+                content["inputs"].pop("name")
+            assert shown == printed

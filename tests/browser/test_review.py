@@ -14,7 +14,7 @@ from stereocal.frames.frame import Centre
 from stereocal.library.calibrations import calibrate
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from tests.browser.conftest import download, settle
+from tests.browser.conftest import download, settle, visit
 
 pytestmark = pytest.mark.browser
 
@@ -61,15 +61,12 @@ def centre(store: ProjectPhotographs, number: int, camera: int, target: int) -> 
 
 
 @pytest.fixture
-def store(page: Page, app_url: str, home: Path, finished: str) -> ProjectPhotographs:
+def store(page: Page, app_url: str, finished: Project) -> ProjectPhotographs:
     """A project whose targets have been found, with frame 1 on the page."""
-    project = Project.open(home, finished)
-    project.keep_settings({"frames_view": "All frames"})
-    page.goto(f"{app_url}/data?project={project.id}")
-    settle(page)
+    visit(page, app_url, "data", finished)
     page.locator(".st-key-look_1 button").click()
     Photograph(page, "primary")
-    return ProjectPhotographs(project)
+    return ProjectPhotographs(finished)
 
 
 def table(page: Page, folder: Path) -> list[dict[str, str]]:
@@ -175,39 +172,39 @@ def test_view_by_mouse_and_keys(page: Page, store: ProjectPhotographs) -> None:
     assert primary.view == whole
 
 
-def test_what_a_press_opens_is_scrolled_to(
-    page: Page, app_url: str, home: Path, finished: str
-) -> None:
-    def top(part: str) -> float:
-        page.wait_for_timeout(2500)  # what stands above comes later, and scrolling follows it
-        box = page.locator(f".st-key-{part}").bounding_box()
-        assert box
-        return box["y"]
+AT_THE_TOP = """part => {
+    const top = document.querySelector(part)?.getBoundingClientRect().top
+    return top > 0 && top < 100
+}"""
 
-    project = Project.open(home, finished)
-    project.keep_settings({"frames_view": "All frames"})
-    project.leave_out(9)
-    dataset = project.dataset
+
+def test_what_a_press_opens_is_scrolled_to(page: Page, app_url: str, finished: Project) -> None:
+    def is_at_the_top(part: str) -> None:
+        """Below the header of the page; what stands above comes later, and scrolling follows it."""
+        page.wait_for_function(AT_THE_TOP, arg=f".st-key-{part}")
+        settle(page)
+        assert page.evaluate(AT_THE_TOP, f".st-key-{part}")
+
+    finished.leave_out(9)
+    dataset = finished.dataset
     assert dataset
     settings = CalibrationSettings(frames_left_out=(9,))
-    project.keep_calibration(calibrate(dataset, settings), project.inputs)
+    finished.keep_calibration(calibrate(dataset, settings), finished.inputs)
     page.set_viewport_size({"width": 420, "height": 900})
-    page.goto(f"{app_url}/data?project={project.id}")
-    settle(page)
+    visit(page, app_url, "data", finished)
     for number in (9, 10):
         page.locator(f".st-key-look_{number}").get_by_role("button").click()
         Photograph(page, "primary")
-        # Below the header of the page.
-        assert 0 < top("one_frame") < 100
+        is_at_the_top("one_frame")
         page.locator(".st-key-frames_view").get_by_text("All frames").click()
         settle(page)
-    page.goto(f"{app_url}/calibrate?project={project.id}")
+    visit(page, app_url, "calibrate", finished)
     page.get_by_role("button", name="Look at frame 9").click()
     expect(page.get_by_text("Frame 9 was left out by you.").first).to_be_visible()
-    assert 0 < top("opened_frame") < 100
+    is_at_the_top("opened_frame")
     page.get_by_role("button", name="Correct it").click()
     Photograph(page, "primary")
-    assert 0 < top("one_frame") < 100
+    is_at_the_top("one_frame")
 
 
 def test_by_touch_on_a_narrow_screen(

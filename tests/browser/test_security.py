@@ -1,6 +1,7 @@
 """What a server gives away, and to whom: other hosts, forged requests, addresses, errors."""
 
 import re
+import shutil
 import socket
 from pathlib import Path
 
@@ -11,60 +12,9 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
-from stereocal.ui.menu import TITLES
-from tests.browser.conftest import LONGEST_MS, serve, settle
+from tests.browser.conftest import HEALTH, ROOT, served, settle
 
 pytestmark = pytest.mark.browser
-PATHS = ["" if name == "start" else name for name in TITLES]
-VIEWS = {
-    "plan": ["Position error"],
-    "cameras": ["Photograph by photograph", "What the lens leaves", "Without distortion"],
-    "data": ["One frame"],
-    "calibrate": ["Why two sets", "How accurate, where", "Residuals by place", "Searches"],
-}
-"""Figures that stand on the page only when somebody asks for them."""
-FIGURES = {"plan": 3, "cameras": 1, "data": 1, "calibrate": 1, "validate": 1, "apply": 3}
-
-
-def visit(page: Page, url: str, path: str, project: str) -> None:
-    """Open a page and look at everything on it."""
-    page.goto(f"{url}/{path}?project={project}")
-    settle(page)
-    figures = page.locator(".js-plotly-plot:visible")
-    if path in FIGURES:
-        expect(figures.nth(FIGURES[path] - 1)).to_be_visible(timeout=LONGEST_MS)
-    for view in VIEWS.get(path, []):
-        control = page.get_by_role("radio", name=view, exact=True).or_(
-            page.get_by_role("button", name=view, exact=True)
-        )
-        if path == "calibrate" and not control.count():
-            page.get_by_role("button", name=re.compile("^More")).click()
-        control.first.click()
-        page.wait_for_timeout(300)
-        settle(page)
-
-
-def test_no_page_fetches_anything_from_another_host(
-    page: Page, app_url: str, finished: str, tmp_path: Path
-) -> None:
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.on("websocket", lambda socket: asked.append(socket.url))
-    for path in PATHS:
-        visit(page, app_url, path, finished)
-        if path == "validate":
-            with page.expect_download() as event:
-                page.locator(".st-key-download_report button").click()
-            event.value.save_as(tmp_path / "report.html")
-    own = (app_url, app_url.replace("http", "ws", 1), "data:", "blob:")
-    assert any(url.startswith("ws") for url in asked) and len(asked) > 50
-    assert [url for url in asked if not url.startswith(own)] == []
-
-    asked.clear()
-    page.goto((tmp_path / "report.html").as_uri())
-    expect(page.locator(".js-plotly-plot .main-svg").first).to_be_visible()
-    page.wait_for_timeout(500)
-    assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
 def test_uploads_without_the_token_of_the_page_are_refused(
@@ -125,10 +75,17 @@ def test_websockets_of_other_pages_are_refused(app_url: str) -> None:
             pass
 
 
-def test_server_for_others_is_reached_by_its_own_name(tmp_path: Path) -> None:
-    with serve(
-        tmp_path / "home", STREAMLIT_SERVER_ALLOWED_HOSTS="lab.example other.example"
-    ) as url:
+def test_server_for_others_is_reached_by_its_name_and_the_health_check_sees_bad_imports(
+    app_url: str, tmp_path: Path
+) -> None:
+    """As the container asks it (Dockerfile)."""
+    program, check = tmp_path / "program", "_stcore/script-health-check"
+    for name in ("stereocal", "pages", "assets", ".streamlit"):
+        shutil.copytree(ROOT / name, program / name)
+    shutil.copy(ROOT / "app.py", program)
+    (program / "stereocal/ui/navigation.py").write_text("import nothing_of_that_name\n")
+    others = {**HEALTH, "STREAMLIT_SERVER_ALLOWED_HOSTS": "lab.example other.example"}
+    with served(tmp_path / "home", others, folder=program) as (_, url):
         port = int(url.rsplit(":", 1)[1])
         for host, allowed in (("lab.example", True), ("other.example", True), ("evil", False)):
             way = socket.create_connection(("127.0.0.1", port))
@@ -138,6 +95,8 @@ def test_server_for_others_is_reached_by_its_own_name(tmp_path: Path) -> None:
                     assert allowed
             except InvalidStatus:
                 assert not allowed
+        assert requests.get(f"{url}/{check}", timeout=300).status_code == 503
+    assert requests.get(f"{app_url}/{check}", timeout=300).status_code == 200
 
 
 def test_nothing_drives_the_app_but_its_page(app_url: str) -> None:

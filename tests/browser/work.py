@@ -5,19 +5,27 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from stereocal.formats.dataset_description import TABLE
+from stereocal.formats.dataset_files import pack_dataset
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.lens_fit import LensSettings
-from stereocal.library.calibrations import calibrate
+from stereocal.projects.home import duplicate, remove
 from stereocal.projects.inputs import Slot
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
+from stereocal.system.zip_files import pack_zip
+from stereocal.ui import jobs
+from stereocal.ui.press import Press
 from tests.bar_photographs import BAR_M, bar_set
 from tests.files import encoded
+from tests.hostile_projects import dataset
 from tests.lens import facing, photographed, search
+from tests.pages.stored_projects import FEW, ended
 
 FRAMES, BOARDS = 14, 12
-NAME = "Meadow of the survey"
+FILE = "www.evil.example me@evil.example"
+NAME = f"http://evil.example/x https://evil.example {FILE}"
+"""Would be links if names were read as text with links."""
 FILES: dict[Slot, str] = {
     "correspondences": TABLE,
     "primary": "primary.json",
@@ -38,27 +46,27 @@ def a_project(home: Path, folder: Path, name: str = "") -> Project:
     return project
 
 
-def finished_project(home: Path) -> str:
-    """Photographs, found targets, lengths, a calibration and a lens; its id."""
+def finished_project(home: Path) -> Project:
+    """Photographs, found targets, lengths, a calibration with its validation, a lens, and a further
+    data set, all named `NAME` or `FILE`; a second project of that name was removed."""
     project = Project.create(home)
     bars = bar_set(FRAMES)
     store = ProjectPhotographs(project)
-    files = {
-        name.split("/")[1]: store.keep(name, content) for name, content in bars.files().items()
-    }
-    store.add(files)
+    store.add({name.split("/")[1]: store.keep(name, own) for name, own in bars.files().items()})
+    named = {slot: (f"{slot} {FILE}.json", own) for slot, (_, own) in bars.cameras.items()}
     baseline_m = bars.rig.pose.baseline
-    project.give(bars.cameras, name=NAME, baseline_m=baseline_m, target_distance_m=BAR_M)
+    project.give(named, name=NAME, baseline_m=baseline_m, target_distance_m=BAR_M)
     store.keep_corrected(bars.frames_of(store))
     with ThreadPoolExecutor(2) as executor:
         lens = calibrate_lens(search(BOARDS, 1), LensSettings(subset=8, repeats=12), executor)
     assert lens is not None
     boards = ProjectLens(project, "primary")
-    first = encoded(photographed(facing()))
-    boards.add({"00.png": boards.keep("00.png", first)})
+    boards.add({"00.png": boards.keep("00.png", encoded(photographed(facing())))})
     boards.keep_search(lens.search)
     boards.keep_calibration(lens)
-    dataset = project.dataset
-    assert dataset is not None
-    project.keep_calibration(calibrate(dataset, trace=True), project.inputs)
-    return project.id
+    project.keep_settings(FEW)
+    jobs.start(Press.of(project).work)
+    assert ended(project, "calibration").state == "done"
+    project.add_dataset(f"{FILE}.zip", pack_zip(pack_dataset(dataset().changed(name=NAME))))
+    remove(home, duplicate(home, project.id).id)
+    return project

@@ -23,7 +23,7 @@ NOT_RUN = {
     "pip": "tests/test_wheel.py installs the wheel",
     "python -m venv": "makes an environment",
     "stereocal-env/bin/pip": "tests/test_wheel.py installs the wheel",
-    "stereocal serve": "serves until it is stopped; tests/browser/test_installed.py runs it",
+    "stereocal serve": "serves until it is stopped; tests/browser/test_kills.py runs it",
     "python -m tools.photographs": "a minute; tests/tools renders some",
     "python -m tools.photographs.ball_sample": "half a minute; tests/tools renders a frame of it",
     "python -m tools.photographs.flight_sample": "tests/browser/test_clicks.py uses its videos",
