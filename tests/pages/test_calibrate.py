@@ -256,10 +256,6 @@ def test_a_forecast_that_held_out_frames_contradict_is_yellow(
         assert ("which does not hold" in captions) is bool(told_of)
 
 
-def look(app: AppTest, name: str) -> AppTest:
-    return look_at(app, name)
-
-
 CHANGED = "Changed since this result: acceptance ratio (0.2, now 0.3)"
 
 
@@ -275,7 +271,7 @@ def test_inputs_are_tested_the_settings_followed_and_what_is_stale_renewed_where
         renewing = app.button(key="run")
         assert (renewing.label, renewing.proto.type) == ("Calibrate again", "primary")
     project.keep_settings(FEW)
-    look(app, "Stated and estimated")
+    look_at(app, "Stated and estimated")
     assert "go unnoticed" in messages(app)
     assert "Baseline" in list(app.table[0].value.index)
     row = "Focal length fx, primary camera (px)"
@@ -292,7 +288,7 @@ def test_inputs_are_tested_the_settings_followed_and_what_is_stale_renewed_where
     assert project.calibration_digest != before and project.calibration_evaluation is not None
     assert states(app)["calibrate"] == "done"
     go(app, "calibrate")
-    table = look(app, "Stated and estimated").table[-1].value
+    table = look_at(app, "Stated and estimated").table[-1].value
     assert table.loc[row, "Standard error"] == "held"
     calibration = project.calibration
     assert calibration is not None and calibration.refined is not None
@@ -302,12 +298,12 @@ def test_inputs_are_tested_the_settings_followed_and_what_is_stale_renewed_where
 def test_the_looks_are_computed_from_the_stored_result(pressed: AppTest, home: Path) -> None:
     run = project_of(pressed, home).run
     assert run is not None and run.forecast is not None and run.forecast.check is not None
-    look(pressed, "Stated and estimated")
+    look_at(pressed, "Stated and estimated")
     for sentence in (run.forecast.verdict.figures, run.forecast.check.text, run.advice):
         assert sentence and sentence in told(pressed, "caption")
-    look(pressed, "Residuals by place")
+    look_at(pressed, "Residuals by place")
     assert "they accuse no lens" in pictured(pressed)
-    look(pressed, "How accurate, where")
+    look_at(pressed, "How accurate, where")
     assert "(median)" in pictured(pressed)
 
 

@@ -96,21 +96,18 @@ def test_a_project_from_a_plan(app: AppTest, home: Path) -> None:
     assert not app.error, messages(app)
 
 
-def test_the_forecast_stands_beside_what_came_out(home: Path) -> None:
+def test_the_forecast_stands_beside_what_came_out_and_a_damaged_pose_is_passed_over(
+    home: Path,
+) -> None:
     project = placed(FULL, home)
     found = forecast(FIELD, rigs=16)
-    project.keep_settings({"plan_forecast": found.to_json()})
+    project.keep_settings({"plan_forecast": found.to_json(), "plan_stated_pose": {}})
     app = page_of(project, "calibrate")
     said = told(app, "caption")
     assert "The plan expected 95 % of lengths within: 2D" in said
     assert percent(found.estimate("refined", "p95_error_3d").value) in said
-
-
-def test_a_damaged_stored_pose_is_passed_over(home: Path) -> None:
-    project = placed(FULL, home)
-    project.keep_settings({"plan_stated_pose": {}})
-    app = page_of(project, "plan")
-    assert not app.exception and app.select_slider(key="plan_baseline_m").value == 4.5
+    assert go(app, "plan").select_slider(key="plan_baseline_m").value == 4.5
+    assert not app.exception
 
 
 def test_a_camera_file_without_an_image_size_is_asked_for_it(app: AppTest) -> None:
