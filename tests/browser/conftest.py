@@ -151,9 +151,7 @@ def finished_once(home: Path) -> Project:
 @pytest.fixture
 def finished(home: Path, finished_once: Project) -> Project:
     """A project with results of everything, in which no other walk chose a view."""
-    project = duplicate(home, finished_once.id)
-    project.keep_settings({"frames_view": "All frames"})
-    return project
+    return duplicate(home, finished_once.id)
 
 
 @pytest.fixture

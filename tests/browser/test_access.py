@@ -255,6 +255,7 @@ def test_frames_play_and_stop_by_keyboard(page: Page, app_url: str, finished: Pr
     )
     play.press("Enter")
     expect(play).to_contain_text("Play", timeout=LONGEST_MS)
+    page.wait_for_timeout(1000)  # a step that was under way
     settle(page)
     stopped = slider.get_attribute("aria-valuetext")
     page.wait_for_timeout(2000)  # four frames, if it went on

@@ -63,6 +63,7 @@ def centre(store: ProjectPhotographs, number: int, camera: int, target: int) -> 
 @pytest.fixture
 def store(page: Page, app_url: str, finished: Project) -> ProjectPhotographs:
     """A project whose targets have been found, with frame 1 on the page."""
+    finished.keep_settings({"frames_view": "All frames"})
     visit(page, app_url, "data", finished)
     page.locator(".st-key-look_1 button").click()
     Photograph(page, "primary")
@@ -185,6 +186,7 @@ def test_what_a_press_opens_is_scrolled_to(page: Page, app_url: str, finished: P
         settle(page)
         assert page.evaluate(AT_THE_TOP, f".st-key-{part}")
 
+    finished.keep_settings({"frames_view": "All frames"})
     finished.leave_out(9)
     dataset = finished.dataset
     assert dataset
