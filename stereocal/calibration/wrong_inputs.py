@@ -205,33 +205,41 @@ def inconsistency_message(dataset: Pair, nominal: PoseFit | None = None) -> str:
     nominal = nominal or essential_fit(dataset)
     if nominal.only_scale_is_wrong:
         return _lengths_message(dataset, nominal.scale)
+    same_file = one_file_in_words((dataset.primary, dataset.secondary))  # ends with a space
     return (
-        f"{one_file_in_words((dataset.primary, dataset.secondary))}Baseline, bar and lenses "
-        "cannot all be right, and these frames cannot tell which is wrong. State the uncertainty "
-        "of each, and check both camera files: focal lengths, image size, signs of the distortion; "
-        "and, if the bar moved, that both cameras exposed at the same moment."
+        f"{same_file}Baseline, bar and lenses cannot all be right, and these frames cannot tell "
+        "which is wrong. State the uncertainty of each, and check both camera files: focal "
+        "lengths, image size, signs of the distortion; and, if the bar moved, that both cameras "
+        "exposed at the same moment."
     )
 
 
 def _lengths_message(dataset: Pair, scale: float) -> str:
-    stated = float(np.median(dataset.bar_distances_m))
-    larger = scale > 1.0
-    factor = scale if larger else 1.0 / scale
+    """The message for a bar and a baseline that contradict each other; a unit is named where the
+    factor between them is within a factor of 2 of its number in a metre.
+
+    Args:
+        scale: stated over reconstructed bar length.
+    """
+    stated_m = float(np.median(dataset.bar_distances_m))
+    bar_is_too_long = scale > 1.0  # for the baseline
+    factor = scale if bar_is_too_long else 1.0 / scale
     hint = (
         "The images fix the ratio of the two, not which is wrong: measure again the one that you "
         "are less sure of."
     )
-    for size, unit in ((1000.0, "millimetres"), (100.0, "centimetres")):
-        if size / 2 < factor < size * 2:
-            one, other = ("distance", "baseline") if larger else ("baseline", "distance")
+    for in_a_metre, unit in ((1000.0, "millimetres"), (100.0, "centimetres")):
+        if in_a_metre / 2 < factor < in_a_metre * 2:
+            lengths = ("distance", "baseline") if bar_is_too_long else ("baseline", "distance")
+            too_large, too_small = lengths
             hint = (
-                f"The {one} looks like {unit}, or the {other} is {size:g} times too small. Enter "
-                "both in metres."
+                f"The {too_large} looks like {unit}, or the {too_small} is {in_a_metre:g} times "
+                "too small. Enter both in metres."
             )
     return (
-        f"The distance between the targets is stated as {stated:g} m and the baseline as "
+        f"The distance between the targets is stated as {stated_m:g} m and the baseline as "
         f"{dataset.baseline_m:g} m, but with this baseline the images give a distance of "
-        f"{rounded(stated / scale, 3)} m. {hint}"
+        f"{rounded(stated_m / scale, 3)} m. {hint}"
     )
 
 

@@ -70,16 +70,23 @@ def boards_in_one_order(
 
 
 def _mirrored(common: Sequence[SeenBoard], camera: Camera) -> tuple[list[SeenBoard], Camera]:
-    """The boards as a mirrored secondary camera would see them, and that camera."""
-    right = camera.image_size[0] - 1.0
+    """The boards with the secondary camera's images mirrored, left to right, and the camera that
+    takes such images.
+
+    u becomes w - 1 - u, where w is the width of the image in pixels, and x on z = 1 becomes -x.
+    So fx x + s y + cx keeps its form with the skew -s and w - 1 - cx. Of the coefficients k1 k2 p1
+    p2 k3, p2 changes its sign: it stands at r^2 + 2 x^2 in x and at 2 x y in y. So would s1, s2 and
+    ty of longer lists, which are not changed here.
+    """
+    last_column = camera.image_size[0] - 1.0
     K, distortion = camera.K.copy(), camera.distortion.copy()
-    K[0, 1:] = -K[0, 1], right - K[0, 2]
+    K[0, 1], K[0, 2] = -K[0, 1], last_column - K[0, 2]
     if not camera.is_fisheye:
-        distortion[3:4] *= -1.0
+        distortion[3:4] *= -1.0  # p2; an empty slice of a lens without distortion
     mirrored = []
-    for frame, (first, second) in common:
-        corners = np.array([right, 0.0]) + [-1.0, 1.0] * second.corners
-        mirrored.append(SeenBoard(frame, (first, replace(second, corners=corners))))
+    for frame, (primary, secondary) in common:
+        corners = np.array([last_column, 0.0]) + [-1.0, 1.0] * secondary.corners
+        mirrored.append(SeenBoard(frame, (primary, replace(secondary, corners=corners))))
     return mirrored, replace(camera, K=K, distortion=distortion)
 
 

@@ -26,6 +26,7 @@ FEWEST_VIEWS = 8
 MINIMUM_VIEWS = 3
 """Two photographs give four equations for the four parameters of K, and nothing to check them."""
 SMALLEST_BOARD = 4
+"""Corners below which a board has no single pose: three leave up to four."""
 LEVEL = 0.07
 """Relative difference of the errors of two lens models below which they count as equal. Of 620
 simulated usual lenses with 8 to 20 boards, a fisheye was better by up to 5.4 % on both halves, and
@@ -207,10 +208,11 @@ def boards_of(pattern: BoardPattern, views: Sequence[BoardView]) -> Boards:
 
 
 def board_pose(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatArray | None:
-    """(6,): rotation vector and position (`camera_from_board`) of a board, of the usual lens not
-    yet refined.
+    """(6,): rotation vector and position (`camera_from_board`) of a board; None if its corners do
+    not determine it.
 
-    None if its corners do not determine it.
+    Of a fisheye it is the best fit. Of the model `brown` it is OpenCV's start, which
+    `residuals_of` refines.
     """
     points, corners = pattern.points[view.ids], view.corners
     if len(points) < SMALLEST_BOARD:
@@ -218,8 +220,8 @@ def board_pose(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatA
     if camera.is_fisheye:
         posed = pose_boards(boards_of(pattern, [view]), camera.lens_values)
         return np.append(cv2.Rodrigues(posed.R[0])[0], posed.t[0])
-    solved, turn, shift = cv2.solvePnP(points, corners, camera.K, camera.distortion)
-    return np.concatenate([turn, shift]).ravel() if solved else None
+    solved, rotation, position = cv2.solvePnP(points, corners, camera.K, camera.distortion)
+    return np.concatenate([rotation, position]).ravel() if solved else None
 
 
 def residuals_of(camera: Camera, pattern: BoardPattern, view: BoardView) -> FloatArray:

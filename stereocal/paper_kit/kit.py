@@ -13,7 +13,9 @@ from stereocal.system.zip_files import pack_zip
 from stereocal.workflow.answer import PairAnswer
 
 ENDS = ("value", "low", "high")
+"""The numbers of an interval in `summary.json`."""
 INTERVAL = "_interval"
+"""Ends the name of an interval beside a figure that is a number alone."""
 
 
 def paper_kit(answer: PairAnswer, applied: Outcome | None = None) -> bytes:
@@ -52,7 +54,11 @@ def table_csv(answer: PairAnswer) -> bytes:
 
 
 def _flat(figures: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
-    """Single numbers, and the three of each interval."""
+    """The figures of a method as columns: a number `x` as `x`, an interval `x` or `x_interval` as
+    `x`, `x_low` and `x_high`; what is unknown is left out.
+
+    Where `x` and `x_interval` are both there, `x` is the interval's value.
+    """
     numbers: dict[str, float] = {}
     for name, value in figures.items():
         if _is_number(value):

@@ -210,7 +210,7 @@ class ProjectData:
             return inputs.dataset(Path(file.label).stem, primary, secondary, _rows(file))
 
         if self.is_rig:
-            return self._of_pair(inputs)
+            return self._dataset_of_pair(inputs)
         key = json.dumps(dataclasses.asdict(inputs), sort_keys=True)
         return None if inputs.missing else once("data set", key, made)
 
@@ -231,10 +231,11 @@ class ProjectData:
         return self.recording_of(self.inputs)
 
     def recording_of(self, inputs: Inputs) -> Recording | None:
+        """The data of all cameras with these inputs; None if some are missing."""
         if (recording := self.recording_as_given) is None:
             dataset = self.dataset_of(inputs)
             return None if dataset is None else dataset.recording
-        return once("recording", self._key_of(inputs), lambda: inputs.of_rig(recording))
+        return once("recording", self._key_of(inputs), lambda: inputs.applied_to(recording))
 
     @property
     def recording_in_use(self) -> Recording | None:
@@ -319,24 +320,27 @@ class ProjectData:
 
     @property
     def pair_names(self) -> list[str]:
-        """The pairs of the rig that see enough bars together."""
+        """The pairs of the rig, such as `left-right`, that see bars together; none before it."""
         if (rig := self.rig) is None:
             return []
         named = {pair_name(pair): pair for pair in combinations(rig.names, 2)}
         return [name for name in named if (quality := rig.about.pairs.get(name)) and quality.bars]
 
-    def _of_pair(self, inputs: Inputs) -> Pair | None:
-        """The points of two cameras that the rig was fitted to, with its lenses and baseline."""
-        recording, file = self.recording_of(inputs), self.rig_file
+    def _dataset_of_pair(self, inputs: Inputs) -> Pair | None:
+        """The points that both cameras of `pair` see; once the rig is calibrated, those that it was
+        fitted to, with its lenses and baseline. None without a pair or a recording."""
+        recording, rig_file = self.recording_of(inputs), self.rig_file
         if self.pair is None or recording is None:
             return None
-        pair = recording.pair_named(self.pair)
-        key = f"{self.pair} {file and file.sha256} {self._key_of(inputs)}"
-        return once("data set", key, lambda: data_of_pair(recording, pair, self.rig))
+        cameras = recording.pair_named(self.pair)
+        rig_digest = None if rig_file is None else rig_file.sha256
+        key = f"{self.pair} {rig_digest} {self._key_of(inputs)}"
+        return once("data set", key, lambda: data_of_pair(recording, cameras, self.rig))
 
     @property
-    def of_rig(self) -> RefineSettings | None:
-        """The settings with which the refined set of the pair is the rig's; None of two cameras."""
+    def rig_settings(self) -> RefineSettings | None:
+        """The settings with which the refined set of `pair` is the rig's, with its covariance; None
+        without a pair, its data or a calibrated rig."""
         if self.pair is None:
             return None
         dataset, recording, rig = self.dataset, self.recording, self.rig

@@ -104,7 +104,7 @@ class Inputs:
             dataset = dataset.with_targets_exchanged(exchanged)
         return with_baseline_found(dataset)
 
-    def of_rig(self, as_read: Recording) -> Recording:
+    def applied_to(self, as_read: Recording) -> Recording:
         """A recording of three cameras and more as given, with what was stated and corrected."""
         held_object, sigma_m = as_read.object, self.target_distance_sigma_m
         recording = replace(

@@ -170,15 +170,18 @@ class Project(ProjectData):
 
     @property
     def evaluation(self) -> Evaluation | None:
+        """The last evaluation, of whatever data and settings; None if there is none."""
         return self._result("validation", "evaluation", unpack_evaluation)
 
     @property
     def calibration_evaluation(self) -> Evaluation | None:
-        """The evaluation made with the last result; None if it has none yet."""
+        """The evaluation of the last result's data with its settings, whose figures its files
+        contain; None if it has none yet."""
         evaluation = self._result("validation", VALIDATION, unpack_evaluation)
         calibration = self.calibration
         if evaluation is None or calibration is None:
             return None
+        # An evaluation states the number of frames to calibrate with in settings of its own.
         settings = dataclasses.replace(calibration.settings, calibration_frames=None)
         same = evaluation.settings.calibration == settings
         return evaluation if same and evaluation.is_of([calibration.dataset]) else None

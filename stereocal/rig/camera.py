@@ -251,10 +251,12 @@ class Camera(Answer):
     def size_factor(self) -> float | None:
         """The size of the image that K belongs to, over `image_size`; None where they agree.
 
-        Judged by the principal point, which lies near the centre of an image.
+        Judged by the principal point, which lies near the centre of an image: the mean of cx and cy
+        over those of the centre. They agree within `SIZE_FACTOR_TOLERANCE` either way.
         """
         centre = 0.5 * (np.array(self.image_size) - 1.0)
-        factor = float(np.mean(np.maximum(self.K[:2, 2], 1e-9) / centre))
+        principal = np.maximum(self.K[:2, 2], 1e-9)  # px; a factor above 0, so that it has a log
+        factor = float(np.mean(principal / centre))
         return factor if abs(np.log(factor)) > np.log(SIZE_FACTOR_TOLERANCE) else None
 
     def local_focal_px(self, normalised: FloatArray) -> FloatArray:

@@ -133,7 +133,7 @@ def _use(files: FilesOfAll) -> None:
     project, gathered = files.project, files.gathered
     recording = gathered.recording
     if len(recording.cameras) == 2:
-        give_pair(project, pair_to_calibrate(project.inputs.of_rig(recording)))
+        give_pair(project, pair_to_calibrate(project.inputs.applied_to(recording)))
         for name in files.contents:
             ProjectGiven(project).drop_part(name)
         return

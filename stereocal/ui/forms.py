@@ -133,7 +133,7 @@ def refine_settings(project: Project, dataset: Pair) -> RefineSettings:
     They hold the uncertainties of the lengths, which a data set's digest does not cover. Those of a
     pair of a rig hold what the rig says.
     """
-    if (of_rig := project.of_rig) is not None:
+    if (of_rig := project.rig_settings) is not None:
         return of_rig
     search, (noise, free) = search_values(project), _refined_fields(project)
     return RefineSettings(

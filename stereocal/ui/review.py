@@ -31,11 +31,13 @@ ALL, ONE = "All frames", "One frame"
 ONE_FRAME = "one_frame"
 NEAREST = "Nearest"
 WANTED = (NEAREST, *TARGETS)
+"""The targets that a click can be set to move."""
 _OUTCOME = "review_said"
 SHEET = -1
 """Stands for a frame's number where several were changed at once."""
 Item = TypeVar("Item")
 ON_A_SHEET = 12
+"""Frames on one contact sheet."""
 COLUMNS = 3
 BADGES = {
     "found": (":material/check:", "green"),
@@ -63,18 +65,19 @@ def _of_clicks(store: ProjectPhotographs) -> tuple[Field, Field]:
 
 
 def _called(store: ProjectPhotographs) -> str:
+    """The word for what a click is moved to, by the kind of target."""
     return CALLED[type(held_target(store.project))]
 
 
 def show_frames(store: ProjectPhotographs, frames: Sequence[Frame], running: bool) -> None:
-    """All frames, or one, as chosen."""
+    """Show all frames or one, as chosen on the page, and offer their points as a file."""
     table = readable(lambda: write_table(correspondences_of(frames)))
     if _view(store).buttons("Look at") == ONE and frames:
         with scrolled_part(ONE_FRAME):
             _show_one(store, running)
     else:
         show_contact_sheet(store, frames, running)
-    if table is None:
+    if table is None:  # `readable` has put the reason on the page
         return
     offer(
         "Download correspondences.csv",

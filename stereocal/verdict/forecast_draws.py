@@ -158,33 +158,42 @@ class ForecastDraws:
         return self._known[key]
 
     def _figures_of(self, method: Method, threshold_px: float | None) -> ForecastFigures:
+        """`figures_of`, computed; d draws, of 2 halves."""
         k = self.methods.index(method)
         counts, errors = self.counts[:, :, k].astype(np.int64), self.errors_3d[:, :, k]
-        of_px, px = counts[:, :, counting.REPROJECTION], self.correct_px[:, :, k]
-        recommended = int(crossing(of_px.sum(axis=(0, 1))))
-        limit = recommended if threshold_px is None else bin_edge(threshold_px)
+        # (d, 2, 2, BINS + 2): of reprojection errors, of wrong and of correct pairs.
+        of_px, correct_px = counts[:, :, counting.REPROJECTION], self.correct_px[:, :, k]
+        recommended = int(crossing(of_px.sum(axis=(0, 1))))  # a bin, as `limit`
+        limit = recommended if threshold_px is None else bin_of_threshold(threshold_px)
         below = of_px[..., counting.UNDERFLOW] + of_px[..., :limit].sum(axis=-1)
         total = of_px.sum(axis=-1)
         lost = (total - below)[..., counting.CORRECT]
-        both = np.concatenate([of_px, of_px.sum(axis=1, keepdims=True)], axis=1)
-        thresholds = np.power(10.0, counting.LOWEST + crossing(both) * counting.BIN_WIDTH)
+        # (d, 3): the thresholds in px of each half, and of both halves together.
+        halves_and_both = np.concatenate([of_px, of_px.sum(axis=1, keepdims=True)], axis=1)
+        exponents = counting.LOWEST + crossing(halves_and_both) * counting.BIN_WIDTH
+        thresholds = np.power(10.0, exponents)
+        # The recommended one is of all draws together; that of each draw gives its interval.
         value = float(10 ** (counting.LOWEST + recommended * counting.BIN_WIDTH))
-        middle = intervals.interval_of(thresholds[:, 2], thresholds[:, :2], intervals.LOG)
-        whole = intervals.mean_of(errors.reshape(len(errors), -1))
+        of_draws = intervals.interval_of(thresholds[:, 2], thresholds[:, :2], intervals.LOG)
+        mean_of_draws = intervals.mean_of(errors.reshape(len(errors), -1))
         figures = ForecastFigures(
             fcp_residual=intervals.fcp_interval(counts[:, :, counting.RESIDUAL]),
             fcp_reprojection=intervals.fcp_interval(of_px),
-            threshold_px=Estimate(value, min(middle.low, value), max(middle.high, value)),
+            threshold_px=Estimate(value, min(of_draws.low, value), max(of_draws.high, value)),
             correct_lost_at_threshold=intervals.tail_of_few(
                 intervals.share_interval(lost, total[..., counting.CORRECT]), self.recorded
             ),
             wrong_let_in_at_threshold=intervals.share_interval(
                 below[..., counting.WRONG], total[..., counting.WRONG]
             ),
-            mean_reprojection_px=intervals.interval_of(intervals.mean_of(px), px, intervals.LOG),
+            mean_reprojection_px=intervals.interval_of(
+                intervals.mean_of(correct_px), correct_px, intervals.LOG
+            ),
             median_error_3d=intervals.quantile_interval(errors, 0.5),
             p95_error_3d=intervals.quantile_interval(errors, 0.95),
-            mean_error_3d=intervals.interval_of(whole, intervals.mean_of(errors), intervals.LENGTH),
+            mean_error_3d=intervals.interval_of(
+                mean_of_draws, intervals.mean_of(errors), intervals.LENGTH
+            ),
             p95_metric_error_3d=Estimate(math.nan, math.nan, math.nan),
         )
         figures = figures.further(self.further.get(method, Further())).raised(*self.excess)
@@ -237,13 +246,16 @@ def draw_forecast(
     partners = partners_in_groups(bars, rng)
 
     def judge_draw(draw: int) -> tuple[FloatArray, list[JudgedSets]]:
-        """The pixels (4 bars, 4) of a draw, and what each half of its bars shows."""
+        """The pixels (4 bars, 4), with noise, of the ends of the 2 bars of a draw in turn, and what
+        `judge` finds in each half of them."""
         pixels, rays = drawn.photographs(draw, model.rig)
         halves = []
         for first in (0, bars):
-            of_half, ends = slice(first, first + bars), slice(2 * first, 2 * (first + bars))
-            start, distances = np.ascontiguousarray(rays[:, ends]), drawn.distances[draw, of_half]
-            halves.append(judge(sets, pixels[ends], start, distances, partners))
+            of_half = slice(first, first + bars)
+            ends = slice(2 * first, 2 * (first + bars))  # A and B of each bar
+            initial_rays = np.ascontiguousarray(rays[:, ends])  # near those of the pixels
+            distances = drawn.distances[draw, of_half]
+            halves.append(judge(sets, pixels[ends], initial_rays, distances, partners))
         return pixels, halves
 
     with ThreadPoolExecutor(workers) as pool:
@@ -316,7 +328,7 @@ def _draw_recordings(
     return _Recordings(truths, bar_factors, ends, distances, noise, of_noise.along)
 
 
-def bin_edge(threshold_px: float) -> int:
+def bin_of_threshold(threshold_px: float) -> int:
     """The bin at whose lower edge a threshold lies."""
     decades = math.log10(max(threshold_px, 1e-300)) - counting.LOWEST
     return min(max(round(decades / counting.BIN_WIDTH), 0), counting.BINS)
@@ -360,9 +372,11 @@ def partners_in_groups(
     bars: int, rng: np.random.Generator, wrong_partners: int = WRONG_PARTNERS
 ) -> IntArray:
     """(2 bars, 1 + wrong): for each point itself and random others of its group of frames."""
-    points, group = 2 * bars, 2 * GROUP
+    points, group = 2 * bars, 2 * GROUP  # points, and points of a group: two ends of each bar
+    # From 1 to group - 1 places further within the group, begun again at its end: never itself.
     steps = np.stack([rng.permutation(group - 1)[:wrong_partners] + 1 for _ in range(points)])
-    first = np.arange(points) // group * group
-    wrong = first[:, None] + (np.arange(points)[:, None] - first[:, None] + steps) % group
-    wrong = np.minimum(wrong, points - 1)
-    return np.column_stack([np.arange(points), wrong]).astype(np.int64)
+    point = np.arange(points)
+    first = (point // group * group)[:, None]  # of its group
+    wrong = first + (point[:, None] - first + steps) % group
+    wrong = np.minimum(wrong, points - 1)  # a last group that is not full
+    return np.column_stack([point, wrong]).astype(np.int64)

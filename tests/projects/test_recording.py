@@ -195,7 +195,7 @@ def test_a_pair_is_a_view_with_results_of_its_own(project: Project, tmp_path: Pa
     project.keep_rig(rig_text(), b"zip", {})
     pair, rig = project.of_pair("1-2"), project.rig
     dataset = pair.dataset
-    assert dataset is not None and rig is not None and pair.of_rig is not None
+    assert dataset is not None and rig is not None and pair.rig_settings is not None
     assert project.dataset is None
     assert np.allclose(dataset.primary.K, rig.cameras["1"].K)
     assert dataset.primary.uncertainty is not None

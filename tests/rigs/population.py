@@ -20,7 +20,7 @@ from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, observe, place_bars
 from stereocal.system.array_types import FloatArray
 from stereocal.verdict.forecast import forecast_files
-from stereocal.verdict.forecast_draws import ForecastFigures, bin_edge, partners_in_groups
+from stereocal.verdict.forecast_draws import ForecastFigures, bin_of_threshold, partners_in_groups
 from stereocal.verdict.fresh_frames import GROUP
 from stereocal.verdict.intervals import MERGE
 from stereocal.verdict.judging import judge
@@ -62,7 +62,7 @@ def population(
     found = {}
     for at, method in enumerate(methods):
         merged = overlap(merge_bins(counts[at].astype(np.int64), MERGE))
-        limit = bin_edge(thresholds[method])
+        limit = bin_of_threshold(thresholds[method])
         of_px = counts[at, REPROJECTION].astype(np.int64)
         below = of_px[:, UNDERFLOW] + of_px[:, :limit].sum(axis=1)
         share = below / of_px.sum(axis=1)
