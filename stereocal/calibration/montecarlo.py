@@ -148,7 +148,10 @@ def reconstruction_problem(
     """The 3D cost over the bars of a data set, or over its known points.
 
     Args:
-        rows: mask (n,) of the rows to use; all if None.
+        rows: mask (n,) of the rows to use, whole frames; all if None.
+
+    Raises:
+        StereocalError: no row has a known point, or no frame both ends of a bar.
     """
     table = dataset.correspondences
     used = np.ones(len(table), dtype=np.bool_) if rows is None else rows
@@ -171,9 +174,10 @@ def reconstruction_problem(
             "No frame has both targets A and B, so there is no length to measure: the 3D method "
             "needs frames in which both cameras see both ends of the bar."
         )
+    ends = table.bars[bars].T.ravel()  # rows: all ends A, then all ends B
     return Problem(
         costs.DISTANCE,
-        np.ascontiguousarray(dataset.rays[:, table.bars[bars].T.ravel()]),
+        np.ascontiguousarray(dataset.rays[:, ends]),
         np.ascontiguousarray(dataset.bar_distances_m[None, bars]),
         dataset.pixel_scale,
     )

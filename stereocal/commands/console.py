@@ -70,7 +70,7 @@ KINDS: Mapping[str, Callable[[str], Any]] = {
 
 
 def take(to: argparse._ActionsContainer, options: Options) -> None:
-    """Add options to a parser or a group; `--out` is required."""
+    """Add options, as `Options` spells them, to a parser or a group; `--out` is required."""
     for spelled, described in options.items():
         if spelled == ONE_OF:
             take(to.add_mutually_exclusive_group(required=True), described)
@@ -78,18 +78,21 @@ def take(to: argparse._ActionsContainer, options: Options) -> None:
         if spelled.endswith(":"):
             take(to.add_argument_group(spelled[:-1]), described)
             continue
-        name, *values = spelled.removesuffix("...").split()
+        name, *placeholders = spelled.removesuffix("...").split()
         arguments: dict[str, Any] = {"required": True} if name == "--out" else {}
         if name.startswith("--no-"):
             arguments |= {"dest": name.removeprefix("--no-"), "action": "store_false"}
-        arguments |= {"nargs": "+"} if spelled.endswith("...") else {}
+        if spelled.endswith("..."):
+            arguments["nargs"] = "+"
         arguments |= {"help": described} if isinstance(described, str) else described
-        if len(values) > 1:
-            arguments |= {"nargs": len(values), "metavar": tuple(values)}
-        elif values:
-            arguments["metavar"] = values[0]
-        if values or not name.startswith("-"):
-            arguments.setdefault("type", KINDS.get(values[0] if values else "", Path))
+        if len(placeholders) > 1:
+            arguments |= {"nargs": len(placeholders), "metavar": tuple(placeholders)}
+        elif placeholders:
+            arguments["metavar"] = placeholders[0]
+        takes_value = bool(placeholders) or not name.startswith("-")
+        if takes_value:
+            kind = KINDS.get(placeholders[0], Path) if placeholders else Path
+            arguments.setdefault("type", kind)
         elif not arguments.keys() & {"action", "choices", "type"}:
             arguments["action"] = "store_true"
         to.add_argument(name, **arguments)

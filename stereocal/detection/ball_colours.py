@@ -1,7 +1,7 @@
 """Which pixels of a photograph have the colour of a ball."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -49,6 +49,7 @@ def colours_in_eight_bits(image: npt.NDArray[Any]) -> Colours:
 
 
 def _bgr(colour: str) -> FloatArray:
+    """(3,): blue, green and red of a name or `#rrggbb`, 0 to 255."""
     return np.array(ImageColor.getrgb(colour)[2::-1], dtype=np.float64)
 
 
@@ -57,7 +58,8 @@ def masks(image: npt.NDArray[Any], target: Balls) -> list[npt.NDArray[np.uint8]]
     8 bits has its colour."""
     by_colour = []
     for colour in dict.fromkeys(target.colours):
-        rule = _rule(image[::8, ::8].astype(np.float64), colour, target)
+        sampled = image[::8, ::8].astype(np.float64)  # enough for a median
+        rule = _rule(sampled, colour, target)
         if rule is None:
             grey: npt.NDArray[np.uint8] = np.asarray(image.max(axis=2), np.uint8)
             dark = colour != BRIGHT and _bgr(colour).mean() < 127
@@ -69,39 +71,51 @@ def masks(image: npt.NDArray[Any], target: Balls) -> list[npt.NDArray[np.uint8]]
     return by_colour
 
 
-def _rule(
-    few: FloatArray, colour: str, target: Balls
-) -> tuple[FloatArray, float, float, float] | None:
-    """When a pixel of a photograph, of which `few` are given, has a colour; None for a grey.
+class _Rule(NamedTuple):
+    """When a pixel p, (3,) in grey levels of blue, green and red, has a colour."""
 
-    (2, 3): unit vectors, blue, green, red, along the colour's chroma and across it; the least
-    chroma along; the most across, over that; the least over the length of the pixel's colour.
+    axes: FloatArray
+    """(2, 3): unit vectors along the colour's chroma and across it; both are normal to grey."""
+    least: float
+    """p . along is above this, in grey levels."""
+    slack: float
+    """|p . across| is below this part of p . along: the tangent of the difference of hue."""
+    saturation: float
+    """p . along is above this part of |p|."""
+
+
+def _rule(sampled: FloatArray, colour: str, target: Balls) -> _Rule | None:
+    """The rule for a colour of the target in a photograph; None for a grey.
+
+    Args:
+        sampled: (h, w, 3), some pixels of the photograph.
     """
     if colour == BRIGHT or (chroma := _chroma(colour)) is None:
         return None
     size = float(np.linalg.norm(chroma))
     along = chroma / size
     across = np.cross(along, np.ones(3) / math.sqrt(3.0))
-    degrees, part = NAMED if _bgr(colour).min() == 0 else MEASURED
-    slack = math.tan(math.radians(degrees))
+    is_pure = _bgr(colour).min() == 0
+    degrees, least_part = NAMED if is_pure else MEASURED
+    largest_angle = math.radians(degrees)
     for other in target.colours:
-        if other not in (colour, BRIGHT) and (its := _chroma(other)) is not None:
-            between = abs(math.atan2(float(across @ its), float(along @ its)))
-            slack = min(slack, math.tan(0.5 * min(between, 2.0)))
-    signal = few @ along
-    usual = float(np.median(signal))
-    spread = MAD_TO_SIGMA * float(np.median(np.abs(signal - usual)))
-    least = max(LEAST_CHROMA, usual + OVER_BACKGROUND * spread)
-    ratio = part * size / float(np.linalg.norm(_bgr(colour)))
-    return np.array([along, across]), least, slack, ratio
+        if other not in (colour, BRIGHT) and (of_other := _chroma(other)) is not None:
+            between = abs(math.atan2(float(across @ of_other), float(along @ of_other)))
+            largest_angle = min(largest_angle, 0.5 * between)  # half way to its hue
+    signal = sampled @ along
+    background = float(np.median(signal))
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(signal - background)))
+    least = max(LEAST_CHROMA, background + OVER_BACKGROUND * spread)
+    saturation = least_part * size / float(np.linalg.norm(_bgr(colour)))
+    return _Rule(np.array([along, across]), least, math.tan(largest_angle), saturation)
 
 
 def _chroma(colour: str) -> FloatArray | None:
-    """(3,): a colour without its grey; None for a grey."""
+    """(3,): blue, green and red of a colour less their mean, in grey levels; None for a grey."""
     whole = _bgr(colour)
     chroma = whole - whole.mean()
-    grey = np.linalg.norm(chroma) < GREY_CHROMA * np.linalg.norm(whole)
-    return None if grey or not whole.any() else chroma
+    is_grey = np.linalg.norm(chroma) < GREY_CHROMA * np.linalg.norm(whole)
+    return None if is_grey or not whole.any() else chroma
 
 
 @compiled
@@ -110,9 +124,10 @@ def _fill_mask(
     axes: FloatArray,
     least: float,
     slack: float,
-    ratio: float,
+    saturation: float,
     mask: npt.NDArray[np.uint8],
 ) -> None:
+    """Write 1 to the mask (h, w) where a pixel of the image (h, w, 3) fits a `_Rule`."""
     for y in range(image.shape[0]):
         for x in range(image.shape[1]):
             b, g, r = float(image[y, x, 0]), float(image[y, x, 1]), float(image[y, x, 2])
@@ -120,13 +135,15 @@ def _fill_mask(
             if signal > least:
                 side = axes[1, 0] * b + axes[1, 1] * g + axes[1, 2] * r
                 if abs(side) < slack * signal:
-                    mask[y, x] = signal * signal > ratio * ratio * (b * b + g * g + r * r)
+                    squared = saturation * saturation * (b * b + g * g + r * r)
+                    mask[y, x] = signal * signal > squared
 
 
 def _brighter(grey: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     """(h, w): 1 above the middle between background and brightest."""
-    few = grey[::4, ::4]
-    usual, top = float(np.median(few)), float(grey.max())
-    spread = MAD_TO_SIGMA * float(np.median(np.abs(few - usual)))
-    least = max(usual + 0.5 * (top - usual), usual + OVER_BACKGROUND * spread + 2.0)
+    sampled = grey[::4, ::4]
+    background, top = float(np.median(sampled)), float(grey.max())
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(sampled - background)))
+    middle = background + 0.5 * (top - background)
+    least = max(middle, background + OVER_BACKGROUND * spread + 2.0)  # 2: if nothing scatters
     return (grey > least).astype(np.uint8)

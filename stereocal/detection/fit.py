@@ -10,7 +10,14 @@ from functools import partial
 
 import numpy as np
 
-from stereocal.detection.corner_model import ALL, CORE, CURVATURE_SIGMA, GRADIENT_SIGMA, LIGHT_SIGMA
+from stereocal.detection.corner_model import (
+    ALL,
+    CORE,
+    CURVATURE_SIGMA,
+    GRADIENT_SIGMA,
+    LIGHT,
+    LIGHT_SIGMA,
+)
 from stereocal.detection.edges import arm_quality, follow
 from stereocal.detection.intensity import GreyImage
 from stereocal.detection.solver import covariance_and_noise, fit_parameters
@@ -117,21 +124,32 @@ def _fit(
     samples: int,
     tolerance: float = WHILE_GROWING_PX,
 ) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
-    """Fit in one window; returns pixels, parameters, penalty, and whether the fit converged."""
+    """Fit in one window; returns pixels, parameters, penalty, and whether the fit converged.
+
+    Args:
+        p: (13,), initial parameters of `corner_model`.
+        noise: variance of a pixel, squares of grey levels.
+        size: the first parameters that are fitted, `CORE` or `ALL`.
+        samples: of each pixel, as of `corner_model`.
+        tolerance: px.
+    """
     pixels = window(image, p[0], p[1], _directions(p), half, stride)
+    # (13,): weight of the square of each parameter beside the sum of squared residuals.
     penalty = np.zeros(ALL)
     radius = float(half.max())
     penalty[7:9] = noise / CURVATURE_SIGMA**2
-    penalty[9:11] = noise / (GRADIENT_SIGMA * p[6]) ** 2
-    penalty[11:] = noise / LIGHT_SIGMA**2
+    penalty[9:11] = noise / (GRADIENT_SIGMA * p[6]) ** 2  # p[6] is half the contrast
+    penalty[LIGHT:] = noise / LIGHT_SIGMA**2
     fitted = p.copy()
-    if len(pixels) <= size + 4:
+    if len(pixels) <= size + 4:  # too few beside the unknowns
         return pixels, fitted, penalty, False
     _, converged = fit_parameters(pixels, fitted, size, radius, samples, penalty, ROUNDS, tolerance)
     return pixels, fitted, penalty, converged
 
 
 def _stride(half: FloatArray) -> int:
+    """The step of rows and columns at which a window, as of `window`, of 4 half[0] half[1] pixels
+    has about `PIXELS_WHILE_GROWING`."""
     return max(1, round(math.sqrt(4.0 * half[0] * half[1] / PIXELS_WHILE_GROWING)))
 
 
@@ -141,17 +159,21 @@ def window(
 ) -> FloatArray:
     """(n, 3): u, v and grey level of the pixels of a parallelogram around (u, v).
 
+    A pixel at (dx, dy) from the centre is at `first` and `second`, px, along the two edges:
+    (dx, dy) = first along[0] + second along[1], solved by Cramer's rule.
+
     Args:
         along: (2, 2), unit vectors along the two edges.
         half: (2,), half size along each of them, px.
         stride: step of rows and columns.
     """
     height, width = image.shape
+    # Half sizes of the upright rectangle around it.
     reach_u = abs(along[0, 0]) * half[0] + abs(along[1, 0]) * half[1]
     reach_v = abs(along[0, 1]) * half[0] + abs(along[1, 1]) * half[1]
     left, right = max(0, math.ceil(u - reach_u)), min(width - 1, math.floor(u + reach_u))
     top, bottom = max(0, math.ceil(v - reach_v)), min(height - 1, math.floor(v + reach_v))
-    across = along[0, 0] * along[1, 1] - along[0, 1] * along[1, 0]
+    determinant = along[0, 0] * along[1, 1] - along[0, 1] * along[1, 0]
     rows = max(0, (bottom - top) // stride + 1)
     columns = max(0, (right - left) // stride + 1)
     pixels = np.empty((rows * columns, 3))
@@ -159,8 +181,8 @@ def window(
     for y in range(top, bottom + 1, stride):
         for x in range(left, right + 1, stride):
             dx, dy = x - u, y - v
-            first = (dx * along[1, 1] - dy * along[1, 0]) / across
-            second = (dy * along[0, 0] - dx * along[0, 1]) / across
+            first = (dx * along[1, 1] - dy * along[1, 0]) / determinant
+            second = (dy * along[0, 0] - dx * along[0, 1]) / determinant
             if abs(first) <= half[0] and abs(second) <= half[1]:
                 pixels[n, 0], pixels[n, 1], pixels[n, 2] = x, y, image[y, x]
                 n += 1
@@ -169,7 +191,8 @@ def window(
 
 @compiled
 def plausible(p: FloatArray, start: FloatArray, reach: float) -> bool:
-    """Whether a fit stayed at its corner, with two distinct edges and a possible blur."""
+    """Whether a fit (13,) stayed within `reach`, px, of its start at a corner, with two distinct
+    edges, the colours not exchanged, and a blur from 0.05 px (log -3) to twice `reach`."""
     moved = math.hypot(p[0] - start[0], p[1] - start[1])
     return (
         math.isfinite(p[:CORE].sum())

@@ -56,15 +56,18 @@ class Held:
 
 
 def _files() -> Iterator[tuple[Key, Held]]:
+    """The parts with files, and their folders in a zip."""
     folders = {INPUT: "inputs", CALIBRATED: "calibrated", FURTHER: "datasets", BAR: "photographs"}
-    boards = tuple(f"boards_{camera}" for camera in CAMERAS)
-    apply = (POINT_FILES, TABLES, ASKING, SETS, APPLIED, WORLD)
-    same = (*boards, *apply, CHECK, RECORDING, RIG_FILES, PARTS, REPLACED)
-    for part, folder in (folders | dict(zip(same, same, strict=True))).items():
+    of_boards = tuple(f"boards_{camera}" for camera in CAMERAS)
+    of_application = (POINT_FILES, TABLES, ASKING, SETS, APPLIED, WORLD)
+    named_alike = (*of_boards, *of_application, CHECK, RECORDING, RIG_FILES, PARTS, REPLACED)
+    folders |= {part: part for part in named_alike}
+    for part, folder in folders.items():
         yield ("named", part, ANY), Held(f"files ({folder})", folder)
 
 
 def _results() -> Iterator[tuple[Key, Held]]:
+    """The kinds of results, and their files in a zip: arrays as `.npz`, records as `.json`."""
     arrays = "evaluation", VALIDATION, *(f"{of}_{c}" for of in ("boards", "lens") for c in CAMERAS)
     texts = "calibration", "frames", "recommended", APPLIED
     for suffix, kinds in ((".npz", arrays), (".json", texts)):

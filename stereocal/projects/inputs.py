@@ -105,7 +105,11 @@ class Inputs:
         return with_baseline_found(dataset)
 
     def applied_to(self, as_read: Recording) -> Recording:
-        """A recording of three cameras and more as given, with what was stated and corrected."""
+        """A recording of three cameras and more, of the files as read, with what was stated and
+        corrected.
+
+        Baselines that are stated replace those of the files together with their uncertainty.
+        """
         held_object, sigma_m = as_read.object, self.target_distance_sigma_m
         recording = replace(
             as_read,
@@ -113,6 +117,7 @@ class Inputs:
             object=held_object if sigma_m is None else replace(held_object, sigma_m=sigma_m),
         )
         if self.baseline_free:
+            # Infinite: found from the lengths of the bar.
             recording = replace(recording, baselines_m={}, baseline_sigma_m=math.inf)
         elif self.baselines_m:
             measured = {recording.pair_named(pair): m for pair, m in self.baselines_m.items()}

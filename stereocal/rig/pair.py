@@ -326,7 +326,8 @@ class Pair(TableAnswer):
         return np.where(np.isnan(of_frame), self.target_distance_m, of_frame)
 
     def bars_among(self, rows: BoolArray) -> BoolArray:
-        """(m,): which bars of `correspondences.bars` are selected by `rows`, a mask (n,)."""
+        """(m,): which bars of `correspondences.bars` are selected by `rows`, a mask (n,) of whole
+        frames: a bar's first end tells."""
         return rows[self.correspondences.bars[:, 0]]
 
     def reconstructed_lengths_m(self, pose: Pose) -> FloatArray:

@@ -173,28 +173,29 @@ def _button(field: Field, label: str, how: str) -> None:
 
 
 def _show_item(store: ProjectPhotographs, ask: bool, item: PhotographPair | Alone) -> None:
-    """Two photographs, or one without a partner.
+    """Show the two photographs of a pair, or one without a partner.
 
     Args:
-        ask: offer to leave either photograph out.
+        ask: offer to leave either photograph of a pair out, for photographs that are paired in
+            their order.
     """
     names: tuple[str | None, str | None]
     if isinstance(item, PhotographPair):
         names = item.primary, item.secondary
         alt = f"Both photographs of frame {item.frame}"
     else:
-        names = (None, item.name) if item.camera else (item.name, None)
+        names = (None, item.name) if item.camera == 1 else (item.name, None)
         alt = f"A photograph of the {CAMERAS[item.camera]} camera without a partner"
     st.image(thumbnail(store, names), width="stretch", alt=alt)
-    short = [escape_markdown(short_names([name])[0]) for name in names if name]
+    titles = [escape_markdown(short_names([name])[0]) for name in names if name]
     if isinstance(item, Alone):
-        st.markdown(f":orange-badge[:material/question_mark: no partner] {short[0]}")
+        st.markdown(f":orange-badge[:material/question_mark: no partner] {titles[0]}")
         return
-    st.markdown(f"**Frame {item.frame}** · {short[0]} · {short[1]}")
+    st.markdown(f"**Frame {item.frame}** · {titles[0]} · {titles[1]}")
     if ask:
         choice = store.choice
         with st.container(horizontal=True):
-            for name, title in zip((item.primary, item.secondary), short, strict=True):
+            for name, title in zip((item.primary, item.secondary), titles, strict=True):
                 without = replace(choice, without=(*choice.without, name))
                 label, act = f"Leave {title} out", partial(_change, store.choose, without)
                 hint = f"{title} has no partner: those after it move up by one."

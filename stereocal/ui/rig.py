@@ -28,7 +28,7 @@ from stereocal.workflow.run import Run
 
 GRAPH = "rig_graph"
 ONE_RIG = "One rig of"
-NOTES, LATE = "rig_pairs_without_files", "rig_time_offsets"
+NOTES, TIME_OFFSETS = "rig_pairs_without_files", "rig_time_offsets"
 TILES = ("Mean reprojection error", "95 % of lengths within", "Noise of an image point")
 
 
@@ -37,15 +37,17 @@ def run_of(
     begin: Callable[[str], object] = lambda _: None,
     progress: Progress = lambda *_: None,
 ) -> Run | None:
-    """The run of all cameras as the project says now; None without a recording.
+    """The calibration of all cameras with the project's present data and settings; None without a
+    recording.
 
     Args:
         begin, progress: as of `Run`.
     """
     if (recording := project.recording_in_use) is None:
         return None
-    late = project.settings.get(LATE) is True or None
-    return Run(recording, late=late, begin=begin, progress=progress)
+    every = project.settings.get(TIME_OFFSETS) is True
+    time_offsets = True if every else None  # None: those that are significant
+    return Run(recording, time_offsets=time_offsets, begin=begin, progress=progress)
 
 
 def rig_parts(project: Project) -> tuple[Parts, Parts]:
@@ -86,7 +88,7 @@ def tell_not_calibrated() -> None:
 def ask_time_offsets(project: Project) -> None:
     """Whether every time offset is applied."""
     title, hint = "Apply every time offset", "Else those that are significant are applied."
-    st.toggle(title, help=hint, **setting(project, LATE, False, yes_or_no).widget())
+    st.toggle(title, help=hint, **setting(project, TIME_OFFSETS, False, yes_or_no).widget())
 
 
 def show_rig(project: Project, rig: RigFile) -> None:

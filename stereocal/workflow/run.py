@@ -41,8 +41,8 @@ class Run:
 
     recording: Recording
     settings: RefineSettings = field(default_factory=RefineSettings)
-    late: bool | None = None
-    """As of `calibrate_rig`."""
+    time_offsets: bool | None = None
+    """Whether to bring the cameras into step; None: where it is significant."""
     searches: CalibrationSettings | None = None
     """Of the paper's two sets of every pair; None: without them."""
     begin: Callable[[str], object] = lambda _: None
@@ -53,14 +53,19 @@ class Run:
     @property
     def made_from(self) -> Parts:
         """What the rig is computed from, but for the name of the recording."""
-        settings = {"settings": [self.settings.to_json()], "time offsets applied": [self.late]}
+        settings = {
+            "settings": [self.settings.to_json()],
+            "time offsets applied": [self.time_offsets],
+        }
         return {**parts_of(self.recording), **settings}
 
     @step
     def bare_rig(self) -> RigFile:
         """The rig, without the forecasts of its pairs."""
         self.begin("steps")
-        return rig_file(calibrate_rig(self.recording, self.settings, self.late, self.progress))
+        return rig_file(
+            calibrate_rig(self.recording, self.settings, self.time_offsets, self.progress)
+        )
 
     @step
     def _of_pairs(self) -> tuple[dict[str, Sets], list[str]]:

@@ -296,8 +296,15 @@ def layout_of_table(content: bytes, source: str, options: ExchangeOptions) -> Po
 def layout_of_bars(
     content: bytes, source: str, options: ExchangeOptions
 ) -> tuple[PointLayout, tuple[str, str], tuple[str, ...]]:
-    """The layout of a table with both ends of a bar, the names of A and B, and remarks."""
+    """The layout of a table with both ends of a bar, the names of A and B, and remarks.
+
+    The ends are the user's, or else the first two points, those called a middle left out.
+
+    Raises:
+        StereocalError: it has not both ends.
+    """
     layout = layout_of_table(content, source, options)
+    # By the roles of its columns: what the columns lack can be said.
     if layout.roles is not None and min(len(layout.cameras), len(layout.points)) < 2:
         by_hand = layout_by_hand(content, source)
         raise StereocalError(f"{source}: {what_is_missing(by_hand, content, source)}")
@@ -314,9 +321,10 @@ def layout_of_bars(
         raise StereocalError(
             f"the ends A and B are the same point ({ends[0]}): choose two.", source
         )
-    remark = (
-        f"There are {len(layout.points)} points; {ends[0]} and {ends[1]} were taken as the ends A "
-        "and B of the bar."
-    )
-    remarks = (remark,) if len(layout.points) > 2 and options.ends is None else ()
+    remarks: tuple[str, ...] = ()
+    if len(layout.points) > 2 and options.ends is None:
+        remarks = (
+            f"There are {len(layout.points)} points; {ends[0]} and {ends[1]} were taken as the "
+            "ends A and B of the bar.",
+        )
     return replace(layout, origin=options.origin(layout.origin)), ends, remarks

@@ -195,18 +195,20 @@ def pose_from(R: Any, T: Any, source: str) -> Pose:
 def decomposed(P: FloatArray, source: str) -> tuple[FloatArray, Pose]:
     """K and pose of a projection matrix K [R | t], of any scale and sign."""
     largest = float(np.abs(P).max())
+    # The third row of K R is that of R, of length 1.
     scale = float(np.linalg.norm(P[2, :3])) if largest < LARGEST else 0.0
     if largest >= LARGEST * scale or abs(np.linalg.det(P[:, :3] / scale)) < 1e-9:
         raise StereocalError("this is not the projection matrix of a camera.", source)
-    P = P / scale * np.sign(np.linalg.det(P[:, :3]))
+    P = P / scale * np.sign(np.linalg.det(P[:, :3]))  # det(K R) > 0
     K, R = rq(P[:, :3])
+    # K is unique but for the signs of its columns, which are those of a positive diagonal.
     signs = np.diag(np.sign(np.diag(K)))
     K, R = K @ signs, signs @ R
     if np.diag(K).min() < 1e-12 * np.abs(K).max():
         raise StereocalError("this is not the projection matrix of a camera.", source)
     t = np.linalg.solve(K, P[:, 3])
     K /= K[2, 2]
-    K[[1, 2, 2], [0, 0, 1]] = 0.0
+    K[[1, 2, 2], [0, 0, 1]] = 0.0  # exactly, below the diagonal
     K[2, 2] = 1.0
     return K, pose_from(R, t, source)
 
@@ -219,6 +221,7 @@ COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3"
 NEGLIGIBLE_PX = 0.02
 """Far below the precision of any detected target."""
 GRID = 41
+"""Rows and columns of pixels on which a lens is refitted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,7 +229,7 @@ class ExchangeFormat(CameraFormat):
     """A format that is written too."""
 
     write: Callable[[Sequence[Posed], ExchangeOptions], dict[str, bytes]]
-    """Cameras as of `fitting` in, files by name out."""
+    """Cameras as of `as_supported` in, files by name out."""
     of_rigs: bool = False
     """Whether any number of cameras can be written; else `primary` and `secondary`."""
     skew: Literal["kept", "ignored", "refused"] = "kept"
@@ -240,11 +243,15 @@ class ExchangeFormat(CameraFormat):
     def program(self) -> str:
         return self.title.split(" (")[0]
 
-    def fitting(self, posed: Posed) -> Posed:
-        """A camera with the number of coefficients that the format has, padded with zeros.
+    def as_supported(self, posed: Posed) -> Posed:
+        """A camera with the number of coefficients that the format has, padded with zeros; as it is
+        if the format takes any number, and of a fisheye.
 
         If the lens has more, and the format 4 or 5, coefficients are refitted, provided that no
         pixel moves by more than `NEGLIGIBLE_PX`.
+
+        Raises:
+            StereocalError: the format has no place for the skew, the fisheye or a coefficient.
         """
         which, camera, pose = posed
         count = self.coefficients
@@ -260,21 +267,21 @@ class ExchangeFormat(CameraFormat):
             )
         if camera.is_fisheye or count is None:
             return posed
-        padded = np.zeros(14)
+        padded = np.zeros(len(COEFFICIENTS))
         padded[: len(camera.distortion)] = camera.distortion
         if not padded[count:].any():
             return which, replace(camera, distortion=padded[:count], uncertainty=None), pose
-        further = count + int(np.flatnonzero(padded[count:])[0])
         difference = ""
-        if count in (4, 5):
-            fitted, worst = fewer_coefficients(camera, count)
-            if worst <= NEGLIGIBLE_PX:
+        if count in (4, 5):  # lenses without a denominator
+            fitted, worst_px = fewer_coefficients(camera, count)
+            if worst_px <= NEGLIGIBLE_PX:
                 return which, replace(camera, distortion=fitted, uncertainty=None), pose
-            difference = f", and without it points would move by up to {rounded(worst)} px"
-        name = COEFFICIENTS[further]
+            difference = f", and without it points would move by up to {rounded(worst_px)} px"
+        first_beyond = count + int(np.flatnonzero(padded[count:])[0])
+        name, value = COEFFICIENTS[first_beyond], padded[first_beyond]
         raise StereocalError(
             f"{self.program} supports only {' '.join(COEFFICIENTS[:count])} of a lens; that of the "
-            f"{which} camera also has {name} = {padded[further]:g}{difference}. Calibrate the lens "
+            f"{which} camera also has {name} = {value:g}{difference}. Calibrate the lens "
             f"with {name} fixed at 0, or choose another format."
         )
 
@@ -282,7 +289,12 @@ class ExchangeFormat(CameraFormat):
 def fewer_coefficients(camera: Camera, count: int) -> tuple[FloatArray, float]:
     """The best k1 k2 p1 p2 [k3] for a lens with more, and the largest difference in px.
 
-    Linear least squares on a grid of pixels: the model without denominator is linear in them.
+    Linear least squares on a grid of pixels: the model without denominator is linear in them,
+    x_d - x = x (k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
+    y_d - y = y (k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
+
+    Args:
+        count: 4 or 5.
     """
     width, height = camera.image_size
     u, v = np.meshgrid(np.linspace(0, width - 1, GRID), np.linspace(0, height - 1, GRID))

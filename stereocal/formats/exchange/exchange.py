@@ -158,7 +158,9 @@ def export_files(
         raise StereocalError(
             f"The format {name} is written for two cameras; for a rig there are {others}."
         )
-    return known.write([known.fitting(camera) for camera in cameras], options or ExchangeOptions())
+    return known.write(
+        [known.as_supported(camera) for camera in cameras], options or ExchangeOptions()
+    )
 
 
 @checked
