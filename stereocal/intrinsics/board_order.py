@@ -25,6 +25,8 @@ FITTING_PX = 8.0
 """Median distance of corners from where another board's pose of the cameras puts them, of boards in
 the right order. A wrong order gives tens of pixels."""
 MOST_HYPOTHESES = 40
+ODD = (3, 8, 9, 13)
+"""Indices of p2, s1, s2 and tau_y in OpenCV's list of coefficients."""
 
 
 class SeenBoard(NamedTuple):
@@ -74,15 +76,15 @@ def _mirrored(common: Sequence[SeenBoard], camera: Camera) -> tuple[list[SeenBoa
     takes such images.
 
     u becomes w - 1 - u, where w is the width of the image in pixels, and x on z = 1 becomes -x.
-    So fx x + s y + cx keeps its form with the skew -s and w - 1 - cx. Of the coefficients k1 k2 p1
-    p2 k3, p2 changes its sign: it stands at r^2 + 2 x^2 in x and at 2 x y in y. So would s1, s2 and
-    ty of longer lists, which are not changed here.
+    So fx x + s y + cx keeps its form with the skew -s and w - 1 - cx, and the coefficients `ODD`
+    change their signs: p2 stands at r^2 + 2 x^2 in x and at 2 x y in y, s1 and s2 at even powers in
+    x alone, and tau_y is a turn about the axis y.
     """
     last_column = camera.image_size[0] - 1.0
     K, distortion = camera.K.copy(), camera.distortion.copy()
     K[0, 1], K[0, 2] = -K[0, 1], last_column - K[0, 2]
     if not camera.is_fisheye:
-        distortion[3:4] *= -1.0  # p2; an empty slice of a lens without distortion
+        distortion[[k for k in ODD if k < len(distortion)]] *= -1.0
     mirrored = []
     for frame, (primary, secondary) in common:
         corners = np.array([last_column, 0.0]) + [-1.0, 1.0] * secondary.corners

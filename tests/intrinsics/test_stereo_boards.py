@@ -18,7 +18,7 @@ from stereocal.fit.refine import refine
 from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.dataset_files import pack_recording, read_dataset, read_recording
 from stereocal.frames.pairing import Pairing, pair_names
-from stereocal.intrinsics.board_order import SeenBoard, boards_in_one_order, orders_of
+from stereocal.intrinsics.board_order import SeenBoard, _mirrored, boards_in_one_order, orders_of
 from stereocal.intrinsics.boards import BoardSearch, BoardView, find_board
 from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
 from stereocal.intrinsics.stereo_boards import (
@@ -84,6 +84,22 @@ def test_corners_are_in_one_order_however_cameras_hang(roll: float, pattern: Boa
 def test_orders_with_which_a_board_looks_the_same() -> None:
     told = BoardPattern(9, 6, 0.03), BoardPattern(8, 6, 0.03, "DICT_4X4_50", 0.02)
     assert [len(orders_of(p)) for p in (PATTERN, EVEN, SQUARE, *told)] == [2, 2, 4, 1, 1]
+
+
+@pytest.mark.parametrize("count", [0, 5, 8, 12, 14])
+def test_a_mirrored_lens_images_what_is_mirrored(count: int) -> None:
+    """Each of OpenCV's coefficients, with a skew, to rounding: 2e-13 px."""
+    distortion = np.array(
+        [0.1, -0.05, 0.003, 0.004, 0.01, 0.02, 0.03, 0.01, 0.02, 0.01, 0.015, 0.03, 0.02, 0.05]
+    )
+    K = SMALL.K.copy()
+    K[0, 1] = 3.0
+    lens = replace(SMALL, K=K, distortion=distortion[:count])
+    points = np.random.default_rng(3).uniform([-0.4, -0.3, 1.0], [0.4, 0.3, 1.0], (50, 3))
+    view = BoardView("one", SMALL.image_size, np.arange(50), lens.project(points))
+    (seen_boards,), mirrored = _mirrored([SeenBoard(0, (view, view))], lens)
+    corners = mirrored.project(points * [-1.0, 1.0, 1.0])
+    assert np.allclose(seen_boards.views[1].corners, corners, rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("pattern", [PATTERN, BoardPattern(9, 6, 0.02)])
