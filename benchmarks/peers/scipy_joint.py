@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import cv2
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
@@ -70,30 +71,29 @@ def joint(
     unit, end, camera = np.nonzero(np.isfinite(own.pixels[..., 0]))  # (n, 2, c)
     measured, bars = own.pixels[unit, end, camera], np.flatnonzero(np.isfinite(own.distances))
     sigma = np.array([known.focal, known.centre_px, known.centre_px] * count)
+    rows = [np.flatnonzero(camera == number) for number in range(count)]
+    seen, eye = [(mine, 2 * unit[mine] + end[mine]) for mine in rows], np.eye(3)
 
-    def posed(x: FloatArray) -> list[Pose]:
-        each = x[:lens_at].reshape(-1, POSE)
-        moved = [Pose(Rotation.from_rotvec(own[:3]).as_matrix(), own[3:]) for own in each]
-        return [Pose(np.eye(3), np.zeros(3)), *moved]
+    def moves(x: FloatArray) -> FloatArray:
+        """(c, 6): rotation vector and translation; those of the first camera are 0."""
+        return np.vstack([np.zeros(POSE), x[:lens_at].reshape(-1, POSE)])
 
-    def lenses(x: FloatArray) -> list[Camera]:
-        found = []
-        for lens, (focal, cx, cy) in zip(
-            stated, x[lens_at : shared - 1].reshape(-1, LENS), strict=True
+    def matrices(x: FloatArray) -> list[FloatArray]:
+        found = [lens.K.copy() for lens in stated]
+        for K, (focal, cx, cy) in zip(
+            found, x[lens_at : shared - 1].reshape(-1, LENS), strict=True
         ):
-            K = lens.K.copy()
             K[[0, 1], [0, 1]] *= 1 + focal
             K[:2, 2] += cx, cy
-            found.append(replace(lens, K=K))
         return found
 
     def residuals(x: FloatArray) -> FloatArray:
-        at, poses = x[shared:].reshape(-1, 2, 3), posed(x)
-        images = np.empty_like(measured)
-        for number, (pose, lens) in enumerate(zip(poses, lenses(x), strict=True)):
-            mine = camera == number
-            images[mine] = lens.project(pose.apply(at[unit[mine], end[mine]]))
-        lengths = np.linalg.norm(at[bars, 0] - at[bars, 1], axis=1)
+        flat, images, at = x[shared:].reshape(-1, 3), np.empty_like(measured), moves(x)
+        for (mine, points), move, K, lens in zip(seen, at, matrices(x), stated, strict=True):
+            bent, _ = cv2.projectPoints(flat[points], move[:3], move[3:], eye, lens.distortion)
+            images[mine] = bent[:, 0] @ K[:2, :2].T + K[:2, 2]
+        ends = flat.reshape(-1, 2, 3)[bars]
+        lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
         lengths = lengths / (1 + known.factor * x[shared - 1]) - own.distances[bars]
         parts = [
             ((images - measured) / known.pixels).ravel(),
@@ -103,7 +103,7 @@ def joint(
         ]
         if known.baseline is not None:
             baseline_m, sigma_m = known.baseline
-            parts.append(np.array([(poses[1].baseline - baseline_m) / sigma_m]))
+            parts.append(np.array([(np.linalg.norm(at[1, 3:]) - baseline_m) / sigma_m]))
         return np.concatenate(parts)
 
     turns = [np.append(Rotation.from_matrix(pose.R).as_rotvec(), pose.T) for pose in start[1:]]
@@ -125,7 +125,9 @@ def joint(
         ftol=1e-8 if loss == "linear" else 1e-6,
         max_nfev=EVALUATIONS,
     )
-    return posed(found.x), lenses(found.x)
+    lenses = zip(stated, matrices(found.x), strict=True)
+    poses = [Pose(Rotation.from_rotvec(own[:3]).as_matrix(), own[3:]) for own in moves(found.x)]
+    return poses, [replace(camera, K=K) for camera, K in lenses]
 
 
 def solve(dataset: Pair) -> Solution:
