@@ -15,6 +15,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.system.resources import ROOT
 from stereocal.workflow.pair_run import PairRun
+from tests.further import further
 from tests.rig.test_pair import check_same
 
 SAMPLES = ROOT / "sample_data"
@@ -75,7 +76,7 @@ def test_a_file_of_another_program(tmp_path: Path) -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("name", ["rig", "by_hand"])
+@pytest.mark.parametrize("name", ["rig", *further("by_hand")])
 def test_a_rig_and_its_pairs(name: str, tmp_path: Path) -> None:
     data, out = tmp_path / "data", tmp_path / "out"
     assert main(["sample", name, "--out", str(data)]) == 0

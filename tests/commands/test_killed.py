@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.further import further
 from tests.soak import repeats
 from tests.terminal import FIELD, LONGEST_S, ROOT, started
 
@@ -78,7 +79,7 @@ def test_children_end_with_a_parent_that_is_killed(how: str, tmp_path: Path) -> 
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("how", ["SIGTERM", "SIGKILL", "SIGINT"])
+@pytest.mark.parametrize("how", ["SIGKILL", *further("SIGTERM", "SIGINT")])
 def test_commands_killed_at_any_moment(how: str, tmp_path: Path) -> None:
     """SIGINT to the command alone, as of `kill -INT`; a terminal's goes to all processes."""
     moments, times = random.Random(how), repeats(len(COMMANDS), 36)

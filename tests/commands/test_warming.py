@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
+from tests.further import of_a_whole_soak
 
 ROOT = Path(__file__).parents[2]
 WORK = """
@@ -97,7 +97,7 @@ OF_CONSTANTS = ["_enlarged 3", "fill_shared 3", "image_radius 2", "imaged_shift 
 """numba compiles what is called with a constant for each constant."""
 
 
-@pytest.mark.soak
+@of_a_whole_soak
 def test_each_function_is_compiled_once_and_all_are(tmp_path: Path) -> None:
     """But those that two processes compile at the same time: at most a tenth."""
     words, empty = [sys.executable, "-c", COUNT], {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}

@@ -10,6 +10,7 @@ import pytest
 from stereocal.cli import main
 from stereocal.system.executors import engine, tasks_at_once
 from tests import lens
+from tests.further import further
 from tests.terminal import FIELD, ROOT, tables
 
 PHOTOGRAPHS = ROOT / "sample_data" / "photographs"
@@ -63,8 +64,8 @@ OUT |= {"match": "pairs.csv", "reconstruct": "points.csv"}
 
 
 def one_of_all(usual: str) -> list[Any]:
-    """One command, and in the soak all others."""
-    return [usual, *(pytest.param(name, marks=pytest.mark.soak) for name in OUT if name != usual)]
+    """One command, and in the whole soak all others."""
+    return [usual, *further(*(name for name in OUT if name != usual))]
 
 
 def written(name: str, words: list[str], folder: Path, *options: str) -> bytes:

@@ -15,6 +15,7 @@ import pytest
 from stereocal.cli import COMMANDS, _parser, main
 from tests.docs.pages import PAGES, code_of, name_of
 from tests.docs.prepared import thin, videos
+from tests.further import OF_A_WHOLE_SOAK
 from tests.terminal import ROOT
 
 OURS = re.compile(r"(?:\S*python -m )?stereocal (.*)")
@@ -111,16 +112,19 @@ SLOW = {
     "docs/photographs.md": "tests/commands/test_from_photographs.py takes its steps",
     "docs/paper_kit.md": "tests/paper_kit opens a kit",
 }
-"""Pages whose commands take seconds, which the soak runs; and what does the same without a page."""
+"""Pages whose commands take seconds, which the soak runs, a short one those with figures; and what
+does the same without a page."""
+
+
+def marks_of(page: Path) -> list[pytest.MarkDecorator]:
+    """The marks of a page's test."""
+    if name_of(page) not in SLOW:
+        return []
+    return [pytest.mark.soak] if name_of(page) in QUOTED else OF_A_WHOLE_SOAK
 
 
 @pytest.mark.parametrize(
-    "page",
-    [
-        pytest.param(page, marks=[pytest.mark.soak] if name_of(page) in SLOW else [])
-        for page in WITH_COMMANDS
-    ],
-    ids=name_of,
+    "page", [pytest.param(page, marks=marks_of(page)) for page in WITH_COMMANDS], ids=name_of
 )
 def test_its_commands_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for code in code_of(page):

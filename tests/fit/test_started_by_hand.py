@@ -17,7 +17,7 @@ from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import field_rig
 from stereocal.system.numbers import rounded
-from tests.further import further
+from tests.further import further, of_a_whole_soak
 from tests.rigs.mistakes import joined
 from tests.rigs.moving_bar import move_bar, record
 
@@ -112,7 +112,7 @@ def test_a_camera_of_half_the_rate_is_brought_into_step_by_the_stated_rates() ->
     assert abs(value - 150.5) < 4 * sigma < 0.1
 
 
-@pytest.mark.soak  # twice as many frames are above
+@of_a_whole_soak  # twice as many frames are above
 def test_rates_a_thousandth_apart_are_named() -> None:
     """In 5,000 frames the cameras are five frames further apart at the end."""
     rng = np.random.default_rng(7)

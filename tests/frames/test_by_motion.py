@@ -22,6 +22,7 @@ from stereocal.intrinsics.board_order import orders_of
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.array_types import FloatArray
+from tests.further import of_a_whole_soak
 from tests.refused import refused
 from tools.photographs.rendering import HERE
 from tools.photographs.started_by_hand import (
@@ -191,7 +192,7 @@ def test_videos_of_cameras_started_by_hand(
     assert np.linalg.norm(fit.pose.angles - np.array(RIG.pose.angles)) < 0.02
 
 
-@pytest.mark.soak  # two cameras' videos are above, three cameras' motion too
+@of_a_whole_soak  # two cameras' videos are above, three cameras' motion too
 def test_videos_of_three_cameras_become_a_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

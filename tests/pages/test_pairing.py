@@ -17,6 +17,7 @@ from stereocal.system.photograph import GreyImage
 from stereocal.system.taken import EXIF
 from tests.bar_photographs import bar_set
 from tests.files import zipped
+from tests.further import of_a_whole_soak
 from tests.pages.stored_projects import (
     dashboard,
     drop,
@@ -155,7 +156,7 @@ def test_data_brings_them_into_step_and_says_how(home: Path, tmp_path: Path) -> 
     assert not app.exception
 
 
-@pytest.mark.soak  # the command takes these steps in tests/frames/test_by_motion.py
+@of_a_whole_soak  # the command takes these steps in tests/frames/test_by_motion.py
 def test_videos_of_cameras_started_by_hand(home: Path, tmp_path: Path) -> None:
     pytest.importorskip("av")
     given = tmp_path / "given"
