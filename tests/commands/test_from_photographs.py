@@ -22,6 +22,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.system.photograph import read_photograph
 from tests.bar_photographs import bar_set
 from tests.files import description, write
+from tests.further import of_a_whole_soak
 from tests.lens import SMALL
 from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values
 from tests.rigs.boards import photographs, stereo
@@ -182,7 +183,7 @@ def test_targets_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert len(rows.bars) == 6
 
 
-@pytest.mark.soak  # frames of videos are above, the size is in tests/pages/test_photographs.py
+@of_a_whole_soak  # frames of videos are above, the size is in tests/pages/test_photographs.py
 def test_a_board_in_videos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Held still at nine places for 0.3 s each; the size of the board is found."""
     files, paths = photographs(stereo(0.3), 9, 6), []

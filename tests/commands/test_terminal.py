@@ -14,6 +14,7 @@ import pytest
 
 from stereocal.__main__ import CLOSED_PIPE, INTERRUPTED
 from stereocal.commands.console import in_stages, say
+from tests.further import further
 from tests.terminal import FIELD, LONGEST_S, ROOT, command, sentences, started, tables
 
 PHOTOGRAPHS = ROOT / "sample_data" / "photographs"
@@ -145,7 +146,7 @@ def test_a_pipe_that_nobody_reads_after_a_line_to_each_stream() -> None:
 
 
 @pytest.mark.parametrize("both", [True, False])
-@pytest.mark.parametrize("arguments", ["--help", pytest.param("calibrate", marks=pytest.mark.soak)])
+@pytest.mark.parametrize("arguments", ["--help", *further("calibrate")])
 def test_a_pipe_that_nobody_reads(arguments: str, both: bool, tmp_path: Path) -> None:
     words = ["--help"]
     if arguments == "calibrate":

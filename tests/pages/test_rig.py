@@ -38,6 +38,7 @@ from stereocal.ui.start import RIG
 from stereocal.ui.validation import ALL_PAIRS
 from tests.archives import caliscope_files, wand_csv
 from tests.files import encoded, zipped
+from tests.further import of_a_whole_soak
 from tests.lens import PATTERN, SMALL, photographed
 from tests.pages.stored_projects import (
     dashboard,
@@ -489,7 +490,7 @@ def seen_by_both(count: int) -> list[Pose]:
     ][:count]
 
 
-@pytest.mark.soak
+@of_a_whole_soak
 def test_photographs_of_a_board(app: AppTest, home: Path) -> None:
     orders: dict[int, int] = {}
     boards = seen_by_both(5)

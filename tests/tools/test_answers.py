@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from tests.further import of_a_whole_soak
 from tools.answers.__main__ import main
 from tools.answers.comparing import difference
 
 CASE, REFUSED = "convert-opencv", "match-lost"
 
 
-@pytest.mark.soak  # processes of commands; what is compared is below
+@of_a_whole_soak  # processes of commands; what is compared is below
 def test_a_case_with_another_date_is_the_same_and_a_changed_digit_is_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -33,7 +33,7 @@ from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
 from tests import known_rig as rig
 from tests.fisheye_rig import recording
-from tests.further import further
+from tests.further import of_a_whole_soak
 from tests.rigs.population import CASES, one_rig, population
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 from tests.soak import repeats
@@ -223,8 +223,8 @@ def test_only_noise_across_the_lines_moves_a_pair_off_them() -> None:
     assert_allclose(pixels, noise + 1.5 * along, atol=1e-8)  # measured: 3e-11
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("k1", [0.004, *further(0.0)])
+@of_a_whole_soak
+@pytest.mark.parametrize("k1", [0.004, 0.0])
 def test_sigmas_of_points_are_honest(k1: float, rigs: int = repeats(30, 60)) -> None:
     """z of points of rigs with unlike lens errors, stated; also of k1.
 
