@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import inspect
+import os
 import re
 import shutil
 import sys
@@ -116,9 +117,16 @@ def _folder(path: Path) -> Path:
             if earlier != folder and time.time() - written > DAY_S:
                 shutil.rmtree(earlier, ignore_errors=True)
         for kept in folder.glob("*/*.nb[ci]"):
-            if kept.read_bytes()[-1:] != END_OF_PICKLE:
+            if _last_byte(kept) != END_OF_PICKLE:
                 kept.unlink(missing_ok=True)
     return folder
+
+
+def _last_byte(file: Path) -> bytes:
+    """Of a file that may be empty; the rest, megabytes of code, is not read at each start."""
+    with file.open("rb") as content:
+        content.seek(max(content.seek(0, os.SEEK_END) - 1, 0))
+        return content.read()
 
 
 @functools.cache
