@@ -32,7 +32,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
-from tests.lens import AtOnce
+from tests.photographs.lens import AtOnce
 
 OPENCV = BoardPattern(9, 6, 0.03)
 BOTH: tuple[str, str] = CAMERAS

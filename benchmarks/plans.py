@@ -33,7 +33,7 @@ from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import field_rig
 from stereocal.verdict.forecast import forecast_files
 from stereocal.verdict.fresh_frames import draw_noise
-from tests import known_rig
+from tests.rigs import known_rig
 from tests.rigs.population import observed
 
 DRAWS = 400

@@ -18,7 +18,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
-from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, bar_ends, images
+from tests.rigs.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 CASES = Path(__file__).parent / "cases"
 LOWER_LEFT = PixelOrigin("lower-left")

@@ -22,8 +22,8 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system.zip_files import pack_zip, unzip
-from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
 from tests.pages.stored_projects import FULL, placed
+from tests.rigs.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences
 
 FRAMES = 8
 

@@ -22,8 +22,8 @@ from stereocal.library.calibrations import CalibratedRig, CalibrationRun, Look
 from stereocal.matching.application import points_by_camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.answers import MOST_LINES, Answer, answering
-from tests.bar_photographs import bar_set
 from tests.files import write
+from tests.photographs.bars import bar_set
 from tests.refused import refused
 from tests.sample_field import calibrated_field
 

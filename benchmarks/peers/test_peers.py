@@ -14,7 +14,7 @@ from benchmarks.peers.solution import NoSolutionError, Peer, Solution
 from stereocal.rig.geometry import Pose
 from stereocal.rig.pair import Pair
 from stereocal.system.array_types import FloatArray
-from tests import known_rig as rig
+from tests.rigs import known_rig as rig
 
 
 class Largest(NamedTuple):

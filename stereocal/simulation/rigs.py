@@ -62,17 +62,24 @@ def simulated_rig(
     points = world[0].apply(placed.reshape(-1, 3)).reshape(placed.shape)
     pixels: list[FloatArray] = []
     for number, (name, camera) in enumerate(true.items()):
-        in_camera = poses[name].apply(points.reshape(-1, 3))
-        images = camera.project(in_camera) + rng.normal(0.0, NOISE_PX, (len(in_camera), 2))
-        inside = ((images > 0) & (images < np.array(IMAGE_SIZE) - 1)).all(axis=1)
-        seen = (camera.sees(in_camera) & inside).reshape(frames, -1)
-        seen &= rng.random(seen.shape) < rng.uniform(NEAR, FAR)
+        images = seen_by(camera, poses[name].apply(points.reshape(-1, 3)), NOISE_PX, rng)
+        images = images.reshape(*points.shape[:2], 2)
+        seen = rng.random(images.shape[:2]) < rng.uniform(NEAR, FAR)
         if neighbours_only:
             first = np.arange(frames) % (cameras - 1)
             seen &= np.isin(number - first, (0, 1))[:, None]
-        pixels.append(np.where(seen[..., None], images.reshape(frames, -1, 2), np.nan))
+        pixels.append(np.where(seen[..., None], images, np.nan))
     recording = recording_of("simulated", nominal_of(true, rng), WAND, pixels)
     return SimulatedRig(recording, true, poses, points)
+
+
+def seen_by(
+    camera: Camera, points_m: FloatArray, noise_px: float, rng: np.random.Generator
+) -> FloatArray:
+    """Pixels (n, 2) with normal noise of points (n, 3) in the camera's frame; NaN outside."""
+    pixels = camera.project(points_m) + rng.normal(0.0, noise_px, (len(points_m), 2))
+    inside = ((pixels > 0) & (pixels < np.array(camera.image_size) - 1)).all(axis=1)
+    return np.where((camera.sees(points_m) & inside)[:, None], pixels, np.nan)
 
 
 def nominal_of(true: Mapping[str, Camera], rng: np.random.Generator) -> dict[str, Camera]:

@@ -18,8 +18,8 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import GreyImage, read_colours
 from stereocal.ui.holding import held_target
-from tests.ball_bars import BAR_M, CAMERA, RIG, ball_bars
 from tests.browser.conftest import LONGEST_MS, ROOT, project_of, settle
+from tests.photographs.ball_bars import BAR_M, CAMERA, RIG, ball_bars
 from tools.photographs.videos import write_video
 
 pytestmark = pytest.mark.browser

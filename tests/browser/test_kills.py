@@ -24,9 +24,9 @@ from stereocal.projects.home import recent_projects
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.ui.menu import TITLES
-from tests.bar_photographs import bar_set
 from tests.browser.conftest import LONGEST_MS, ROOT, download, results_shown, served, settle
 from tests.browser.work import a_project
+from tests.photographs.bars import bar_set
 from tests.wheel import installed_in
 
 pytestmark = pytest.mark.browser

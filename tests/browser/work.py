@@ -16,11 +16,11 @@ from stereocal.projects.project import Project
 from stereocal.system.zip_files import pack_zip
 from stereocal.ui import jobs
 from stereocal.ui.press import Press
-from tests.bar_photographs import BAR_M, bar_set
 from tests.files import encoded
 from tests.hostile_projects import dataset
-from tests.lens import facing, photographed, search
 from tests.pages.stored_projects import FEW, ended
+from tests.photographs.bars import BAR_M, bar_set
+from tests.photographs.lens import facing, photographed, search
 
 FRAMES, BOARDS = 14, 12
 FILE = "www.evil.example me@evil.example"

@@ -20,7 +20,7 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system.array_types import FloatArray
-from tests.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, correspondences, dataset
+from tests.rigs.known_rig import BAR_M, PRIMARY, RIG, SECONDARY, correspondences, dataset
 
 SOUND = dataset(20, noise_px=0.3)
 

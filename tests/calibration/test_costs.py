@@ -10,8 +10,8 @@ from stereocal.rig.camera import pixel_scales
 from stereocal.rig.geometry import Pose, triangulate_rays
 from stereocal.system.array_types import FloatArray
 from tests.calibration import reference
-from tests.known_rig import PRIMARY, RIG, SECONDARY, SEEDS, bar_ends, random_rig, rays_of
 from tests.rig.machine_code import machine_code
+from tests.rigs.known_rig import PRIMARY, RIG, SECONDARY, SEEDS, bar_ends, random_rig, rays_of
 
 NOTHING = np.empty((0, 0))
 reprojection_cost = machine_code(costs.reprojection_cost)

@@ -20,7 +20,16 @@ from stereocal.calibration.montecarlo import Problem
 from stereocal.errors import StereocalError
 from stereocal.rig.geometry import Angles, Pose, angles_of, residuals
 from stereocal.system.array_types import FloatArray
-from tests.known_rig import ANGLES, ANY_ANGLES, BASELINE_M, RIG, SEEDS, bar_ends, dataset, rays_of
+from tests.rigs.known_rig import (
+    ANGLES,
+    ANY_ANGLES,
+    BASELINE_M,
+    RIG,
+    SEEDS,
+    bar_ends,
+    dataset,
+    rays_of,
+)
 
 NOISY = dataset(20, noise_px=0.4).rays
 SOLVERS: tuple[Solver, ...] = ("linear", "constrained")

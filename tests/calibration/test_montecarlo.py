@@ -24,7 +24,16 @@ from stereocal.library.calibrations import calibrate
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.system.array_types import FloatArray
-from tests.known_rig import ANGLES, BASELINE_M, RIG, SECONDARY, bar_ends, dataset, images, rays_of
+from tests.rigs.known_rig import (
+    ANGLES,
+    BASELINE_M,
+    RIG,
+    SECONDARY,
+    bar_ends,
+    dataset,
+    images,
+    rays_of,
+)
 from tests.rigs.objects import BOARD, WAND, recorded
 
 NOISY = dataset(20, noise_px=0.4)

@@ -25,9 +25,9 @@ from stereocal.library.calibrations import calibrate
 from stereocal.rig.camera import CAMERAS, LensModel
 from stereocal.rig.pair import Pair
 from stereocal.simulation.nineteen import simulate_nineteen
-from tests.fisheye_rig import recording
 from tests.further import further
 from tests.rigs.culprits import KINDS, accusations_of, sound
+from tests.rigs.fisheye_rig import recording
 from tests.rigs.mistakes import MISTAKES, flipped
 from tests.rigs.mistakes import rig as random_rig
 

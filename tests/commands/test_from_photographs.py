@@ -20,12 +20,12 @@ from stereocal.formats.dataset_files import read_recording
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.photograph import read_photograph
-from tests.bar_photographs import bar_set
 from tests.files import description, write
 from tests.further import of_a_whole_soak
-from tests.lens import SMALL
-from tests.photographed_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values
-from tests.rigs.boards import photographs, stereo
+from tests.photographs.bars import bar_set
+from tests.photographs.board_pairs import photographs, stereo
+from tests.photographs.lens import SMALL
+from tests.photographs.small_rig import BAR_M, BASELINE_M, RIG, photographed_rig, true_values
 from tools.photographs.videos import write_video
 
 WITHIN = 3.5

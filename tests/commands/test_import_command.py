@@ -13,8 +13,8 @@ from stereocal.formats.dataset_files import pack_dataset, read_dataset, read_rec
 from stereocal.rig.parameters import RigParameters
 from tests.archives import easywand_fields, mat
 from tests.files import write, zipped
-from tests.known_rig import BASELINE_M
-from tests.known_rig import dataset as known_dataset
+from tests.rigs.known_rig import BASELINE_M
+from tests.rigs.known_rig import dataset as known_dataset
 
 EUROPEAN = Path(__file__).parents[1] / "cases" / "european_wand_table"
 

@@ -9,8 +9,8 @@ import pytest
 
 from stereocal.cli import main
 from stereocal.system.executors import engine, tasks_at_once
-from tests import lens
 from tests.further import further
+from tests.photographs import lens
 from tests.terminal import FIELD, ROOT, tables
 
 PHOTOGRAPHS = ROOT / "sample_data" / "photographs"

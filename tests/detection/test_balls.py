@@ -10,8 +10,8 @@ from stereocal.frames.review import centre_at
 from stereocal.rig.camera import Camera
 from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph import read_colours
-from tests.ball_bars import CAMERA, COLOURS, ball_bars, plain
-from tests.bar_photographs import bar_set
+from tests.photographs.ball_bars import CAMERA, COLOURS, ball_bars, plain
+from tests.photographs.bars import bar_set
 from tests.refused import refused
 from tools.photographs.balls import RED, YELLOW, BallSettings, clutter, photograph_balls, side_light
 

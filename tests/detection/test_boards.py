@@ -15,7 +15,7 @@ from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
 from stereocal.system.tasks import StoppedError
 from tests.files import encoded
-from tests.lens import PATTERN, SQUARES, AtOnce, corners_of, facing, photographed
+from tests.photographs.lens import PATTERN, SQUARES, AtOnce, corners_of, facing, photographed
 from tests.refused import refused
 from tools.photographs.rendering import Board, Photograph, chessboard
 

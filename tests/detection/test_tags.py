@@ -8,7 +8,7 @@ from stereocal.detection.target import Tags, parse_target
 from stereocal.errors import StereocalError
 from stereocal.system.array_types import FloatArray
 from tests.further import further
-from tests.photographed_rig import PRIMARY
+from tests.photographs.small_rig import PRIMARY
 from tools.photographs.bars import facing, rod
 from tools.photographs.objects import tag
 from tools.photographs.rendering import HERE, PhotographSettings, Placed, photograph

@@ -26,7 +26,7 @@ from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.fit.screening.screen import screen
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.system.tasks import StoppedError
-from tests import known_rig as rig
+from tests.rigs import known_rig as rig
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 FIELD = read_dataset(SAMPLES / "field")

@@ -19,9 +19,9 @@ from stereocal.formats.plan_file import parse_plan, read_plan, write_plan
 from stereocal.rig.geometry import triangulate
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import percent
-from tests import known_rig
 from tests.field.plans import FIELD, LENS, contents, plan
 from tests.refused import refused
+from tests.rigs import known_rig
 from tests.rigs.population import observed
 
 

@@ -11,8 +11,8 @@ from stereocal.field.world.find import find_world
 from stereocal.field.world.frame import Axes, Line, WorldSettings
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.array_types import FloatArray
-from tests.fisheye_rig import fisheye_rig
 from tests.refused import refused
+from tests.rigs.fisheye_rig import fisheye_rig
 from tests.rigs.worlds import (
     CLICK_PX,
     GRAVITY,

@@ -33,8 +33,8 @@ from stereocal.library.calibrations import calibrate
 from stereocal.matching.lengths import check_lengths
 from tests.field.plans import plan
 from tests.figures import test_apply_figures as applied
-from tests.known_rig import BAR_M
-from tests.lens import search
+from tests.photographs.lens import search
+from tests.rigs.known_rig import BAR_M
 from tests.sample_field import FIELD
 
 OF_RIGS = {"plot_cameras", "plot_rig_graph"}

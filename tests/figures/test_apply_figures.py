@@ -18,8 +18,8 @@ from stereocal.matching.trajectories import tracks_by
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
-from tests.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 from tests.matching.test_point_noise import sample
+from tests.rigs.known_rig import PRIMARY, RIG, SECONDARY, bar_ends, images
 
 SET = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)
 FRAMES = 8

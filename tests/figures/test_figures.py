@@ -17,8 +17,8 @@ from stereocal.figures.traces import MAXIMUM_DRAWN, drawn_moves, plot_traces
 from stereocal.fit.results import Calibration
 from stereocal.fit.screening.outliers import frame_reprojection_px
 from stereocal.rig.geometry import triangulate_rays
-from tests import known_rig as rig
 from tests.fit.test_outliers import MIXED_UP, make_calibration
+from tests.rigs import known_rig as rig
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ from stereocal.rig.camera import CAMERAS
 from tests.figures.every_figure import refined_field
 from tests.files import encoded
 from tests.intrinsics.test_intrinsics import FEW, usual
-from tests.lens import facing, photographed
+from tests.photographs.lens import facing, photographed
 from tests.sample_field import FIELD
 
 

@@ -17,8 +17,8 @@ from stereocal.fit.refine import fit_from
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
-from tests import known_rig as rig
 from tests.rig.machine_code import machine_code
+from tests.rigs import known_rig as rig
 
 fill_residuals, fill_shared = (machine_code(views.fill_residuals), machine_code(views.fill_shared))
 distort = machine_code(distortion.distort)

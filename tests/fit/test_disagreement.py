@@ -12,10 +12,10 @@ from stereocal.fit.least_squares.small_steps import lens_places
 from stereocal.fit.least_squares.unknowns import FIXED_LENS, LensPrior, RefineSettings
 from stereocal.fit.refine import refine
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensUncertainty
-from tests import known_rig as rig
-from tests.fisheye_rig import fisheye
 from tests.further import further
+from tests.rigs import known_rig as rig
 from tests.rigs.accuracy import accusations
+from tests.rigs.fisheye_rig import fisheye
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 KNOWN = Misjudged()

@@ -18,9 +18,9 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.simulation.rigs import SimulatedRig, recording_of
-from tests.fisheye_rig import NOISE_PX, fisheye, off, recording
 from tests.fit.test_calibrate_rig import pose_errors
 from tests.further import further
+from tests.rigs.fisheye_rig import NOISE_PX, fisheye, off, recording
 from tools.photographs.rendering import turned
 
 KNOWN = RefineSettings(lenses=dict.fromkeys(CAMERAS, FIXED_LENS))

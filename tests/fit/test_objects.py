@@ -12,8 +12,8 @@ from stereocal.library.calibrations import calibrate
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import RigidObject
-from tests import known_rig
 from tests.further import further
+from tests.rigs import known_rig
 from tests.rigs.mistakes import misplaced
 from tests.rigs.objects import BOARD, WAND, recorded
 

@@ -12,7 +12,7 @@ from stereocal.fit.screening.outliers import (
     reprojection_outliers,
 )
 from stereocal.library.calibrations import calibrate
-from tests import known_rig as rig
+from tests.rigs import known_rig as rig
 from tests.rigs.mistakes import misplaced
 
 MIXED_UP = 11

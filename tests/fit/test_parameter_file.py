@@ -10,7 +10,7 @@ from stereocal.fit.refine import refine
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.library.calibrations import calibrate
 from stereocal.rig.parameters import RigParameters
-from tests import known_rig as rig
+from tests.rigs import known_rig as rig
 from tests.rigs.refined_rigs import Misjudged, random_scene, spoiled, stated
 
 

@@ -17,8 +17,8 @@ from stereocal.library.calibrations import calibrate
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Scene, lens_off_by, observe
-from tests import known_rig as rig
 from tests.further import further
+from tests.rigs import known_rig as rig
 from tests.rigs.accuracy import against_the_paper, turned, with_gross_errors
 from tests.rigs.mistakes import rig as random_rig
 from tests.rigs.refined_rigs import fixed_lenses, random_scene

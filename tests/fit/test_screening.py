@@ -17,8 +17,8 @@ from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.pair import Pair
 from stereocal.simulation.simulate import lens_off_by, observe, place_bars
 from stereocal.verdict.in_words import left_out_line, why_not_trusted
-from tests import known_rig as rig
 from tests.further import further
+from tests.rigs import known_rig as rig
 from tests.rigs.accuracy import turned
 from tests.rigs.mistakes import flipped, misplaced, with_frames_exchanged, with_points_off
 from tests.rigs.mistakes import rig as random_rig

@@ -17,8 +17,8 @@ from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
-from tests import known_rig as rig
 from tests.further import further
+from tests.rigs import known_rig as rig
 from tests.rigs.moving_bar import move_bar, record
 
 FRAMES = 120

@@ -21,8 +21,8 @@ from stereocal.library.calibrations import calibrate
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import BoardPattern
-from tests import known_rig as rig
 from tests.further import further
+from tests.rigs import known_rig as rig
 from tests.rigs.board_pairs import (
     BoardPair,
     board_of,

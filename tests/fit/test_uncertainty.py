@@ -18,8 +18,8 @@ from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.fit.refine import refine
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.geometry import triangulate
-from tests import known_rig as rig
 from tests.further import further
+from tests.rigs import known_rig as rig
 from tests.rigs.accuracy import deviations, over_bound
 from tests.rigs.refined_rigs import Misjudged, fixed_lenses
 

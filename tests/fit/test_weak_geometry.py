@@ -27,8 +27,8 @@ from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Scene, observe, place_bars
 from stereocal.system.array_types import FloatArray
 from stereocal.verdict.forecast import forecast_files
-from tests import known_rig as rig
 from tests.further import further
+from tests.rigs import known_rig as rig
 from tests.rigs.mistakes import rig as random_rig
 from tests.rigs.population import population
 

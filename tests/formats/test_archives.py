@@ -22,8 +22,8 @@ from tests.archives import (
     stereo_struct,
     wand_csv,
 )
-from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, RIG, SECONDARY
 from tests.refused import refused
+from tests.rigs.known_rig import BAR_M, BASELINE_M, PRIMARY, RIG, SECONDARY
 
 USUAL = ExchangeOptions()
 

@@ -17,8 +17,8 @@ from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.point_answers import answered, first_answers, layout_of
 from stereocal.formats.point_files import read_points
 from stereocal.rig.correspondences import Correspondences
-from tests.known_rig import PRIMARY, SECONDARY, dataset
 from tests.refused import refused
+from tests.rigs.known_rig import PRIMARY, SECONDARY, dataset
 
 ROWS = dataset(8, noise_px=0.5).correspondences
 SIDES = (ROWS.primary, ROWS.secondary)

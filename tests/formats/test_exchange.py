@@ -23,9 +23,9 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray
-from tests.fisheye_rig import fisheye_rig
-from tests.known_rig import ANY_ANGLES, PRIMARY, RIG, SECONDARY, bar_ends, images
 from tests.refused import refused
+from tests.rigs.fisheye_rig import fisheye_rig
+from tests.rigs.known_rig import ANY_ANGLES, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 POINTS = bar_ends(30)
 FULL = RigParameters(PRIMARY, SECONDARY, RIG, "3d", 0.1, {}, {})

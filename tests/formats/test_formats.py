@@ -30,9 +30,9 @@ from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.zip_files import unzip
 from tests.files import write, zipped
-from tests.fisheye_rig import fisheye
-from tests.known_rig import PRIMARY, SECONDARY, dataset
 from tests.refused import refused
+from tests.rigs.fisheye_rig import fisheye
+from tests.rigs.known_rig import PRIMARY, SECONDARY, dataset
 
 HEADER = "frame,target,u_primary,v_primary,u_secondary,v_secondary"
 ROW = "1,A,100.5,200,300,400.25"

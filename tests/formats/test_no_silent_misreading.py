@@ -26,8 +26,8 @@ from stereocal.rig.geometry import Pose
 from tests.files import write
 from tests.formats.test_exchange import PLAIN, RICHEST, SIZES
 from tests.formats.test_formats import NODES, with_storage
-from tests.known_rig import BASELINE_M, PRIMARY, RIG, SECONDARY, dataset
 from tests.refused import refused
+from tests.rigs.known_rig import BASELINE_M, PRIMARY, RIG, SECONDARY, dataset
 
 UNSTATED = ("opencv", "matlab", "aniposelib", "colmap")
 """Formats whose files may be in any unit."""

@@ -20,8 +20,8 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCamera, Rig, SeveralCameras
 from stereocal.system.array_types import FloatArray
 from tests.archives import CASES, PLAIN, case, focal
-from tests.known_rig import BASELINE_M, PRIMARY, RIG, SECONDARY
 from tests.refused import refused
+from tests.rigs.known_rig import BASELINE_M, PRIMARY, RIG, SECONDARY
 
 TRUE_R = np.array(
     [

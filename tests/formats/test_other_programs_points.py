@@ -23,9 +23,9 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.project import Project
 from stereocal.system.array_types import FloatArray
 from tests.further import further
-from tests.known_rig import PRIMARY, SECONDARY, bar_ends, images
 from tests.matching.test_matching import RIG_2D
 from tests.refused import refused
+from tests.rigs.known_rig import PRIMARY, SECONDARY, bar_ends, images
 
 FRAMES = 9
 VIEWS = tuple(view.reshape(FRAMES, 2, 2) for view in images(bar_ends(FRAMES)))

@@ -8,8 +8,8 @@ from stereocal.formats.dropped import Dropped, sort_files
 from stereocal.formats.recognition import recognise
 from stereocal.frames.which_camera import which_camera
 from tests.files import encoded, zipped
-from tests.lens import SMALL
 from tests.pages.test_pages import FIELD
+from tests.photographs.lens import SMALL
 
 GREY = np.full((60, 80), 110, np.uint8)
 FTYP = b"\0\0\0\x18ftyp"

@@ -48,8 +48,8 @@ from tests.formats.test_formats import (
 )
 from tests.formats.test_other_programs_points import hdf5
 from tests.formats.test_recording_files import FILES, changed
-from tests.known_rig import BAR_M, BASELINE_M, PRIMARY
 from tests.refused import refused
+from tests.rigs.known_rig import BAR_M, BASELINE_M, PRIMARY
 from tests.soak.readers import readers
 from tests.soak.seeds import image, parquet
 

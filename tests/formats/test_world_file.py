@@ -10,8 +10,8 @@ from stereocal.formats.world_file import WORLD_FORMAT, read_observed, read_world
 from stereocal.matching.reconstruction import name_of_world
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
-from tests.known_rig import PRIMARY, RIG, SECONDARY
 from tests.refused import refused
+from tests.rigs.known_rig import PRIMARY, RIG, SECONDARY
 
 WORLD = Pose.from_angles(Angles(0.3, -0.4, 1.2, 0.1, 0.2), 5.0)
 

@@ -11,8 +11,8 @@ from stereocal.detection.detect import State
 from stereocal.frames.agreeing import agreeing
 from stereocal.frames.frame import Centre, Frame
 from stereocal.frames.review import Review, undo, use_agreeing, use_frame
-from tests import known_rig as rig
 from tests.refused import refused
+from tests.rigs import known_rig as rig
 
 CAMERAS = (rig.PRIMARY, rig.SECONDARY)
 NOISE_PX = 0.1

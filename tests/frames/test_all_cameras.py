@@ -21,7 +21,7 @@ from stereocal.system.photograph_files import photographs_in
 from tests.files import encoded, write
 from tests.frames.test_pairing import shots, walk
 from tests.further import further
-from tests.photographed_rig import BAR_M, CAMERAS, POSES, TAGS, photographed_bars
+from tests.photographs.small_rig import BAR_M, CAMERAS, POSES, TAGS, photographed_bars
 from tests.refused import refused
 
 EITHER_WAY = [np.array([0, 1]), np.array([1, 0])]

@@ -17,8 +17,8 @@ from stereocal.frames.pairing import pair_names
 from stereocal.frames.search import compile_detection, detect_frames
 from stereocal.rig.camera import Camera
 from stereocal.system.tasks import Progress, StoppedError
-from tests.bar_photographs import bar_set
 from tests.files import description, encoded, write
+from tests.photographs.bars import bar_set
 
 BARS = bar_set(7)
 BOTH = "primary", "secondary"

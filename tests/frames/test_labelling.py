@@ -15,8 +15,8 @@ from stereocal.frames.labelling import label_frames
 from stereocal.frames.pairing import PhotographPair
 from stereocal.frames.slips import find_slip
 from stereocal.system.array_types import FloatArray
-from tests import known_rig as rig
 from tests.further import further
+from tests.rigs import known_rig as rig
 
 FRAMES = 20
 CAMERAS = (rig.PRIMARY, rig.SECONDARY)

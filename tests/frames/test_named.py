@@ -17,10 +17,10 @@ from stereocal.frames.pairing import PhotographPair
 from stereocal.rig.camera import Camera
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.resources import ROOT
-from tests.ball_bars import CAMERA as BALL_CAMERA
-from tests.ball_bars import COLOURS, ball_bars
 from tests.frames.test_frame_detection import detect
-from tests.photographed_rig import BAR_M, RIG, TAGS, photographed_bars
+from tests.photographs.ball_bars import CAMERA as BALL_CAMERA
+from tests.photographs.ball_bars import COLOURS, ball_bars
+from tests.photographs.small_rig import BAR_M, RIG, TAGS, photographed_bars
 
 TARGET = parse_target(TAGS)
 LENSES = RIG.primary, RIG.secondary

@@ -29,7 +29,7 @@ from stereocal.frames.search import keep_corrections
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.projects.review import change_review, read_review
-from tests.bar_photographs import bar_set
+from tests.photographs.bars import bar_set
 from tests.refused import refused
 
 BARS = bar_set(7)

@@ -12,9 +12,9 @@ import pytest
 from stereocal.detection.target import Balls, Tags
 from stereocal.intrinsics.held_object import HeldObject, held_object
 from stereocal.intrinsics.proposed_board import ProposedBoard, chessboard_in
-from tests.bar_photographs import bar_set
 from tests.files import encoded
 from tests.further import further
+from tests.photographs.bars import bar_set
 from tools.photographs.balls import ColourPhotograph
 from tools.photographs.objects import HELD_BOARD, KINDS, SQUARES, TAG_IDS, Kind, photographs_of
 

@@ -34,9 +34,8 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph import read_photograph
-from tests.fisheye_rig import fisheye
 from tests.further import further
-from tests.lens import (
+from tests.photographs.lens import (
     PATTERN,
     SMALL,
     SQUARES,
@@ -51,6 +50,7 @@ from tests.lens import (
     write_boards,
 )
 from tests.refused import refused
+from tests.rigs.fisheye_rig import fisheye
 from tests.rigs.fisheyes import draw_case
 from tools.photographs.board_series import draw_board_poses
 from tools.photographs.rendering import chessboard, chessboard_corners, turned

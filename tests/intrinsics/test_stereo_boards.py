@@ -32,12 +32,12 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.photograph import read_photograph
-from tests.ball_bars import BAR_M, RIG
 from tests.files import write
 from tests.further import further
-from tests.lens import PATTERN, SMALL, AtOnce
+from tests.photographs.ball_bars import BAR_M, RIG
+from tests.photographs.board_pairs import photographs, placings, stereo
+from tests.photographs.lens import PATTERN, SMALL, AtOnce
 from tests.refused import refused
-from tests.rigs.boards import photographs, placings, stereo
 from tests.rigs.fisheyes import draw_fisheye, draw_pairs
 from tools.photographs.bars import BarSettings, photograph_bars
 from tools.photographs.objects import charuco

@@ -16,8 +16,8 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from stereocal.system.tasks import StoppedError
-from tests import known_rig as rig
 from tests.matching.test_point_noise import seen
+from tests.rigs import known_rig as rig
 
 
 class StopAt:

@@ -24,9 +24,9 @@ from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.rig.volume import Volume
 from stereocal.system.array_types import FloatArray
-from tests.known_rig import PRIMARY, RIG, SECONDARY, dataset, images
 from tests.projects.test_recording import rig_text
 from tests.refused import refused
+from tests.rigs.known_rig import PRIMARY, RIG, SECONDARY, dataset, images
 
 SET = RigParameters(PRIMARY, SECONDARY, RIG, "refined", 1.0, {}, {}, matching_threshold_px=0.4)
 EQUIDISTANT = np.array([[300.0, 0, 640], [0, 300, 512], [0, 0, 1]])

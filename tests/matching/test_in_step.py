@@ -32,8 +32,8 @@ from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset
-from tests import known_rig as rig
 from tests.fit.test_time_offset import moving
+from tests.rigs import known_rig as rig
 from tests.rigs.moving_bar import move_bar, record
 
 LATE = 0.7

@@ -20,11 +20,11 @@ from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from stereocal.system.tasks import StoppedError
-from tests.fisheye_rig import fisheye_rig
-from tests.known_rig import images
 from tests.matching.test_matching import RIG_2D
 from tests.matching.test_point_noise import seen
 from tests.refused import refused
+from tests.rigs.fisheye_rig import fisheye_rig
+from tests.rigs.known_rig import images
 
 FRAMES = 12
 POINTS = 20

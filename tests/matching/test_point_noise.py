@@ -13,7 +13,7 @@ from stereocal.matching.views import TwoViews
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray
 from tests.further import further
-from tests.known_rig import PRIMARY, RIG, SECONDARY, images
+from tests.rigs.known_rig import PRIMARY, RIG, SECONDARY, images
 
 TARGETS_PX, OF_FILE_PX = 0.03, 0.1
 PLAIN = RigParameters(PRIMARY, SECONDARY, RIG, "refined", 1.0, {}, {})

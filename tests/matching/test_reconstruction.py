@@ -10,8 +10,8 @@ from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.volume import Volume
 from stereocal.system.array_types import FloatArray
-from tests.known_rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 from tests.refused import refused
+from tests.rigs.known_rig import ANGLES, BASELINE_M, PRIMARY, RIG, SECONDARY, bar_ends, images
 
 RIG_3D = RigParameters(PRIMARY, SECONDARY, RIG, "3d", 1.0, {}, {})
 POINTS = bar_ends(10)

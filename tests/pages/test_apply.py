@@ -27,7 +27,6 @@ from stereocal.ui import apply as apply_page
 from stereocal.ui import fields, jobs
 from stereocal.ui.apply_points import CLICKED
 from tests.field.world_tables import lines_csv, survey_csv
-from tests.known_rig import PRIMARY, RIG, SECONDARY
 from tests.matching.test_point_noise import seen
 from tests.pages.stored_projects import (
     SLOW,
@@ -40,6 +39,7 @@ from tests.pages.stored_projects import (
     run_job,
     told,
 )
+from tests.rigs.known_rig import PRIMARY, RIG, SECONDARY
 from tests.rigs.worlds import Place, plumb_lines, surveyed, world_of_cameras
 
 SET_2D = RigParameters(PRIMARY, SECONDARY, RIG, "2d", 1.0, {}, {}, matching_threshold_px=0.8)

@@ -9,7 +9,6 @@ from stereocal.projects.lens import ProjectLens
 from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui import lens
-from tests.lens import SMALL, film_boards, write_boards
 from tests.pages.stored_projects import (
     again,
     dashboard,
@@ -21,6 +20,7 @@ from tests.pages.stored_projects import (
     run_job,
     told,
 )
+from tests.photographs.lens import SMALL, film_boards, write_boards
 
 ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "sample_data" / "field"

@@ -19,11 +19,11 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.system.photograph import GreyImage
 from stereocal.ui.apply_points import CLICKED
 from tests.files import encoded
-from tests.known_rig import PRIMARY, SECONDARY
 from tests.matching.test_clicks import LENGTH_M, flight
 from tests.pages.stored_projects import drop, go, messages, page_of, pictured, project_of, told
 from tests.pages.test_apply import SET_2D, begun, give_sets
 from tests.projects.test_recording import rig_text
+from tests.rigs.known_rig import PRIMARY, SECONDARY
 from tools.photographs.videos import write_video
 
 PLACE = "upload_footage"

@@ -15,7 +15,6 @@ from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.system.photograph import GreyImage
 from stereocal.system.taken import EXIF
-from tests.bar_photographs import bar_set
 from tests.files import zipped
 from tests.further import of_a_whole_soak
 from tests.pages.stored_projects import (
@@ -29,6 +28,7 @@ from tests.pages.stored_projects import (
     run_job,
     told,
 )
+from tests.photographs.bars import bar_set
 from tools.photographs.started_by_hand import START_S, write_sample
 
 NAMES = ("primary/IMG_{}.png", "secondary/DSC_0{}.png")

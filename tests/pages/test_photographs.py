@@ -20,11 +20,8 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.system.photograph import read_photograph
 from stereocal.ui import jobs
 from stereocal.ui.holding import held_target
-from tests.ball_bars import CAMERA, COLOURS, ball_bars
-from tests.bar_photographs import bar_set
 from tests.files import description, encoded, zipped
 from tests.further import further
-from tests.lens import SMALL
 from tests.pages.stored_projects import (
     FEW,
     again,
@@ -38,7 +35,10 @@ from tests.pages.stored_projects import (
     wait_until,
 )
 from tests.pages.test_pages import give_zip
-from tests.rigs.boards import photographs, stereo
+from tests.photographs.ball_bars import CAMERA, COLOURS, ball_bars
+from tests.photographs.bars import bar_set
+from tests.photographs.board_pairs import photographs, stereo
+from tests.photographs.lens import SMALL
 from tests.rigs.objects import BOARD, recorded
 
 BARS = bar_set(7)

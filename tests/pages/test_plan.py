@@ -11,9 +11,9 @@ from stereocal.field.planning.forecast import forecast
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.verdict.in_words import percent
-from tests import known_rig
 from tests.field.plans import FIELD, contents, plan
 from tests.pages.stored_projects import FULL, drop, go, messages, page_of, placed, project_of, told
+from tests.rigs import known_rig
 
 
 @pytest.fixture

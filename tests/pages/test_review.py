@@ -14,8 +14,8 @@ from stereocal.projects.project import Project
 from stereocal.projects.review import read_review
 from stereocal.ui.picker import Pick
 from stereocal.ui.review import take_back, take_pick
-from tests.bar_photographs import bar_set
 from tests.pages.stored_projects import page_of, told
+from tests.photographs.bars import bar_set
 
 BARS = bar_set(7)
 

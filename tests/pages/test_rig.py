@@ -39,7 +39,6 @@ from stereocal.ui.validation import ALL_PAIRS
 from tests.archives import caliscope_files, wand_csv
 from tests.files import encoded, zipped
 from tests.further import of_a_whole_soak
-from tests.lens import PATTERN, SMALL, photographed
 from tests.pages.stored_projects import (
     dashboard,
     drop,
@@ -53,10 +52,11 @@ from tests.pages.stored_projects import (
     wait_until,
 )
 from tests.pages.test_pages import states
-from tests.photographed_rig import BAR_M, CAMERAS, photographed_bars
+from tests.photographs.board_pairs import HERE, placings, stereo
+from tests.photographs.lens import PATTERN, SMALL, photographed
+from tests.photographs.small_rig import BAR_M, CAMERAS, photographed_bars
 from tests.projects.test_recording import given as sample
 from tests.projects.test_recording import rig_text
-from tests.rigs.boards import HERE, placings, stereo
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from stereocal.projects.database import VERSION, Database
 from stereocal.projects.jobs import is_interrupted
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
-from tests import known_rig
+from tests.rigs import known_rig
 
 STORED = Path(__file__).parent / "version_1.sqlite"
 """Of version 1.0: a data set, a setting, a calibration, a validation of 3 runs, and a job."""

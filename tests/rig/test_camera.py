@@ -12,7 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera, write_opencv_camera
 from stereocal.rig.camera import CAMERAS, Camera, camera_in_words
 from stereocal.system.array_types import FloatArray
-from tests.known_rig import PRIMARY, SECONDARY
+from tests.rigs.known_rig import PRIMARY, SECONDARY
 
 K = np.array([[1190.6, 2.3, 612.8], [0.0, 1171.9, 530.1], [0.0, 0.0, 1.0]])
 NO_SKEW = np.array([[1190.6, 0.0, 612.8], [0.0, 1171.9, 530.1], [0.0, 0.0, 1.0]])

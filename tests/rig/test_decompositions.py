@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereocal.rig import decompositions
-from tests.known_rig import SEEDS
 from tests.rig.machine_code import machine_code
+from tests.rigs.known_rig import SEEDS
 
 factor = machine_code(decompositions.factor)
 forward, backward = (machine_code(decompositions.forward), machine_code(decompositions.backward))

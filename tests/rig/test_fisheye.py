@@ -14,8 +14,8 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
-from tests.fisheye_rig import IMAGE_SIZE, fisheye, fisheye_rig, recording
-from tests.known_rig import PRIMARY
+from tests.rigs.fisheye_rig import IMAGE_SIZE, fisheye, fisheye_rig, recording
+from tests.rigs.known_rig import PRIMARY
 
 LENSES = [fisheye(angle) for angle in (90.0, 120.0, 150.0)]
 

@@ -21,7 +21,7 @@ from stereocal.rig.geometry import (
 )
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
-from tests.known_rig import (
+from tests.rigs.known_rig import (
     ANY_ANGLES,
     PRIMARY,
     RIG,

@@ -7,7 +7,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.lengths_in_words import METRES_PER, as_held, question_about_units, rig_in_words
 from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
-from tests.known_rig import BAR_M, BASELINE_M, RIG, dataset
+from tests.rigs.known_rig import BAR_M, BASELINE_M, RIG, dataset
 from tests.rigs.objects import BOARD, recorded
 
 DATA = dataset(12)

@@ -11,7 +11,7 @@ from stereocal.fit.calibrate import calibrate_rig
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.correspondences import SHAPES, Correspondences, points_outside
 from stereocal.rig.pair import Pair
-from tests.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences, dataset
+from tests.rigs.known_rig import BAR_M, BASELINE_M, PRIMARY, SECONDARY, correspondences, dataset
 
 EXACT = dataset(6)
 

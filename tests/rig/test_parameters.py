@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from stereocal.errors import StereocalError
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
-from tests.known_rig import (
+from tests.rigs.known_rig import (
     ANGLES,
     ANY_ANGLES,
     BASELINE_M,

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from stereocal.errors import StereocalError
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset, interpolate
 from stereocal.system.array_types import FloatArray, IntArray
-from tests import known_rig as rig
+from tests.rigs import known_rig as rig
 
 FRAMES = np.array([0, 1, 2, 3, 4, 5, 9, 10, 20, 30, 31, 32])
 

@@ -5,7 +5,7 @@ import pytest
 
 from stereocal.errors import StereocalError
 from stereocal.rig.volume import Volume
-from tests.known_rig import bar_ends
+from tests.rigs.known_rig import bar_ends
 
 VOLUME = Volume((-0.3, 0.2), (-0.1, 0.25), (3.0, 8.0))
 DIRECTIONS = np.linspace(-0.5, 0.5, 21) + 0.001

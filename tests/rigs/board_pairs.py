@@ -17,7 +17,7 @@ from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.simulation.rigs import recording_of
 from stereocal.simulation.simulate import lens_off_by
 from stereocal.system.array_types import FloatArray
-from tests.fisheye_rig import fisheye
+from tests.rigs.fisheye_rig import fisheye
 
 SIZES = ((9, 6), (7, 5), (11, 8), (8, 6))
 MARGIN_PX = 8.0

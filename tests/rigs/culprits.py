@@ -15,8 +15,8 @@ from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import Scene, observe, place_bars
-from tests.fisheye_rig import within_74_degrees
 from tests.rigs.board_pairs import wide_lens
+from tests.rigs.fisheye_rig import within_74_degrees
 from tests.rigs.moving_bar import move_bar, record
 from tests.rigs.refined_rigs import Misjudged, misjudged, random_rig
 

@@ -9,7 +9,7 @@ from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
 from stereocal.system.array_types import BoolArray
-from tests import known_rig
+from tests.rigs import known_rig
 
 WAND = RigidObject(("A", "M", "B"), np.array([[0.0, 0, 0], [0.25, 0, 0], [0.75, 0, 0]]), 2e-4)
 BOARD = RigidObject.of_board(BoardPattern(7, 5, 0.1), 2e-4)

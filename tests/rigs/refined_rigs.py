@@ -11,7 +11,7 @@ from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import Nominal, Scene, lens_off_by, observe, place_bars
 from stereocal.system.array_types import FloatArray
-from tests import known_rig as rig
+from tests.rigs import known_rig as rig
 
 BAR_M = 0.87
 DEPTHS_M = (4.0, 10.0)

@@ -17,6 +17,7 @@ from stereocal.simulation.rigs import (
     looking,
     nominal_of,
     recording_of,
+    seen_by,
 )
 from stereocal.system.array_types import FloatArray
 
@@ -74,15 +75,14 @@ def _recorded(it: Kind, rng: np.random.Generator, offsets: FloatArray) -> Simula
     middle = rng.integers(0, it.cameras, it.frames)
     for number, (pose, camera) in enumerate(zip(world, true.values(), strict=True)):
         points = pose.apply(placed(times + offsets[number]).reshape(-1, 3))
-        images = camera.project(points) + rng.normal(0.0, NOISE_PX, (len(points), 2))
-        inside = ((images > 0) & (images < np.array(IMAGE_SIZE) - 1)).all(axis=1)
-        seen = np.array(camera.sees(points) & inside).reshape(it.frames, -1)
+        images = seen_by(camera, points, NOISE_PX, rng).reshape(it.frames, -1, 2)
+        seen = np.isfinite(images[..., 0])
         seen &= rng.random((it.frames, 1)) < rng.uniform(0.65, 0.95)
         if it.seen_by is not None:
             seen &= (np.abs(middle - number) <= it.seen_by // 2)[:, None]
         if it.object.board is not None:
             seen &= np.all(seen, axis=1, keepdims=True)
-        pixels.append(np.where(seen[..., None], images.reshape(it.frames, -1, 2), np.nan))
+        pixels.append(np.where(seen[..., None], images, np.nan))
     recording = recording_of("spoiled", nominal_of(true, rng), it.object, pixels)
     recording = recording.counted_from(dict.fromkeys(names, 1))
     points_m = world[0].apply(placed(times).reshape(-1, 3)).reshape(it.frames, -1, 3)

@@ -48,7 +48,7 @@ from tests.files import zipped
 from tests.formats.test_exchange import RICHEST
 from tests.formats.test_formats import NODES, with_storage
 from tests.hostile_projects import FILES, dataset_zip, project_zip, read_inner, read_project_zip
-from tests.known_rig import PRIMARY, RIG, SECONDARY
+from tests.rigs.known_rig import PRIMARY, RIG, SECONDARY
 from tests.soak import seeds
 
 Read = Callable[[bytes, Path], object]

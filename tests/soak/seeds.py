@@ -15,7 +15,7 @@ from stereocal.rig.rig import Rig
 from tests.field.world_tables import lines_csv, survey_csv, throw_csv
 from tests.formats import test_other_programs_points as other
 from tests.formats.test_other_programs_points import hdf5
-from tests.known_rig import PRIMARY, RIG, SECONDARY
+from tests.rigs.known_rig import PRIMARY, RIG, SECONDARY
 from tests.rigs.worlds import known_place, plumb_lines, surveyed, thrown
 
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"

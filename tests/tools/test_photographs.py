@@ -14,8 +14,8 @@ from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import FIELD_BAR_M, Scene, field_rig
 from stereocal.system.array_types import FloatArray
 from stereocal.system.photograph import read_colours
-from tests.bar_photographs import small
 from tests.further import further
+from tests.photographs.bars import small
 from tests.simulation.test_simulate import assert_same_numbers
 from tools.photographs.__main__ import main
 from tools.photographs.ball_sample import write_ball_sample

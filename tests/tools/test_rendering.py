@@ -12,7 +12,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.simulation.simulate import field_rig
 from stereocal.system.array_types import FloatArray
 from tests.further import further
-from tests.known_rig import PRIMARY
+from tests.rigs.known_rig import PRIMARY
 from tools.photographs.rendering import (
     Board,
     PhotographSettings,

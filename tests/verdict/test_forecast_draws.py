@@ -31,9 +31,9 @@ from stereocal.verdict.intervals import mean_of, share_interval
 from stereocal.verdict.judging import add_noise
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
-from tests import known_rig as rig
-from tests.fisheye_rig import recording
 from tests.further import of_a_whole_soak
+from tests.rigs import known_rig as rig
+from tests.rigs.fisheye_rig import recording
 from tests.rigs.population import CASES, one_rig, population
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M, Misjudged, random_scene, stated
 from tests.soak import repeats

@@ -22,7 +22,7 @@ from stereocal.verdict.model_check import HeldOutRatio, ModelCheck
 from stereocal.verdict.recommendation import NO_FORECAST, NO_REFINED, Recommendation, recommend
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.pair_run import PairRun
-from tests import known_rig as rig
+from tests.rigs import known_rig as rig
 from tests.rigs.refined_rigs import Misjudged, random_scene, stated
 
 

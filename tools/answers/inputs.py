@@ -14,8 +14,8 @@ from stereocal.simulation.simulate import field_rig
 from tests.docs.pages import code_of
 from tests.docs.prepared import videos
 from tests.files import description, write
-from tests.fisheye_rig import recording
-from tests.photographed_rig import BAR_M, PRIMARY, RIG, SECONDARY, TAGS, photographed_bars
+from tests.photographs.small_rig import BAR_M, PRIMARY, RIG, SECONDARY, TAGS, photographed_bars
+from tests.rigs.fisheye_rig import recording
 from tests.rigs.mistakes import bumped_from
 from tests.rigs.moving_bar import move_bar, record
 from tests.rigs.moving_wand import wave_wand

@@ -17,7 +17,7 @@ from stereocal.rig.camera import Camera
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import field_rig
 from tests.files import description, encoded
-from tests.lens import AtOnce
+from tests.photographs.lens import AtOnce
 from tools.photographs.bars import BarSettings, PhotographPair, photograph_bars, place_visible_bars
 from tools.photographs.rendering import PhotographSettings
 

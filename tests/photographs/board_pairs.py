@@ -4,7 +4,7 @@ import numpy as np
 
 from stereocal.rig.geometry import Pose
 from tests.files import encoded
-from tests.lens import PATTERN, SMALL, SQUARES, photographed
+from tests.photographs.lens import PATTERN, SMALL, SQUARES, photographed
 from tools.photographs.board_series import draw_board_poses
 from tools.photographs.rendering import Board, chessboard_corners, turned
 

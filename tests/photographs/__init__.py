@@ -1,0 +1,1 @@
+"""Photographs drawn by `tools.photographs`, whose truth is known, small enough for tests."""
