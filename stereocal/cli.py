@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 
 from stereocal.commands.console import Parser, say, take
-from stereocal.errors import StereocalError
+from stereocal.errors import PointsOutsideError, StereocalError
 from stereocal.rig.compiled import compilations
 from stereocal.version import __version__
 
@@ -53,6 +53,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         say(f"stereocal: this needs {error.name}, which is not installed: {INSTALL}")
         return 2
     except StereocalError as error:
+        if isinstance(error, PointsOutsideError):
+            from stereocal.fit.readings.outside import with_cause
+
+            error = with_cause(error)
         say(f"stereocal: {error}{f' Use {error.option}.' if error.option else ''}")
         return 2
 

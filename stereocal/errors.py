@@ -119,4 +119,18 @@ class RefusedRowsError(StereocalError):
         more = f"; and {len(problems) - 3} more" if len(problems) > 3 else ""
         rows = "1 row" if len(problems) == 1 else f"{len(problems)} rows"
         super().__init__(f"{source}{rows} {what}: {shown}{more}.")
-        self.problems, self.what = tuple(problems), what
+        self.source, self.problems, self.what = source, tuple(problems), what
+
+
+class PointsOutsideError(RefusedRowsError):
+    """Points outside their image.
+
+    Args:
+        recording: the `Recording` with all points, in which a cause is looked for.
+    """
+
+    def __init__(
+        self, source: str, problems: Sequence[RowProblem], what: str, recording: object
+    ) -> None:
+        super().__init__(source, problems, what)
+        self.recording = recording

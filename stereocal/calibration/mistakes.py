@@ -31,11 +31,16 @@ from stereocal.rig.camera import (
     same_lens,
 )
 from stereocal.rig.correspondences import TARGETS
+from stereocal.rig.geometry import homogeneous
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import rounded
 
 COUNT_ALIKE = "Count the corners of both cameras row by row, from the same corner of the board."
+UNDISTORTED = (
+    "Give the points in the images as recorded, or for {which} a file with the matrix K of the "
+    "undistorted images and no distortion (coefficients 0)."
+)
 AS_RECORDED = "Give the images, or their points, as recorded."
 COUNTED_APART = (
     "The frames of {counted} seem to be counted {apart} apart: {own} frame {frame} is of the same "
@@ -47,6 +52,8 @@ FEWEST_TO_SHIFT, FEWEST_BOARDS = 8, 4
 SHIFTS, SHIFT_GAIN = (1, -1, 2, -2, 3, -3), 4.0
 """Frames by which the numbers of a camera may be off. One that is late by a part of a frame fits
 somewhat better a whole frame off."""
+WATER = 1.333
+"""Refractive index, of fresh water at 20 degrees; of the sea 1.34."""
 ESTIMATED_HANDICAP = 1.3
 """The handicap of readings that put a fitted value in the place of a stated one."""
 
@@ -207,7 +214,8 @@ def orders_of_words(frames: IntArray) -> Iterator[list[int]]:
 
 
 def _exchanged(recording: Recording, group: Group) -> Iterator[Way]:
-    """Each of two cameras with the file of the other, for images of its own size."""
+    """Each of two cameras with the file of the other; for images of its own size, if these hold
+    its points."""
     a, b = group.names
     one, other = recording.cameras[a], recording.cameras[b]
     if not same_lens(one, other):
@@ -215,7 +223,9 @@ def _exchanged(recording: Recording, group: Group) -> Iterator[Way]:
             a: replace(other, image_size=one.image_size),
             b: replace(one, image_size=other.image_size),
         }
-        yield Way(partial(with_files, recording, files))
+        with_own_sizes = with_files(recording, files)
+        inside = with_own_sizes.has_all_inside
+        yield Way(partial(with_files, recording, files if inside else {a: other, b: one}))
 
 
 def _of_size(recording: Recording, group: Group) -> Iterator[Way]:
@@ -250,6 +260,47 @@ def _negated(camera: Camera) -> Camera:
     return replace(camera, distortion=-camera.distortion)
 
 
+def undistorted(camera: Camera) -> Camera | None:
+    """The lens of images whose distortion was taken out; None where there is none."""
+    if not (camera.distortion.any() or camera.is_fisheye):
+        return None
+    return Camera(camera.K, np.zeros(4), camera.image_size)
+
+
+def _in_water(recording: Recording, group: Group) -> Iterator[Way]:
+    """What is seen through a flat window: sin(angle in air) = `WATER` sin(angle in water), from
+    the window's axis, which is taken for the camera's.
+
+    The points are those of pinholes with `WATER` times the focal lengths, which differ from a
+    camera behind a window by its distance from it only.
+    """
+
+    def change(points: FloatArray, camera: Camera) -> FloatArray:
+        in_air = camera.undistort(points)
+        squared = np.sum(in_air**2, axis=1, keepdims=True)
+        in_water = in_air / np.sqrt(WATER**2 * (1.0 + squared) - squared)
+        return np.asarray(homogeneous(in_water) @ scaled(camera, WATER, False).K[:2].T)
+
+    lenses = (recording.cameras[name] for name in group.names)
+    if all(len(group.names) > 1 and not camera.is_fisheye for camera in lenses):
+        yield Way(partial(_pinholes_in_water, recording, group.names, change))
+
+
+def _pinholes_in_water(
+    recording: Recording, names: Sequence[str], change: Callable[[FloatArray, Camera], FloatArray]
+) -> Recording:
+    def pinhole(camera: Camera) -> Camera:
+        return Camera(scaled(camera, WATER, False).K, np.zeros(4), camera.image_size)
+
+    return with_changed(with_pixels(recording, names, change), names, pinhole)
+
+
+def _height_first(camera: Camera) -> Camera | None:
+    """The image's size the other way round."""
+    width, height = camera.image_size
+    return None if width == height else replace(camera, image_size=(height, width))
+
+
 def _of_other_model(camera: Camera) -> Camera | None:
     """The four coefficients as those of the other model."""
     if not (camera.is_fisheye or (camera.distortion.size == 4 and camera.distortion.any())):
@@ -282,6 +333,28 @@ def _from_other_side(*axes: int) -> Ways:
 
 def _transposed(recording: Recording, group: Group) -> Iterator[Way]:
     yield Way(partial(with_pixels, recording, group.names, lambda points, _: points[:, ::-1]))
+
+
+def _quarter_turn(recording: Recording, group: Group) -> Iterator[Way]:
+    """The images turned by a quarter, either way, after the lens was calibrated."""
+
+    def clockwise(points: FloatArray, camera: Camera) -> FloatArray:
+        return np.column_stack([points[:, 1], camera.image_size[1] - 1 - points[:, 0]])
+
+    def counter_clockwise(points: FloatArray, camera: Camera) -> FloatArray:
+        return np.column_stack([camera.image_size[0] - 1 - points[:, 1], points[:, 0]])
+
+    for change in (clockwise, counter_clockwise):
+        yield Way(partial(with_pixels, recording, group.names, change))
+
+
+def _side_by_side(recording: Recording, group: Group) -> Iterator[Way]:
+    """The camera's image is the right half of one that shows two."""
+
+    def change(points: FloatArray, camera: Camera) -> FloatArray:
+        return points - (camera.image_size[0], 0.0)
+
+    yield Way(partial(with_pixels, recording, group.names, change))
 
 
 def _counted(by_columns: bool, *steps: int) -> Ways:
@@ -361,6 +434,21 @@ OF_CAMERAS = (
         _of_lenses(_negated),
     ),
     Row(
+        "The points of {which} seem to be of undistorted images",
+        UNDISTORTED,
+        "each and all",
+        _of_lenses(undistorted),
+        "lenses with distortion",
+    ),
+    Row(
+        "The images of {which} seem to be taken through a flat window into water, where focal "
+        "lengths are 1.33 times those in air",
+        "Calibrate the lenses in the water, with a board there, and give these files.",
+        "all",
+        _in_water,
+        "lenses that are no fisheyes",
+    ),
+    Row(
         "The {whose} four distortion coefficients seem to be of the other lens model (k1 k2 k3 k4 "
         "of a fisheye, k1 k2 p1 p2 of the usual lens)",
         "Give the camera file again, and state which they are.",
@@ -435,6 +523,34 @@ OF_POINTS = (
     ),
 )
 """Tried where the data do not fit."""
+OF_IMAGES = (
+    Row(
+        "The image size in the file of {which} seems to be given as height and width",
+        "Write the width first.",
+        "each and all",
+        _of_lenses(_height_first),
+        "images that are not square",
+    ),
+    Row(
+        "The points of {which} seem to be counted in images that show two cameras side by side",
+        "Subtract the width of one image from u, or split the images.",
+        "each",
+        _side_by_side,
+    ),
+    Row(
+        "u and v of {which} seem to be exchanged",
+        "Exchange the two columns, as where rows stand before columns.",
+        "all",
+        _transposed,
+    ),
+    Row(
+        "The images of {which} seem to have been turned by a quarter after the lens was calibrated",
+        "Turn them back, or calibrate the lens with turned images.",
+        "each and all",
+        _quarter_turn,
+    ),
+)
+"""Tried where points lie outside their image, which tells them."""
 OF_FRAMES = (
     Row(
         "The frames of {which} seem to be in the order of words (1, 10, 11, ... 2, 20)",

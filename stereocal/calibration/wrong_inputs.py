@@ -20,7 +20,7 @@ from stereocal.calibration.mistakes import Group, Reading, Row, Way
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import one_file_in_words
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
-from stereocal.rig.pair import Pair, Stated
+from stereocal.rig.pair import Pair
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
@@ -251,15 +251,13 @@ def _best_factor(
 
     A wrong scale counts like a spread of the lengths.
     """
-    shown = recording.pair(*group.pair)
+    shown = recording.of_cameras(group.pair)
 
     def cost(log_factor: float) -> float:
         factor = float(np.exp(log_factor))
         try:
-            lenses: Stated = {"secondary": scaled(shown.secondary, factor, with_centre)}
-            if len(group.names) > 1:
-                lenses["primary"] = scaled(shown.primary, factor, with_centre)
-            fit = essential_fit(shown.changed(**lenses))
+            read = _rescaled(shown, {*group.names} & {*group.pair}, factor, with_centre)
+            fit = essential_fit(read.pair(*group.pair))
         except StereocalError:
             return NO_FIT_COST
         if not np.isfinite(fit.px):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.errors import RefusedRowsError, StereocalError, disk_errors, naming
+from stereocal.errors import PointsOutsideError, StereocalError, disk_errors, naming
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.correspondences_csv import read_table, write_table
 from stereocal.formats.dataset_description import (
@@ -174,8 +174,10 @@ def _with_pairs(description: Description, recording: Recording, photographs: boo
     rows = read_table(content, name).strict(name)
     try:
         return recording.with_pairs(rows)
-    except RefusedRowsError as error:
-        raise RefusedRowsError(f"{name}: ", error.problems, error.what) from error
+    except PointsOutsideError as error:
+        raise PointsOutsideError(
+            f"{name}: ", error.problems, error.what, error.recording
+        ) from error
     except StereocalError as error:
         raise StereocalError(str(error), source) from error
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from stereocal.errors import naming
+from stereocal.errors import PointsOutsideError, naming
 from stereocal.formats.correspondences_csv import codes_of
 from stereocal.matching.point_table import OWN_FRAME
 from stereocal.rig.camera import Camera
@@ -56,16 +56,20 @@ def read_points_csv(
         codes[column] = codes_of(words, known, allowed, words, rows.reasons)
     points = np.column_stack([rows.values["u"], rows.values["v"]])
     _refuse_twice(rows, codes["camera"], codes["target"])
+    unusable = bool(rows.problems)
     for code, camera in enumerate(cameras.values()):
         its_rows = np.flatnonzero(codes["camera"] == code)
         for k, what in camera.outside(points[its_rows]):
             row = int(its_rows[k])
             rows.reasons.setdefault(row, f"{_at(rows, row)}: the {what}")
-    rows.check(source)
+    if unusable:
+        rows.check(source)
     frame, sigma_px = rows.values["frame"].astype(np.int64), rows.values[SIGMA]
     recording = Recording(
         "", dict(cameras), rigid_object, frame, codes["camera"], codes["target"], points, sigma_px
     )
+    if rows.problems:
+        raise PointsOutsideError(f"{source}: ", rows.problems, "cannot be used", recording)
     with naming(source):
         return recording.within_view()
 

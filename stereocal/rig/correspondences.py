@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from stereocal.errors import RefusedRowsError, RowProblem, refuse
+from stereocal.errors import PointsOutsideError, RowProblem, refuse
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.field_of_view import beyond_either
 from stereocal.rig.rigid_object import RigidObject, parts_of_bars
@@ -27,9 +27,6 @@ object's own frame."""
 SOURCES = ("detected", "corrected", "manual")
 """Origin of an image point: detector, detector after a user's click, or user alone."""
 UNKNOWN_SOURCE = -1
-MISREAD = 0.1
-"""Share of rows with a point outside its image above which another order of the table's columns is
-looked at."""
 SHAPES: Mapping[str, tuple[int, ...]] = {
     **dict.fromkeys(("target", "distance_m", "sigma_primary_px", "sigma_secondary_px"), ()),
     **dict.fromkeys(("source", "line", "time_frame"), ()),
@@ -268,15 +265,6 @@ class Correspondences:
         """The rows for which `keep` (n,) is true."""
         return replace(self, **{name: getattr(self, name)[keep] for name in ("frame", *SHAPES)})
 
-    def camera_by_camera(self) -> "Correspondences":
-        """The bars, with the secondary's A exchanged for the primary's B: a table whose columns are
-        A and B of one camera, then those of the other, and not A of both cameras, then B."""
-        a, b = self.bars.T
-        primary, secondary = self.primary.copy(), self.secondary.copy()
-        secondary[a], primary[b] = self.primary[b], self.secondary[a]
-        whole = np.isin(np.arange(len(self)), self.bars)
-        return replace(self, primary=primary, secondary=secondary).where(whole)
-
     def in_view(
         self, primary: Camera, secondary: Camera
     ) -> tuple["Correspondences", dict[str, int]]:
@@ -284,9 +272,8 @@ class Correspondences:
         how many points of each camera are there; empty if none is.
 
         Raises:
-            StereocalError: a point is outside its image, or more than half of a camera's are there.
+            StereocalError: more than half of a camera's points are there.
         """
-        refuse_points_outside("", self, primary, secondary)
         lost, counts = beyond_either((primary, secondary), (self.primary, self.secondary))
         return (self.where(~lost), counts) if lost.any() else (self, {})
 
@@ -312,26 +299,19 @@ def source_code(word: str) -> int:
 
 
 def refuse_points_outside(
-    source: str, rows: Correspondences, primary: Camera | None, secondary: Camera | None
+    source: str,
+    rows: Correspondences,
+    primary: Camera | None,
+    secondary: Camera | None,
+    recording: object = None,
 ) -> None:
-    """Raise an error if there are `points_outside`; it names the likely cause where all points lie
-    in the images once that is mended: exchanged camera files, or columns camera by camera."""
-    problems = points_outside(rows, primary, secondary)
-    if not problems:
-        return
-    both = primary is not None and secondary is not None
-    hint = ""
-    if both and not points_outside(rows, secondary, primary):
-        hint = ", and none outside those of the other camera (are the camera files exchanged?)"
-    # One mistyped point is no reason to doubt the columns.
-    elif both and rows.rigid_object is None and len(problems) > MISREAD * len(rows):
-        bars = rows.camera_by_camera()
-        if len(bars) and not points_outside(bars, primary, secondary):
-            hint = (
-                ", and none if the columns are A and B of one camera, then those of the other "
-                "(they are read as A of both cameras, then B: put them in this order, or name them)"
-            )
-    raise RefusedRowsError(source, problems, f"with a point outside its image{hint}")
+    """Raise an error if there are `points_outside`.
+
+    Args:
+        recording: as of `PointsOutsideError`.
+    """
+    if problems := points_outside(rows, primary, secondary):
+        raise PointsOutsideError(source, problems, "with a point outside its image", recording)
 
 
 def points_outside(

@@ -63,7 +63,8 @@ class Pair(TableAnswer):
             self.baseline_sigma_m,
             self.target_distance_sigma_m,
         )
-        refuse_points_outside("", self.correspondences, self.primary, self.secondary)
+        cameras = self.primary, self.secondary
+        refuse_points_outside("", self.correspondences, *cameras, self.recording)
         # A fisheye that a fit has moved within its errors may see points beyond `LARGEST_ANGLE`.
         known = np.isfinite(self.rays)
         lost = np.flatnonzero(~known.all(axis=0))

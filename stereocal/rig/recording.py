@@ -12,9 +12,14 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from stereocal.errors import RefusedRowsError, RowProblem, StereocalError, refuse
+from stereocal.errors import PointsOutsideError, RowProblem, StereocalError, refuse
 from stereocal.rig.camera import CAMERAS, Camera, camera_in_words
-from stereocal.rig.correspondences import TARGETS, UNKNOWN_SOURCE, Correspondences
+from stereocal.rig.correspondences import (
+    TARGETS,
+    UNKNOWN_SOURCE,
+    Correspondences,
+    refuse_points_outside,
+)
 from stereocal.rig.field_of_view import beyond_view
 from stereocal.rig.measured_lengths import check_length, check_lengths, check_uncertainty
 from stereocal.rig.pair import Pair
@@ -315,9 +320,11 @@ class Recording(TableAnswer):
         farther from its axis than it is used; `beyond_view` counts them.
 
         Raises:
-            StereocalError: as `Correspondences.in_view`.
+            StereocalError: a point is outside its image, or as of `Correspondences.in_view`.
         """
-        seen, beyond = rows.in_view(*self.cameras.values())
+        primary, secondary = self.cameras.values()
+        refuse_points_outside("", rows, primary, secondary, self.holding(rows))
+        seen, beyond = rows.in_view(primary, secondary)
         counts = dict(zip(self.cameras, beyond.values(), strict=True)) if beyond else {}
         return replace(self.holding(seen), beyond_view=counts)
 
@@ -340,7 +347,13 @@ class Recording(TableAnswer):
                 reason = f"frame {part.frame[row]}, camera {name}, target {target}: the {what}"
                 problems.append(RowProblem(0, reason))
         if problems:
-            raise RefusedRowsError("", problems, "cannot be used")
+            raise PointsOutsideError("", problems, "cannot be used", self)
+
+    @property
+    def has_all_inside(self) -> bool:
+        """Whether no point is outside its image."""
+        sizes = np.array([camera.image_size for camera in self.cameras.values()])[self.camera]
+        return bool(((self.points >= -0.5) & (self.points <= sizes - 0.5)).all())
 
     def within_view(self) -> "Recording":
         """The recording without points that a fisheye images farther from its axis than it is used;

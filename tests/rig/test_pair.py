@@ -184,27 +184,6 @@ class TestPointsOutside:
         assert [problem.line for problem in e.value.problems] == [3, 4, 5, 6, 7]
         assert "exchanged" not in str(e.value)
 
-    def test_columns_camera_by_camera_are_asked_for(self) -> None:
-        """The primary's images are larger, and its points at B were read as the secondary's at A;
-        one mistyped point is no such table."""
-        wide, narrow = np.tile([1590.0, 1190.0], (6, 1)), np.tile([1250.0, 1010.0], (6, 1))
-        own = changed(primary=wide, secondary=narrow)
-        assert not points_outside(own, PRIMARY, SECONDARY)
-        with pytest.raises(RefusedRowsError, match="of one camera"):
-            EXACT.changed(correspondences=own.camera_by_camera())
-        one, two = np.tile(narrow[:1], (20, 1)), np.tile(narrow[:1], (20, 1))
-        one[4] = two[0] = wide[0]
-        many = replace(correspondences(10), primary=one, secondary=two)
-        with pytest.raises(RefusedRowsError) as e:
-            EXACT.changed(correspondences=many)
-        assert len(e.value.problems) == 1 and "one camera" not in str(e.value)
-
-    def test_exchanged_files_of_other_image_sizes_are_asked_for(self) -> None:
-        points, wide = np.tile([1250.0, 1010.0], (6, 1)), np.tile([1590.0, 1190.0], (6, 1))
-        rows = changed(primary=wide, secondary=points)
-        with pytest.raises(RefusedRowsError, match="files exchanged"):
-            EXACT.changed(primary=SECONDARY, secondary=PRIMARY, correspondences=rows)
-
     @pytest.mark.parametrize(
         ("names", "says"), [(CAMERAS, "The secondary"), (("L", "Rr"), "Camera Rr")]
     )

@@ -22,6 +22,7 @@ from stereocal.calibration.corrections import (
 )
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import CAMERAS, Camera, LensUncertainty
+from stereocal.rig.geometry import homogeneous
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern, RigidObject
@@ -119,6 +120,11 @@ def from_below(points: FloatArray, camera: Camera) -> FloatArray:
     return np.column_stack([points[:, 0], camera.image_size[1] - 1 - points[:, 1]])
 
 
+def undistorted(points: FloatArray, camera: Camera) -> FloatArray:
+    """In images of which the distortion was taken out."""
+    return np.asarray(homogeneous(camera.undistort(points)) @ camera.K[:2].T)
+
+
 def transposed(points: FloatArray, _: Camera) -> FloatArray:
     """u and v exchanged."""
     return points[:, ::-1]
@@ -214,16 +220,24 @@ def points_twice(recording: Recording, rng: np.random.Generator) -> Recording:
     return joined(recording.where(recording.camera != b), again)
 
 
-def cropped(left: float, above: float, right: float = 0.0) -> Change:
-    """Shares of the image of one camera cut off, of which its file tells nothing."""
+def _less(points: FloatArray, _: Camera, cut: FloatArray) -> FloatArray:
+    return points - cut
+
+
+def cropped(
+    left: float, above: float, right: float = 0.0, below: float = 0.0, every: bool = False
+) -> Change:
+    """Shares of the image of one camera, or of all, cut off, of which its file tells nothing."""
 
     def changed(recording: Recording, rng: np.random.Generator) -> Recording:
-        name, own = _one(recording, rng)
-        size = np.array(recording.cameras[name].image_size)
-        cut, end = np.array([left, above]) * size, np.array([1.0 - right, 1.0]) * size - 1.0
-        inside = ((recording.points >= cut) & (recording.points <= end)).all(axis=1)
-        kept = recording.where(np.asarray(~own | inside))
-        return with_pixels(kept, [name], lambda points, _: points - cut)
+        for name in recording.cameras if every else [one_of(recording.cameras, rng)]:
+            own = recording.camera == [*recording.cameras].index(name)
+            size = np.array(recording.cameras[name].image_size)
+            cut, end = np.array([left, above]) * size, (1.0 - np.array([right, below])) * size - 1.0
+            inside = ((recording.points >= cut) & (recording.points <= end)).all(axis=1)
+            kept = recording.where(np.asarray(~own | inside))
+            recording = with_pixels(kept, [name], partial(_less, cut=cut))
+        return recording
 
     return changed
 
@@ -483,6 +497,11 @@ MISTAKES: Mapping[str, Mistake] = {
     ),
     "a wand table camera by camera": Mistake(
         camera_by_camera, ("camera by camera",), (BARS,), kinds=LIKE
+    ),
+    "undistorted in one camera": Mistake(of_points(undistorted), ("undistorted",)),
+    "undistorted in all cameras": Mistake(of_points(undistorted, True), ("undistorted",)),
+    "a crop of an eighth above in all cameras": Mistake(
+        cropped(0.0, 0.125, below=0.125, every=True), ("image centre",), (BARS,), 40
     ),
     "a camera moved half-way": Mistake(moved(2.0), ("moved",)),
     # Frames

@@ -22,12 +22,15 @@ from stereocal.calibration.mistakes import (
     OF_CAMERAS,
     OF_FILES,
     OF_FRAMES,
+    OF_IMAGES,
     OF_POINTS,
+    UNDISTORTED,
     Group,
     Reading,
     Row,
     Way,
     readings_of,
+    undistorted,
 )
 from stereocal.calibration.wrong_inputs import SCALED, PoseFit, suspects
 from stereocal.errors import StereocalError
@@ -66,6 +69,9 @@ SMALLEST_SHIFT, LARGEST_SHIFT = 10.0, 300.0
 input that disagrees."""
 MOST_ALTERNATIVES = 3
 """Comparable explanations in one message."""
+SAME_ROW_PX, SAME_ROW = 2.0, 0.01
+"""Largest difference of v of a target in rectified images, in pixels and over the range of v."""
+RECTIFIED = "rectified images (v of each target is the same in both cameras)"
 WORTH_A_FIT = 2.0
 """Times the best reprojection error of all readings' essential matrices."""
 
@@ -126,22 +132,25 @@ class Judge:
 
     @cached_property
     def suspected(self) -> list[Reading]:
-        """The readings that seem to fit better. A fit of all cameras shows by itself that lenses
-        or lengths are wrong; lengths of a few boards that face the cameras do not tell."""
+        """The readings that seem to fit better, or may. A fit of all cameras shows by itself that
+        lenses or lengths are wrong; lengths of a few boards that face the cameras do not tell."""
         of_one_file = [*self._of_one_file()]
         points = (it for it in self._readings(OF_POINTS) if it.way.is_likely)
         looked_at = [*self._readings(OF_CAMERAS), *points]
         if self.fit is None:
-            looked_at += self._exchanged(self.part)
+            looked_at += self.exchanged(self.part)
             if self.part.object.board is not None and not self.out_of_step:
                 looked_at += self._readings(SCALED)
-        return of_one_file + suspects(self.part, looked_at)
+        of_both = list[Reading]()
+        if not self.out_of_step:  # two cameras cropped alike fit a compromise of both
+            of_both += readings_of(self.part, [OF_CENTRE], self.groups[-1:], [*self.whole.cameras])
+        return of_one_file + of_both + suspects(self.part, looked_at)
 
     def _readings(self, rows: Iterable[Row]) -> Iterator[Reading]:
         return readings_of(self.part, rows, self.groups, [*self.whole.cameras])
 
-    def _exchanged(self, recording: Recording) -> Iterator[Reading]:
-        """Any two cameras of a recording exchanged, at least one of which is asked about."""
+    def exchanged(self, recording: Recording) -> Iterator[Reading]:
+        """Any two cameras of a recording exchanged, at least one of which is concerned."""
         pairs = [pair for pair in combinations(recording.cameras, 2) if {*pair} & {*self.concerned}]
         groups = [Group(pair, pair) for pair in pairs]
         return readings_of(recording, OF_FILES, groups, [*self.whole.cameras])
@@ -150,11 +159,11 @@ class Judge:
         """Every reading of what was given of the cameras; those that estimate a value only if the
         cameras are in step."""
         yield from self._of_one_file()
-        yield from self._exchanged(self.whole)
-        yield from self._readings((*OF_CAMERAS, *OF_POINTS))
+        yield from self.exchanged(self.whole)
+        yield from self._readings((*OF_CAMERAS, *OF_POINTS, *OF_IMAGES))
         yield from readings_of(self.whole, OF_FRAMES, self.groups, [*self.whole.cameras])
         if not self.out_of_step:
-            yield from self._readings((OF_CENTRE, *SCALED))
+            yield from self._readings(ESTIMATED)
 
     def _of_one_file(self) -> Iterator[Reading]:
         """One lens for several cameras, which have others; that it is one, their files say."""
@@ -273,6 +282,39 @@ def _one_file(recording: Recording, group: Group) -> Iterator[Way]:
         yield Way(partial(with_files, recording, cameras), values, is_likely=True)
 
 
+def _without_distortion(recording: Recording, group: Group) -> Iterator[Way]:
+    """Lenses without distortion, of another focal length and centre, as of images that were
+    undistorted to another matrix, or rectified; not where other lengths and centres with the
+    distortion that is stated fit about as well."""
+    stated = {name: recording.cameras[name] for name in group.names}
+    pinholes = {name: undistorted(camera) for name, camera in stated.items()}
+    files = {name: camera for name, camera in pinholes.items() if camera is not None}
+    if len(files) < len(stated):
+        return
+    lenses = dict.fromkeys(files, LensPrior(0.3, np.inf))
+    pinhole_noise = noise_of(with_files(recording, files), lenses=lenses)
+    as_stated = noise_of(recording, lenses=lenses)
+    fitted = pinhole_noise.cameras
+    if fitted is not None and ALIKE * pinhole_noise.px < as_stated.px:
+        cameras = {name: fitted[name] for name in files}
+        focal = (" and ".join(f"{it[n].K[0, 0]:.0f}" for n in files) for it in (stated, cameras))
+        same_rows = len(group.names) > 1 and same_rows_px(recording, group.pair)
+        values = dict(zip(("stated", "fitting"), focal, strict=True))
+        values["images"] = RECTIFIED if same_rows else "undistorted images"
+        yield Way(partial(with_files, recording, cameras), values)
+
+
+def same_rows_px(recording: Recording, pair: CameraPair) -> float:
+    """The median difference of v of a target in two cameras, where it is the same as in rectified
+    images; else 0."""
+    with suppress(StereocalError):  # a lens that cannot be inverted
+        rows = recording.pair(*pair).correspondences
+        v = rows.primary[:, 1]
+        apart_px = float(np.median(np.abs(v - rows.secondary[:, 1])))
+        return apart_px if apart_px < min(SAME_ROW_PX, SAME_ROW * float(np.ptp(v))) else 0.0
+    return 0.0
+
+
 def _elsewhere(recording: Recording, group: Group) -> Iterator[Way]:
     """The principal point elsewhere, as of images that were cropped; of one camera, or of two."""
     if len(group.names) > 2:
@@ -307,6 +349,15 @@ OF_ONE_FILE = Row(
     "lenses that are alike",
     is_estimated=True,
 )
+OF_NEW_MATRIX = Row(
+    "The points of {which} seem to be of {images}, without distortion and with focal lengths of "
+    "{fitting} px, where the files say {stated} px",
+    UNDISTORTED,
+    "each and all",
+    _without_distortion,
+    "lenses with distortion",
+    is_estimated=True,
+)
 OF_CENTRE = Row(
     "The {whose} image centre seems to be at {fitting} px, where the file says {stated} px",
     "Was the image cropped? Then subtract what was cut off on the left and above from cx and cy, "
@@ -315,5 +366,6 @@ OF_CENTRE = Row(
     _elsewhere,
     is_estimated=True,
 )
-TABLE = (*OF_FILES, OF_ONE_FILE, *OF_CAMERAS, *OF_POINTS, *OF_FRAMES, OF_CENTRE, *SCALED)
+ESTIMATED = (OF_CENTRE, OF_NEW_MATRIX, *SCALED)
+TABLE = (*OF_FILES, OF_ONE_FILE, *OF_CAMERAS, *OF_POINTS, *OF_IMAGES, *OF_FRAMES, *ESTIMATED)
 """All readings."""

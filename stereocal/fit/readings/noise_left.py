@@ -114,9 +114,14 @@ def largest_noise(recording: Recording, best_pair_px: float) -> float:
 def quick_fits(
     recording: Recording, names: Iterable[str], bars: Iterable[CameraPair]
 ) -> dict[CameraPair, PoseFit]:
-    """The essential matrices of some cameras with others."""
+    """The essential matrices of some cameras with others; not of a pair whose lenses cannot be
+    inverted at its points."""
     pairs = {pair for name in names for pair in [it for it in bars if name in it][:QUICK_PAIRS]}
-    return {pair: essential_fit(recording.pair(*pair)) for pair in pairs}
+    fits = dict[CameraPair, PoseFit]()
+    for pair in pairs:
+        with suppress(StereocalError):
+            fits[pair] = essential_fit(recording.pair(*pair))
+    return fits
 
 
 def mean_px(quick: Mapping[CameraPair, PoseFit]) -> float:

@@ -46,7 +46,7 @@ def check_inputs(
     """
     possible = list[str]()
     fits = fit is None or _fits(fit, min(pair.noise_px for pair in pairs))
-    for judge in _judges(recording, pairs, fit, out_of_step):
+    for judge in judges_of(recording, pairs, fit, out_of_step):
         if fits and not judge.suspected:
             continue
         judged = judge.explanations()
@@ -62,7 +62,7 @@ def find_wrong_input(recording: Recording, out_of_step: bool = False) -> str:
     Args:
         out_of_step: as of `Judge`.
     """
-    judges = _judges(recording, out_of_step=out_of_step)
+    judges = judges_of(recording, out_of_step=out_of_step)
     messages = (judge.message(judge.judged(judge.every_reading())) for judge in judges)
     return next(filter(None, messages), "")
 
@@ -109,7 +109,7 @@ def contradicting_lengths(recording: Recording) -> str:
     return ""
 
 
-def _judges(
+def judges_of(
     recording: Recording,
     known: Collection[PairFit] = (),
     fit: RobustFit | None = None,
@@ -117,8 +117,9 @@ def _judges(
 ) -> Iterator[Judge]:
     """Judges of groups of cameras that share bars; of a large group, one for each camera."""
     worth = pairs_worth_a_fit(recording)
-    if not worth or len(recording.pair(*worth[0]).correspondences.bars) < MINIMUM_BARS:
-        return
+    with suppress(StereocalError):  # a lens that cannot be inverted may be read otherwise
+        if not worth or len(recording.pair(*worth[0]).correspondences.bars) < MINIMUM_BARS:
+            return
     names = reached([*recording.cameras], worth)
     if 2 <= len(names) <= MOST_CAMERAS:
         yield Judge(recording, names, names, known, fit, out_of_step)
