@@ -13,6 +13,7 @@ import numpy as np
 
 from stereocal.errors import damaged, naming
 from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.readings.outside import causes_named
 from stereocal.fit.rig_file import RIG, RigFile
 from stereocal.fit.start.pairs import pair_name
 from stereocal.fit.timing.to_calibrate import in_step
@@ -159,7 +160,7 @@ class ProjectData:
         cameras = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
         file = self._file(inputs, "correspondences")
         if file:
-            refuse_points_outside(f"{file.label}: ", _rows(file), *cameras)
+            _refuse_points_outside(file, inputs, *cameras)
         self.dataset_of(inputs)
 
     def exchange_targets(self, frame: int, camera: str = CAMERAS[1]) -> None:
@@ -379,6 +380,21 @@ def _unstated(*names: str) -> dict[str, Any]:
     """Inputs as they are before anything is stated of them."""
     fresh = Inputs()
     return {name: getattr(fresh, name) for name in names}
+
+
+def _refuse_points_outside(
+    file: StoredFile, inputs: Inputs, primary: Camera | None, secondary: Camera | None
+) -> None:
+    """Raise an error if points are outside their image; of two known cameras with the cause.
+
+    The bar may be of any length there: the baseline is free.
+    """
+    rows, recording = _rows(file), None
+    if primary is not None and secondary is not None:
+        length_m = inputs.target_distance_m or 1.0
+        recording = Recording.of_two("", primary, secondary, None, length_m).holding(rows)
+    with causes_named():
+        refuse_points_outside(f"{file.label}: ", rows, primary, secondary, recording)
 
 
 def _rows(file: StoredFile) -> Correspondences:

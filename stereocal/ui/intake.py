@@ -13,6 +13,7 @@ from streamlit.runtime.scriptrunner import get_script_run_ctx
 from streamlit.runtime.uploaded_file_manager import UploadedFile as Upload
 
 from stereocal.errors import RefusedRowsError, naming
+from stereocal.fit.readings.outside import causes_named
 from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.camera_file import ImageSizeError, read_camera, write_camera
 from stereocal.formats.correspondences_csv import Table, read_table, write_table
@@ -149,7 +150,8 @@ def give_dataset(
     folder = description.folder
     has_photographs = bool(bar_photographs) or has_videos
     with_points = description.is_recording or folder + TABLE in files or not has_photographs
-    recording = parse_recording(files, source, lens_model=lens_model, with_points=with_points)
+    with causes_named():
+        recording = parse_recording(files, source, lens_model=lens_model, with_points=with_points)
     # A fisheye's file states that it is one.
     stated = dict(files)
     for camera, lens in recording.cameras.items():

@@ -22,6 +22,16 @@ XYPTS = b"pt1_cam1_X,pt1_cam1_Y,pt1_cam2_X,pt1_cam2_Y\n1.5,2,3,4\n5,6,NaN,NaN\n7
 FIELD = Path(__file__).parents[2] / "sample_data" / "field"
 
 
+TRANSPOSED = (
+    (FIELD / NAMES["correspondences"])
+    .read_bytes()
+    .replace(b"u_", b"x_")
+    .replace(b"v_", b"u_")
+    .replace(b"x_", b"v_")
+)
+"""The sample's table with rows before columns."""
+
+
 def filled(home: Path) -> Project:
     project = Project.create(home)
     files = {slot: (name, (FIELD / name).read_bytes()) for slot, name in NAMES.items()}
@@ -69,6 +79,7 @@ def test_a_planned_length_is_missing_until_it_is_measured(tmp_path: Path) -> Non
         ("primary", b"", "the file is empty"),
         ("correspondences", b"frame,target\n1,A\n", "missing"),
         ("correspondences", TEMPLATE.replace("1012.31", "9999").encode(), "outside"),
+        ("correspondences", TRANSPOSED, "u and v of both"),
     ],
 )
 def test_bad_file_leaves_the_project_as_it_was(

@@ -1,6 +1,7 @@
 """Why points lie outside their image: the reading that brings them inside, and fits."""
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 
@@ -25,6 +26,15 @@ from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import rounded
 
 MOST_ALTERNATIVES = 2
+
+
+@contextmanager
+def causes_named() -> Iterator[None]:
+    """Errors about points outside their image name the cause, if one explains all points."""
+    try:
+        yield
+    except PointsOutsideError as error:
+        raise with_cause(error) from error
 
 
 def with_cause(error: PointsOutsideError) -> StereocalError:
