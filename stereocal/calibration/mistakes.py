@@ -47,6 +47,9 @@ COUNTED_APART = (
     "moment as {others_own} frame {other_frame}"
 )
 CORRECT_NUMBERS = "Correct the numbers: one camera has an image less, or one more, at its start."
+CORRECT_FROM = (
+    "Correct the numbers of its frames from there on, or calibrate with the frames before it alone."
+)
 FEWEST_TO_SHIFT, FEWEST_BOARDS = 8, 4
 """Frames of a bar, and of a board, of which two may be lost: two boards tell a pose and deny it."""
 SHIFTS, SHIFT_GAIN = (1, -1, 2, -2, 3, -3), 4.0

@@ -17,11 +17,12 @@ from stereocal.fit.readings.diagnosis import camera_warnings, moved_in_words, re
 from stereocal.fit.readings.wrong_inputs import (
     check_inputs,
     contradicting_lengths,
+    find_lost_frames,
     find_wrong_input,
 )
 from stereocal.fit.rig_calibration import RigCalibration
 from stereocal.fit.screening.movement import MovedError, movement
-from stereocal.fit.screening.screen import WIDE_LENGTH_PRIOR, WIDE_LENS
+from stereocal.fit.screening.screen import MAXIMUM_LEFT_OUT, WIDE_LENGTH_PRIOR, WIDE_LENS
 from stereocal.fit.screening.wrong_images import rows_of, wrong_images
 from stereocal.fit.start.fuse import Fused, fuse
 from stereocal.fit.start.pairs import FEWEST_BARS, FURTHER_STEPS, Pairs, calibrate_pairs, reached
@@ -62,14 +63,18 @@ def calibrate_rig(
     try:
         rig = _calibrated(recording, settings or RefineSettings(), late, progress)
         refuse_poor_fit(rig)
-    except MovedError:
-        raise
+    except MovedError as error:
+        raise MovedError(find_lost_frames(recording) or str(error)) from error
     except (StereocalError, np.linalg.LinAlgError) as error:  # LinAlgError: no rig is near
         named = contradicting_lengths(recording) or find_wrong_input(recording)
         known = str(error) if isinstance(error, StereocalError) else NO_RIG
         raise StereocalError(named or known) from error
+    if rig.moved and (lost := find_lost_frames(recording)):
+        raise MovedError(lost)
     disagree = {name for pair in rig.pairs.failed for name in pair} & {*rig.unreached}
-    if disagree and (wrong := find_wrong_input(recording)):
+    contradicting = {*rig.left_out, *(image.frame for image in rig.wrong)}
+    are_many = len(contradicting) > MAXIMUM_LEFT_OUT * len(np.unique(recording.frame))
+    if (disagree or are_many) and (wrong := find_wrong_input(recording)):
         raise StereocalError(wrong)
     possible = check_inputs(rig.fit.recording, rig.fit, [*rig.pairs.fits.values()])
     warnings = [*possible, *rig.warnings, rig.moved, _question(rig)]

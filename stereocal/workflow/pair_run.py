@@ -34,11 +34,12 @@ from stereocal.fit.readings.likely_cause import (
     offer_time_offset,
     warnings_about_fit,
 )
-from stereocal.fit.readings.wrong_inputs import check_inputs
+from stereocal.fit.readings.wrong_inputs import check_inputs, find_lost_frames
 from stereocal.fit.refine import refine
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.results import Calibration
 from stereocal.fit.screening.misplaced_target import misplaced_target
+from stereocal.fit.screening.movement import MovedError
 from stereocal.fit.screening.screen import Screening, screened
 from stereocal.fit.screening.stretched_board import stretched_board
 from stereocal.fit.start.baseline import with_baseline_found
@@ -99,7 +100,11 @@ class PairRun:
         if self.finished is not None:
             return self.finished.screening
         self.progress("screening")
-        return screened(with_baseline_found(self.dataset), self.settings)
+        dataset = with_baseline_found(self.dataset)
+        try:
+            return screened(dataset, self.settings)
+        except MovedError as error:
+            raise MovedError(find_lost_frames(dataset.recording) or str(error)) from error
 
     @step
     def calibration(self) -> Calibration:

@@ -227,6 +227,14 @@ def test_two_cameras_cropped_alike_are_both_named() -> None:
     assert found and [int(cy) for cy in found.groups()] == pytest.approx([766, 754], abs=8)
 
 
+@pytest.mark.parametrize(("case", "says"), [("drop1", "1 frame ahead"), ("dup1", "1 frame behind")])
+def test_a_frame_lost_by_one_camera_is_named_with_its_number(case: str, says: str) -> None:
+    """Lost, or twice, at frame 60 of 120. Before, half of the frames were left out."""
+    with pytest.raises(StereocalError) as said:
+        calibrate(read_dataset(CASES / "frame_dropped" / case))
+    assert f"From frame 60 on the secondary camera seems to be {says}" in str(said.value)
+
+
 def beside(points: FloatArray, camera: Camera) -> FloatArray:
     """In the right half of an image of two cameras."""
     return np.asarray(points + np.array([camera.image_size[0], 0.0]))

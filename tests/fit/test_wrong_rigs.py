@@ -84,6 +84,7 @@ def test_a_sound_chain_is_not_accused_because_a_camera_shares_too_few_bars() -> 
     [
         ("3 cameras, waved wand", "a crop", "camera c3's image centre"),
         ("3 cameras", "the same points in two cameras", "c1 and c2 have exactly the same points"),
+        ("3 cameras, waved wand", "a frame lost half-way", "1 frame ahead of the others"),
         ("3 cameras", "one file for all cameras", "cameras c1 and c2 and c3 have the same lens"),
         *further(
             ("3 cameras", "camera files exchanged", "camera files of c1 and c2, or their points"),

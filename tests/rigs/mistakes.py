@@ -254,6 +254,22 @@ def reordered(order: Callable[[IntArray, np.random.Generator], IntArray]) -> Cha
     return changed
 
 
+def of_count_from_half_way(ahead: int) -> Change:
+    """From half-way on, a camera's frames show what others see so many frames later."""
+
+    def changed(recording: Recording, rng: np.random.Generator) -> Recording:
+        frames, name = np.unique(recording.frame), one_of(recording.cameras, rng)
+        is_own = recording.camera == [*recording.cameras].index(name)
+        parts = [recording.where(~is_own)]
+        for frame in frames.tolist():
+            shown = frame + ahead * (frame >= frames[len(frames) // 2])
+            part = recording.where(is_own & (recording.frame == shown))
+            parts.append(replace(part, frame=np.full(len(part.frame), frame)))
+        return joined(*parts)
+
+    return changed
+
+
 def as_words(frames: IntArray, _: np.random.Generator) -> IntArray:
     """1, 10, 11, ... 2, 20."""
     return np.array(sorted(frames.tolist(), key=str))
@@ -509,6 +525,12 @@ MISTAKES: Mapping[str, Mistake] = {
     "0.3 frames late, every tenth frame kept": Mistake(None, ("out of step",), (BARS,), every=10),
     "frames in the order of words": Mistake(reordered(as_words), ("order of words",)),
     "one frame less": Mistake(reordered(lambda frames, _: frames[1:]), ("counted 1 apart",)),
+    "a frame lost half-way": Mistake(
+        of_count_from_half_way(1), ("ahead of", "behind"), (BARS, RIGS), 40
+    ),
+    "two frames twice half-way": Mistake(
+        of_count_from_half_way(-2), ("ahead of", "behind"), (BARS, RIGS), 40
+    ),
     "frames backwards": Mistake(reordered(lambda frames, _: frames[::-1]), ("none of",), (RIGS,)),
     "frames in no order": Mistake(
         reordered(lambda frames, rng: rng.permutation(frames)), ("none of these explains it",)

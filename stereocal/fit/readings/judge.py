@@ -36,6 +36,7 @@ from stereocal.calibration.wrong_inputs import SCALED, PoseFit, suspects
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.robust import RobustFit
 from stereocal.fit.least_squares.unknowns import LensPrior
+from stereocal.fit.readings.lost_frames import LOST
 from stereocal.fit.readings.noise_left import (
     ALIKE,
     CONTRADICTED,
@@ -161,7 +162,8 @@ class Judge:
         yield from self._of_one_file()
         yield from self.exchanged(self.whole)
         yield from self._readings((*OF_CAMERAS, *OF_POINTS, *OF_IMAGES))
-        yield from readings_of(self.whole, OF_FRAMES, self.groups, [*self.whole.cameras])
+        of_frames = (*OF_FRAMES, LOST)
+        yield from readings_of(self.whole, of_frames, self.groups, [*self.whole.cameras])
         if not self.out_of_step:
             yield from self._readings(ESTIMATED)
 
@@ -367,5 +369,5 @@ OF_CENTRE = Row(
     is_estimated=True,
 )
 ESTIMATED = (OF_CENTRE, OF_NEW_MATRIX, *SCALED)
-TABLE = (*OF_FILES, OF_ONE_FILE, *OF_CAMERAS, *OF_POINTS, *OF_IMAGES, *OF_FRAMES, *ESTIMATED)
+TABLE = (*OF_FILES, OF_ONE_FILE, *OF_CAMERAS, *OF_POINTS, *OF_IMAGES, *OF_FRAMES, LOST, *ESTIMATED)
 """All readings."""

@@ -10,10 +10,12 @@ import numpy as np
 
 from stereocal.calibration.checks import LARGEST_SCALE_ERROR
 from stereocal.calibration.corrections import fitting_px
+from stereocal.calibration.mistakes import readings_of
 from stereocal.calibration.wrong_inputs import MINIMUM_BARS, essential_fit, inconsistency_message
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.robust import RobustFit
 from stereocal.fit.readings.judge import CERTAIN_GAIN, Judge
+from stereocal.fit.readings.lost_frames import LOST
 from stereocal.fit.readings.noise_left import (
     HELD_LENGTHS,
     NoiseLeft,
@@ -65,6 +67,16 @@ def find_wrong_input(recording: Recording, out_of_step: bool = False) -> str:
     judges = judges_of(recording, out_of_step=out_of_step)
     messages = (judge.message(judge.judged(judge.every_reading())) for judge in judges)
     return next(filter(None, messages), "")
+
+
+def find_lost_frames(recording: Recording) -> str:
+    """A message if a camera lost frames, or has some twice, from some frame on, which looks like a
+    camera that moved; else empty."""
+    for judge in judges_of(recording):
+        readings = readings_of(recording, [LOST], judge.groups, [*recording.cameras])
+        if message := judge.message(judge.judged(readings)):
+            return message
+    return ""
 
 
 def nothing_fits(dataset: Pair) -> str:
