@@ -20,6 +20,7 @@ from stereocal.calibration.montecarlo import Problem
 from stereocal.errors import StereocalError
 from stereocal.rig.geometry import Angles, Pose, angles_of, residuals
 from stereocal.system.array_types import FloatArray
+from tests.refused import refused
 from tests.rigs.known_rig import (
     ANGLES,
     ANY_ANGLES,
@@ -127,7 +128,7 @@ class TestLinear:
 class TestRefusals:
     @pytest.mark.parametrize("pairs", [0, 1, 4])
     def test_fewer_than_five_pairs(self, pairs: int) -> None:
-        with pytest.raises(StereocalError, match=f"{pairs} pairs? .* 5"):
+        with refused(f" {pairs} pair", "at least 5"):
             calibrate_essential(NOISY[:, :pairs], BASELINE_M)
 
     @pytest.mark.parametrize("pairs", [5, 7, 8, 30])
@@ -140,11 +141,11 @@ class TestRefusals:
         """A wall fits a family of essential matrices."""
         flat = np.random.default_rng(0).uniform(-1, 1, (30, 2))
         wall = np.column_stack([flat, 8.0 + 0.3 * flat[:, 0] - 0.2 * flat[:, 1]])
-        with pytest.raises(StereocalError, match="determine"):
+        with refused("pose of the cameras", "degenerate"):
             calibrate_essential(rays_of(RIG, wall), BASELINE_M)
 
     def test_cameras_in_one_place(self) -> None:
         """Without a baseline both cameras see a turned picture, at any depth."""
         turned = Pose(RIG.R, np.zeros(3))
-        with pytest.raises(StereocalError, match="determine"):
+        with refused("pose of the cameras", "degenerate"):
             calibrate_essential(rays_of(turned, bar_ends(10)), BASELINE_M)
