@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import camera_table
 from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.in_words import rig_sentence
@@ -18,6 +17,7 @@ from stereocal.fit.rig_file import RigFile, rig_file
 from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.rig.camera import CAMERAS
 from stereocal.simulation.rigs import LENS_ERRORS, SimulatedRig, simulated_rig
+from tests.refused import refused
 
 STATED = LensPrior(*LENS_ERRORS)
 PAIR_SETTINGS = RefineSettings(dict.fromkeys(CAMERAS, STATED))
@@ -74,15 +74,15 @@ def test_a_camera_without_points_that_two_others_see_is_in_the_table(rig: RigCal
 
 def test_damaged_files_are_refused(rig: RigCalibration) -> None:
     content = rig_file(rig).to_json()
-    for change, message in (
-        ({"format": "other"}, "format"),
+    for change, said in (
+        ({"format": "other"}, "'other'"),
         ({"covariance": [[1.0]]}, "covariance"),
-        ({"noise_px": "x"}, "damaged"),
-        ({"cameras": {"c1": content["cameras"]["c1"]}}, "belong together"),
+        ({"noise_px": "x"}, "'x'"),
+        ({"cameras": {"c1": content["cameras"]["c1"]}}, "covariance"),
     ):
-        with pytest.raises(StereocalError, match=message):
+        with refused("rig.json: ", said):
             RigFile.loads(json.dumps({**content, **change}), "rig.json")
-    with pytest.raises(StereocalError, match=r"^rig\.json: .*'\.\./c1'"):
+    with refused("rig.json: ", "'../c1'"):
         RigFile.loads(json.dumps(content).replace('"c1"', '"../c1"'), "rig.json")
 
 

@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.fit.timing.offset_of_pair import offset_of_pair
 from stereocal.fit.timing.started_by_hand import bring_into_step
 from stereocal.formats.dataset_files import read_recording
@@ -18,6 +17,7 @@ from stereocal.rig.tracks import TimeOffset
 from stereocal.simulation.simulate import field_rig
 from stereocal.system.numbers import rounded
 from tests.further import further, of_a_whole_soak
+from tests.refused import refused
 from tests.rigs.mistakes import joined
 from tests.rigs.moving_bar import move_bar, record
 
@@ -105,7 +105,7 @@ def test_a_camera_of_half_the_rate_is_brought_into_step_by_the_stated_rates() ->
     two = _window(300, 420)
     own = two.where((two.camera == 0) | (two.frame % 2 == 1))
     counted = replace(own, frame=np.where(own.camera == 1, (own.frame - 301) // 2, own.frame))
-    with pytest.raises(StereocalError, match=r'"frame_rates": {"1": 60, "2": 30}'):
+    with refused('"frame_rates": {"1": 60, "2": 30}'):
         bring_into_step(counted)
     in_step = bring_into_step(at_slowest(counted, {"1": 60.0, "2": 30.0}))
     value, sigma = in_step.offsets["2"]
@@ -119,7 +119,7 @@ def test_rates_a_thousandth_apart_are_named() -> None:
     bar = move_bar(field_rig(), rng, 5000, 0.9)
     data = record(bar, rng, 0.3, "long", TimeOffset(0.3, 60 / 59.94 - 1.0))
     own = replace(data.recording, frame=np.tile(data.correspondences.time_frame, len(CAMERAS)))
-    with pytest.raises(StereocalError, match=r'"primary": 60, "secondary": 59\.94'):
+    with refused('"primary": 60, "secondary": 59.94'):
         bring_into_step(own)
 
 
@@ -128,7 +128,7 @@ def test_ends_exchanged_in_one_camera_throughout_are_named() -> None:
     ends = named.object.half_turn[named.target]
     exchanged = replace(named, target=np.where(named.camera == 1, ends, named.target))
     one, other = (named.object.names[at] for at in named.object.longest)
-    with pytest.raises(StereocalError, match=f"{one} and {other}"):
+    with refused(f"{one} and {other}", "1 and 2"):
         bring_into_step(exchanged)
     orders = [np.arange(3), named.object.half_turn]
     in_step = bring_into_step(exchanged, orders=orders)
@@ -156,22 +156,22 @@ def _resting(at: int, first: int, frames: int) -> Recording:
 def test_a_motion_that_repeats_itself_leaves_two_offsets() -> None:
     once = _window(300, 345)
     again = [once.counted_from(dict.fromkeys(PAIR, 45 * turn)) for turn in range(4)]
-    with pytest.raises(StereocalError, match=r"two offsets.* -?\d+ .* and -?\d+"):
+    with refused("1 and 2", 45, "0.31 px"):
         offset_of_pair(joined(*again), PAIR)
 
 
 @pytest.mark.parametrize(
-    ("recorded", "of", "refused"),
+    ("recorded", "of", "said"),
     [
-        (_window, (50, 250, 300), "cannot be told"),  # at different times
-        (_resting, (300, 0, 200), "at rest tells nothing"),
-        *((_window, (300, 300 + few), "25 moments|saw no points") for few in (1, 2, 20, 30)),
+        (_window, (50, 250, 300), "15 px"),  # at different times
+        (_resting, (300, 0, 200), "25 moments"),
+        *((_window, (300, 300 + few), "25 moments") for few in (1, 2, 20, 30)),
     ],
 )
 def test_what_tells_no_offset_is_refused(
-    recorded: Callable[..., Recording], of: tuple[int, ...], refused: str
+    recorded: Callable[..., Recording], of: tuple[int, ...], said: str
 ) -> None:
-    with pytest.raises(StereocalError, match=refused):
+    with refused("1 and 2", said):
         offset_of_pair(recorded(*of), PAIR)
 
 

@@ -22,6 +22,7 @@ from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import BoardPattern
 from tests.further import further
+from tests.refused import refused
 from tests.rigs import known_rig as rig
 from tests.rigs.board_pairs import (
     BoardPair,
@@ -96,7 +97,7 @@ def test_stretched_board_is_told_and_sound_one_is_not() -> None:
     some = board_of(PAIR, [1.007, 1.0])
     said = stretched_board(refine(some.dataset))
     assert "rows" in said and "ruler" in said
-    with pytest.raises(StereocalError, match="columns"):
+    with refused("the columns", "1.5 ±", "152.4 mm"):
         stretched_board(refine(board_of(PAIR, [1.0, 1.015]).dataset))
 
 

@@ -6,7 +6,6 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.fit.errors.uncertainty import (
     Plane,
     accuracy_map,
@@ -19,6 +18,7 @@ from stereocal.fit.refine import refine
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.geometry import triangulate
 from tests.further import further
+from tests.refused import refused
 from tests.rigs import known_rig as rig
 from tests.rigs.accuracy import deviations, over_bound
 from tests.rigs.refined_rigs import Misjudged, fixed_lenses
@@ -115,5 +115,5 @@ def test_the_map_covers_the_common_view(result: RefinedResult, plane: Plane) -> 
     assert 20 < seen.sum() < len(seen)
     assert (found.point_m[np.isfinite(found.point_m)] > 0).all()
     assert found.z_m.max() > np.nanmax(result.points_m[..., 2])
-    with pytest.raises(StereocalError, match="at least 2"):
+    with refused("map", "2 points", "1."):
         accuracy_map(result, 1)

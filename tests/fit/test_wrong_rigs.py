@@ -8,11 +8,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from stereocal.calibration.corrections import with_pixels
-from stereocal.errors import StereocalError
 from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.in_words import rig_notes, rig_sentence
 from stereocal.fit.readings.noise_left import fewer_points, noise_of
 from stereocal.fit.rig_file import RigFile, rig_file
+from stereocal.fit.screening.movement import MovedError
 from stereocal.formats.dataset_files import read_recording
 from stereocal.rig.camera import Camera
 from stereocal.rig.recording import Recording
@@ -23,6 +23,7 @@ from stereocal.simulation.simulate import lens_off_by
 from stereocal.system.array_types import FloatArray
 from stereocal.workflow.pair_of_rig import data_of_pair
 from tests.further import further
+from tests.refused import refused
 from tests.rigs.mistakes import MISTAKES, bumped_from, from_the_right, upside_down
 from tests.rigs.moving_wand import wave_wand
 from tests.rigs.several_cameras import sound
@@ -80,31 +81,29 @@ def test_a_sound_chain_is_not_accused_because_a_camera_shares_too_few_bars() -> 
 
 
 @pytest.mark.parametrize(
-    ("kind", "mistake", "names"),
+    ("kind", "mistake", "said"),
     [
-        ("3 cameras, waved wand", "a crop", "camera c3's image centre"),
-        ("3 cameras", "the same points in two cameras", "c1 and c2 have exactly the same points"),
-        ("3 cameras, waved wand", "a frame lost half-way", "1 frame ahead of the others"),
-        ("3 cameras", "one file for all cameras", "cameras c1 and c2 and c3 have the same lens"),
+        ("3 cameras, waved wand", "a crop", ["camera c3", "(645, 496) px"]),
+        ("3 cameras", "the same points in two cameras", ["c1 and c2", "points", "frame 1"]),
+        ("3 cameras", "one file for all cameras", ["c1 and c2 and c3", "1299 px"]),
+        ("3 cameras, waved wand", "a frame lost half-way", ["frame 76", "camera c3", "1 frame"]),
         *further(
-            ("3 cameras", "camera files exchanged", "camera files of c1 and c2, or their points"),
-            ("3 cameras", "K of half the image", "camera c1's"),
-            (
-                "3 cameras",
-                "targets exchanged in one camera",
-                "A and B seem to be exchanged in camera c1",
-            ),
-            ("3 cameras", "one frame less", "frames of camera c1 seem to be counted 1 apart"),
-            ("3 cameras", "bar in cm", "c1 and c2: .*distance looks like centimetres"),
+            ("3 cameras", "camera files exchanged", ["files of c1 and c2", "0.43 px"]),
+            ("3 cameras", "K of half the image", ["camera c1", "K ", "1280x1024 px"]),
+            ("3 cameras", "targets exchanged in one camera", ["A and B", "camera c1"]),
+            ("3 cameras", "one frame less", ["frames of camera c1", " 1 "]),
+            ("3 cameras", "bar in cm", ["c1 and c2", "60 m", "centimetres"]),
         ),
     ],
 )
-def test_a_wrong_input_is_refused_and_its_camera_named(kind: str, mistake: str, names: str) -> None:
+def test_a_wrong_input_is_refused_and_its_camera_named(
+    kind: str, mistake: str, said: list[str]
+) -> None:
     """All kinds, 6 kinds of rig: `python -m benchmarks.mistakes wrong --kind rigs`.
 
     Readings that a pair has too are judged as there (tests/calibration/test_wrong_inputs.py).
     """
-    with pytest.raises(StereocalError, match=names):
+    with refused(*said):
         calibrate_rig(MISTAKES[mistake].of_rig(kind, 0))
 
 
@@ -201,7 +200,7 @@ def test_lenses_that_are_not_as_their_model_make_no_movement_and_no_offsets(
 @pytest.mark.parametrize("degrees", [0.2, *further(2.0)])
 def test_of_two_cameras_it_cannot_be_told_which_was_bumped(degrees: float) -> None:
     recording = bumped_from(simulated(1), "c2", degrees, 80)
-    with pytest.raises(StereocalError, match=r"frame 80.* c1 or c2"):
+    with refused("frame 80", "c1 or c2"):
         calibrate_rig(recording.of_cameras(["c1", "c2"]))
 
 
@@ -220,7 +219,7 @@ def test_a_camera_whose_frames_contradict_the_others_since_one_is_refused(
 ) -> None:
     """Its images since then were left out one by one, and files were written; the last agrees with
     none of the others, but its frames before and after do."""
-    with pytest.raises(StereocalError, match=f"{name} .* moved"):
+    with refused(f"Camera {name} ", "frame 61", by=MovedError):
         calibrate_rig(bumped_from(rig(), name, degrees, 61))
 
 
@@ -234,7 +233,7 @@ def test_a_camera_that_moved_has_no_wrong_distortion(
     recording = simulated_rig(np.random.default_rng(seed), 3, 60).recording
     points = recording.points.copy()
     points[(recording.camera == camera) & (recording.frame >= 30)] += px
-    with pytest.raises(StereocalError, match=f"c{camera + 1} .* moved"):
+    with refused(f"Camera c{camera + 1} ", "frame 30", by=MovedError):
         calibrate_rig(replace(recording, points=points))
 
 
