@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import pytest
-
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_layouts import propose_layout
 from stereocal.formats.point_text import dltdv_table, sleap_table
@@ -12,6 +10,7 @@ from stereocal.projects.clicks import Act, ProjectClicks
 from stereocal.projects.database import DamagedError
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
+from tests.refused import refused
 
 HEAD = [Click(frame, camera, "head", 10.25 + frame, 20.5) for frame in (1, 3) for camera in CAMERAS]
 TAIL = Click(3, "primary", "tail", 40.0, 50.125, "followed")
@@ -40,7 +39,7 @@ def test_every_act_is_on_disk_and_is_undone_whole(tmp_path: Path) -> None:
     project.database.of_pair("left-right").keep_values("clicks", {"000000001": {}})
     assert not store.clicks.every
     project.database.keep_values("clicks", {"000000001": {"placed": [{}], "removed": []}})
-    with pytest.raises(DamagedError, match="clicked"):
+    with refused("clicked", by=DamagedError):
         _ = store.clicks
 
 

@@ -21,6 +21,7 @@ from stereocal.system import json_text
 from stereocal.system.zip_files import OpenZip, pack_zip, unzip
 from tests.pages.stored_projects import FULL
 from tests.projects.whole_project import differing, rows_of, whole_project
+from tests.refused import refused
 
 STAY = {key for key, each in CONTENTS.items() if each.stays}
 TRAVEL = [key for key in CONTENTS if key not in STAY]
@@ -109,7 +110,7 @@ def test_what_is_taken_out_of_the_list_is_missed(
     copy = duplicate(whole.database.path.parents[1], whole.id)
     assert differing(rows_of(whole), rows_of(copy)) == {NAME, key} | STAY
     monkeypatch.delitem(CONTENTS, key)
-    with pytest.raises(StereocalError, match="lost"):
+    with refused(f"({key[1]} {key[2].rstrip('*')}"):
         pack_project(whole, tmp_path / "q.zip")
 
 
@@ -172,7 +173,7 @@ def test_a_zip_that_would_not_open_is_not_made(
     whole: Project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(json_text, "MOST_VALUES", 100)
-    with pytest.raises(StereocalError, match="100 values"):
+    with refused("100 values"):
         pack_project(whole, tmp_path / "p.zip")
     assert not list(tmp_path.iterdir())
 
@@ -250,7 +251,7 @@ def test_a_file_that_is_named_many_times_is_read_once_at_most(
         return pieces(self, name)
 
     monkeypatch.setattr(OpenZip, "pieces", counted)
-    with pytest.raises(StereocalError, match="twice" if most > 5_000 else "MOST_FILES"):
+    with refused(*(["a.png", "project.json"] if most > 5_000 else [5000, 100, "MOST_FILES"])):
         unpack_project(path, path.name, tmp_path)
     assert path.stat().st_size < 40_000 and read
     assert not list((tmp_path / "projects").iterdir())

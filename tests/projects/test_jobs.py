@@ -1,6 +1,5 @@
 """Rows of long work: who runs it, what was interrupted, and what a search has found before."""
 
-import re
 import sqlite3
 import subprocess
 import sys
@@ -9,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.projects import jobs
 from stereocal.projects.database import DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.one_server import LOCK, LOCK_BEFORE, take_projects
 from tests.projects.test_database import database as database
+from tests.refused import refused
 
 
 def found(database: Store) -> jobs.FoundBefore:
@@ -83,7 +82,7 @@ def test_a_second_server_of_the_same_projects_is_refused(tmp_path: Path) -> None
     pipe = subprocess.PIPE
     with subprocess.Popen(first, text=True, stdin=pipe, stdout=pipe) as process:
         assert process.stdout is not None and process.stdout.readline() == "taken\n"
-        with pytest.raises(StereocalError, match=re.escape(str(tmp_path))):
+        with refused(tmp_path):
             take_projects(tmp_path)
         take_projects(tmp_path / "others")
         process.kill()
@@ -100,7 +99,7 @@ def test_a_server_of_an_earlier_version_is_seen_and_its_lock_is_removed(tmp_path
     path = tmp_path / LOCK_BEFORE
     with closing(sqlite3.connect(path, isolation_level=None)) as before:
         before.execute("BEGIN EXCLUSIVE")
-        with pytest.raises(StereocalError, match="server"):
+        with refused(tmp_path):
             take_projects(tmp_path)
         assert path.exists()
     take_projects(tmp_path)

@@ -22,6 +22,7 @@ from stereocal.projects.home import (
 )
 from stereocal.projects.project import Project
 from tests.projects.test_project import filled
+from tests.refused import refused
 
 
 def aged(path: Path, days: float) -> None:
@@ -74,7 +75,7 @@ def test_damaged_and_strange_files_do_not_stop_the_list(tmp_path: Path) -> None:
         newer.id: (False, True),
     }
     assert found[-1].id == good.id
-    with pytest.raises(StereocalError, match="format 9"):
+    with refused("format 9"):
         Project.open(tmp_path, newer.id)
 
 
@@ -100,15 +101,15 @@ def test_removed_projects_come_back_whole(tmp_path: Path) -> None:
     project = calibrated(tmp_path)
     remove(tmp_path, project.id)
     assert recent_projects(tmp_path) == []
-    with pytest.raises(StereocalError, match="removed"):
+    with refused("address", "removed"):
         Project.open(tmp_path, project.id)
     with pytest.raises(StereocalError):
         remove(tmp_path, project.id)
     back = bring_back(tmp_path, project.id)
     assert back.calibration is not None
-    with pytest.raises(StereocalError, match="for good"):
+    with refused("brought back", "removed"):
         bring_back(tmp_path, project.id)
-    with pytest.raises(StereocalError, match="for good"):
+    with refused("brought back", "removed"):
         bring_back(tmp_path, "../projects/" + project.id)
 
 
@@ -123,7 +124,7 @@ def test_sweep_takes_what_is_old_and_nothing_else(tmp_path: Path) -> None:
     assert sweep(tmp_path, removed_days=30, unused_days=39) == 0
     aged(removed.database.marker, 32)
     assert sweep(tmp_path, removed_days=30) == 1
-    with pytest.raises(StereocalError, match="for good"):
+    with refused("brought back", "removed"):
         bring_back(tmp_path, removed.id)
 
 

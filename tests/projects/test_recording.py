@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.rig_file import RigFile, rig_file
 from stereocal.formats.camera_file import read_camera
@@ -27,6 +26,7 @@ from stereocal.ui.page_states import page_states
 from stereocal.ui.rig import run_of
 from stereocal.ui.start import FIELD, RIG, three_cameras
 from stereocal.workflow.made_from import parts_of
+from tests.refused import refused
 
 
 def given() -> dict[str, bytes]:
@@ -166,7 +166,7 @@ def test_two_cameras_and_three_take_the_place_of_each_other(project: Project) ->
 
 def test_an_invalid_recording_changes_nothing(project: Project) -> None:
     before = project.database.files(RECORDING)
-    with pytest.raises(StereocalError, match="dataset"):
+    with refused("damaged: dataset.json", "stereocal-dataset/1"):
         give_dataset(project, {"dataset.json": b"{}"}, "damaged")
     assert project.database.files(RECORDING) == before
 
@@ -187,7 +187,7 @@ def test_a_foreign_project_with_a_damaged_rig_is_rejected(project: Project, tmp_
     del found["figures"]["frames"]
     project.keep_rig(json.dumps(found), b"zip", {})
     pack_project(project, tmp_path / "project.zip")
-    with pytest.raises(StereocalError, match="damaged"):
+    with refused("rig.json: ", "figures", "frames"):
         unpack_project(tmp_path / "project.zip", "zip", tmp_path / "there")
 
 
@@ -231,5 +231,5 @@ def test_jobs_are_kept_by_pair(project: Project) -> None:
 
 @pytest.mark.parametrize("name", ["1-4", "1", "../1-2", "pair 1-2/"])
 def test_there_is_no_such_pair(project: Project, name: str) -> None:
-    with pytest.raises(StereocalError, match="no pair"):
+    with refused(f'"{name}"', "1-2 (409 frames)"):
         project.of_pair(name)
