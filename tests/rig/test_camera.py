@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import read_camera, write_opencv_camera
 from stereocal.rig.camera import CAMERAS, Camera, camera_in_words
 from stereocal.system.array_types import FloatArray
+from tests.refused import refused
 from tests.rigs.known_rig import PRIMARY, SECONDARY
 
 K = np.array([[1190.6, 2.3, 612.8], [0.0, 1171.9, 530.1], [0.0, 0.0, 1.0]])
@@ -119,23 +119,23 @@ class TestRefusals:
     good: ClassVar[dict[str, Any]] = {"K": K, "distortion": np.zeros(5), "image_size": (1280, 1024)}
 
     @pytest.mark.parametrize(
-        ("change", "says"),
+        ("change", "said"),
         [
             ({"K": np.eye(4)}, "3x3"),
-            ({"K": K.T}, "transposed"),
-            ({"K": 2 * K}, "not a camera matrix"),
-            ({"K": np.diag([0.0, 1.0, 1.0])}, "cannot be inverted"),
-            ({"K": np.diag([1.0, -1.0, 1.0])}, "cannot be inverted"),
-            ({"K": K * np.nan}, "not finite"),
-            ({"distortion": np.array([np.inf, 0, 0, 0])}, "not finite"),
-            ({"distortion": np.zeros(3)}, "3 distortion coefficients"),
-            ({"distortion": np.zeros(6)}, "6 distortion coefficients"),
-            ({"image_size": (0, 1024)}, "0x1024"),
-            ({"image_size": (1280, -1)}, "1280x-1"),
+            ({"K": K.T}, "[0, fy, cy]"),
+            ({"K": 2 * K}, "[0, fy, cy]"),
+            ({"K": np.diag([0.0, 1.0, 1.0])}, "fx = 0 "),
+            ({"K": np.diag([1.0, -1.0, 1.0])}, "fy = -1 "),
+            ({"K": K * np.nan}, "NaN"),
+            ({"distortion": np.array([np.inf, 0, 0, 0])}, "NaN"),
+            ({"distortion": np.zeros(3)}, "3 distortion"),
+            ({"distortion": np.zeros(6)}, "6 distortion"),
+            ({"image_size": (0, 1024)}, " 0x1024 px"),
+            ({"image_size": (1280, -1)}, "1280x-1 px"),
         ],
     )
-    def test_what_is_no_camera(self, change: dict[str, Any], says: str) -> None:
-        with pytest.raises(StereocalError, match=says):
+    def test_what_is_no_camera(self, change: dict[str, Any], said: str) -> None:
+        with refused(said):
             Camera(**{**self.good, **change})
 
     def test_json_there_and_back(self) -> None:

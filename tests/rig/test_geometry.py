@@ -21,6 +21,7 @@ from stereocal.rig.geometry import (
 )
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
+from tests.refused import refused
 from tests.rigs.known_rig import (
     ANY_ANGLES,
     PRIMARY,
@@ -90,7 +91,7 @@ class TestAngles:
         ],
     )
     def test_degenerate_angles_are_refused(self, angles: Angles) -> None:
-        with pytest.raises(StereocalError, match="five angles"):
+        with refused("five angles", "90 degrees"):
             _ = Pose.from_angles(angles, 2.0).angles
 
 

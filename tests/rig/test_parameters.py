@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereocal.errors import StereocalError
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
+from tests.refused import refused
 from tests.rigs.known_rig import (
     ANGLES,
     ANY_ANGLES,
@@ -95,44 +95,44 @@ class TestFile:
 
 class TestRefusals:
     @pytest.mark.parametrize(
-        ("change", "says"),
+        ("change", "said"),
         [
-            (put("format", value="stereocal-parameters/2"), "stereocal-parameters/2"),
-            (put("convention", value="x_primary = R @ x_secondary + T"), "convention"),
-            (put("triangulation", value="dlt"), "triangulation"),
-            (put("method", value="5d"), "5d"),
-            (put("R", value=np.diag([1, 1, -1.0]).tolist()), "not a rotation"),
-            (put("R", 0, 0, value=float("nan")), "not finite"),
-            (put("T", 1, value=float("inf")), "not finite"),
-            (put("R", value=np.eye(4).tolist()), "shape"),
-            (put("T", value=[0.0, 0.0, 0.0]), "contradict"),
-            (put("baseline_m", value=BASELINE_M * 1.001), "contradict"),
-            (put("angles", "yaw", value=ANGLES.yaw + 1e-3), "contradict"),
-            (put("angles", "yaw", value=float("nan")), "^test: .*not finite"),
-            (put("cost", value=float("nan")), "cost"),
-            (put("matching_threshold_px", value=-1.0), "threshold"),
-            (put("noise_px", value=-0.1), "image noise"),
-            (put("volume", value={"z_m": [3.0, 8.0]}), "^test: the volume of the bars"),
-            (put("cameras", "primary", "K", 0, 0, value=-5.0), "primary.*inverted"),
-            (put("cameras", "secondary", "distortion", value=[1.0]), "secondary.*1 distortion"),
+            (put("format", value="stereocal-parameters/2"), ["stereocal-parameters/2"]),
+            (put("convention", value="x_primary = R @ x_secondary + T"), ["x_primary = "]),
+            (put("triangulation", value="dlt"), ["triangulation", "dlt"]),
+            (put("method", value="5d"), ["method", "5d"]),
+            (put("R", value=np.diag([1, 1, -1.0]).tolist()), ["R ", "+1"]),
+            (put("R", 0, 0, value=float("nan")), ["pose", "NaN"]),
+            (put("T", 1, value=float("inf")), ["pose", "NaN"]),
+            (put("R", value=np.eye(4).tolist()), ["(3, 3)", "(4, 4)"]),
+            (put("T", value=[0.0, 0.0, 0.0]), ["T ", "baseline_m"]),
+            (put("baseline_m", value=BASELINE_M * 1.001), ["T ", "baseline_m"]),
+            (put("angles", "yaw", value=ANGLES.yaw + 1e-3), ["angles", "R, T"]),
+            (put("angles", "yaw", value=float("nan")), ["pose", "NaN"]),
+            (put("cost", value=float("nan")), ["cost"]),
+            (put("matching_threshold_px", value=-1.0), ["matching threshold", "-1.0 px"]),
+            (put("noise_px", value=-0.1), ["noise", "-0.1 px"]),
+            (put("volume", value={"z_m": [3.0, 8.0]}), ["volume", "x/z", "z_m"]),
+            (put("cameras", "primary", "K", 0, 0, value=-5.0), ["primary: ", "fx = -5 "]),
+            (put("cameras", "secondary", "distortion", value=[1.0]), ["secondary: ", " 1 "]),
         ],
     )
-    def test_unsound_content(self, change: Callable[[dict[str, Any]], None], says: str) -> None:
-        with pytest.raises(StereocalError, match=says):
+    def test_unsound(self, change: Callable[[dict[str, Any]], None], said: list[str]) -> None:
+        with refused("test: ", *said):
             RigParameters.loads(damaged(change), "test")
 
     def test_a_file_that_is_not_there_or_of_another_kind(self, tmp_path: Path) -> None:
-        with pytest.raises(StereocalError, match="cannot be read"):
+        with refused("none.json", os.strerror(2)):
             RigParameters.load(tmp_path / "none.json")
         for content in (b"\xff\xfe\x00", b"%YAML:1.0\nM1: 1", b"[cam_0]\n", b'{"K": []}'):
             (tmp_path / "other").write_bytes(content)
-            with pytest.raises(StereocalError, match=r"other: this is no .*convert --from"):
+            with refused("other: ", "convert --from"):
                 RigParameters.load(tmp_path / "other")
-        with pytest.raises(StereocalError, match=r"is a folder.*convert --from"):
+        with refused(tmp_path, "folder", "convert --from"):
             RigParameters.load(tmp_path)
 
     def test_nan_is_never_written(self) -> None:
-        with pytest.raises(StereocalError, match="not a finite number"):
+        with refused("cost"):
             replace(PARAMETERS, cost=float("nan"))
 
 
@@ -148,7 +148,7 @@ class TestWriting:
             raise OSError(28, "No space left on device")
 
         monkeypatch.setattr(os, "fsync", full_disk)
-        with pytest.raises(StereocalError, match="No space left"):
+        with refused("p.json", "No space left on device"):
             replace(PARAMETERS, cost=9.0).save(path)
         assert path.read_bytes() == before
         assert [file.name for file in tmp_path.iterdir()] == ["p.json"]

@@ -1,13 +1,12 @@
 """Positions of tracked points between the recorded frames."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereocal.errors import StereocalError
 from stereocal.rig.tracks import MeasuredOffset, TimeOffset, interpolate
 from stereocal.system.array_types import FloatArray, IntArray
+from tests.refused import refused
 from tests.rigs import known_rig as rig
 
 FRAMES = np.array([0, 1, 2, 3, 4, 5, 9, 10, 20, 30, 31, 32])
@@ -69,10 +68,11 @@ def test_the_entries_of_a_file() -> None:
     assert MeasuredOffset.from_json(full.to_json()) == full
     assert MeasuredOffset.from_json({}) is None
     assert "0.3000 ± 0.0020 frame intervals later" in full.sentence()
-    for bad in (3, {"value": "x", "standard_error": 1}, {"value": 1}):
-        with pytest.raises(StereocalError, match="time offset"):
+    text = {"value": "x", "standard_error": 1}
+    for bad, said in ((3, "'int'"), (text, "'x'"), ({"value": 1}, "'standard_error'")):
+        with refused("time offset", said):
             MeasuredOffset.from_json({"time_offset_frames": bad})
-    with pytest.raises(StereocalError, match="not a finite"):
+    with refused("time offset", "finite"):
         MeasuredOffset.from_json(
             {"time_offset_frames": {"value": float("nan"), "standard_error": 1}}
         )

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from stereocal.errors import StereocalError
 from stereocal.rig.volume import Volume
+from tests.refused import refused
 from tests.rigs.known_rig import bar_ends
 
 VOLUME = Volume((-0.3, 0.2), (-0.1, 0.25), (3.0, 8.0))
@@ -55,5 +55,5 @@ def test_bars_behind_the_camera_or_missing_do_not_count() -> None:
     more = np.vstack([points, -points, np.full((4, 3), np.nan)])
     assert Volume.of_bars(more) == Volume.of_bars(points)
     for none in (-points, np.empty((0, 3)), np.full((2, 3), np.nan)):
-        with pytest.raises(StereocalError, match="in front"):
+        with refused("bar ", "volume"):
             Volume.of_bars(none)
