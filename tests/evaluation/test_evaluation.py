@@ -12,7 +12,6 @@ import pytest
 from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import METHODS, CalibrationSettings
 from stereocal.calibration.montecarlo import reconstruction_problem, reprojection_problem
-from stereocal.errors import StereocalError
 from stereocal.evaluation.counting import (
     BIN_WIDTH,
     BINS,
@@ -42,6 +41,7 @@ from stereocal.system.array_types import FloatArray
 from stereocal.system.tasks import StoppedError
 from tests.calibration import reference
 from tests.projects.test_found_before import bits
+from tests.refused import refused
 
 NINETEEN = Path(__file__).parents[2] / "sample_data" / "nineteen"
 RECORDING = Path(__file__).parents[2] / "sample_data" / "recording"
@@ -210,10 +210,7 @@ def test_cancelled_drops_what_is_left(pair_of_sets: list[Pair]) -> None:
 
 
 def test_a_split_that_leaves_no_test_is_refused_with_a_sentence(field: Pair) -> None:
-    with (
-        ThreadPoolExecutor(1) as threads,
-        pytest.raises(StereocalError, match=r"25 frames.* 24 .* 1 "),
-    ):
+    with ThreadPoolExecutor(1) as threads, refused("07", 25, 24, " 1 "):
         evaluate([field], replace(FEW, calibration_frames=24), threads)
 
 

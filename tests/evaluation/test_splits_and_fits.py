@@ -11,7 +11,6 @@ from numpy.testing import assert_array_equal
 
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import SearchSettings
-from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import (
     EvaluationSettings,
     RunCounts,
@@ -26,6 +25,7 @@ from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.fit.screening.screen import screen
 from stereocal.formats.dataset_files import read_dataset
 from stereocal.system.tasks import StoppedError
+from tests.refused import refused
 from tests.rigs import known_rig as rig
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
@@ -122,5 +122,5 @@ def test_settings_keep_the_splits_and_old_ones_were_frame_by_frame() -> None:
         assert EvaluationSettings.from_json(written).splits == kind
     del written["splits"]
     assert EvaluationSettings.from_json(written).splits == "frames"
-    with pytest.raises(StereocalError, match="splits"):
+    with refused("splits", "'some'"):
         EvaluationSettings.from_json({**written, "splits": "some"})

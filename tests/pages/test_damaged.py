@@ -14,12 +14,13 @@ from stereocal.formats.evaluation_files import Evaluation
 from stereocal.projects import files as files_module
 from stereocal.projects import home as home_module
 from stereocal.projects import project as project_module
-from stereocal.projects.database import DiskFullError
+from stereocal.projects.database import DamagedError, DiskFullError
 from stereocal.projects.files import Store
 from stereocal.projects.home import recent_projects
 from stereocal.projects.project import Project
 from stereocal.system.latest import forget
 from tests.pages.stored_projects import FULL, ROOT, dashboard, go, page_of, placed, told
+from tests.refused import refused
 
 SECRET = "/srv/secret/place"
 RESULTS = {
@@ -50,7 +51,7 @@ def test_a_project_that_cannot_be_opened_is_listed_and_kept(home: Path) -> None:
     path = project.database.path
     path.write_bytes(path.read_bytes()[:100] + bytes(3000) + path.read_bytes()[3100:])
     before = path.read_bytes()
-    with pytest.raises(StereocalError, match="damaged"):
+    with refused("project's file", by=DamagedError):
         Project.open(home, project.id)
     assert "damaged" in told(page_of(project, "data"), "error")
     assert [one.damaged for one in recent_projects(home)] == [True]

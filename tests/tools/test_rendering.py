@@ -6,12 +6,12 @@ from numpy.polynomial.legendre import leggauss
 from scipy.ndimage import gaussian_filter
 from scipy.special import erf
 
-from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.simulate import field_rig
 from stereocal.system.array_types import FloatArray
 from tests.further import further
+from tests.refused import refused
 from tests.rigs.known_rig import PRIMARY
 from tools.photographs.rendering import (
     Board,
@@ -149,7 +149,7 @@ def test_board_from_behind_shows_no_pattern_and_boards_behind_the_camera_are_ref
     behind = Pose(turned((0.0, np.pi, 0.0)), np.array([0.0, 0.0, 1.0]))
     picture = painted(STRAIGHT, Placed(x_corner_board(0.05, 40.0, 200.0), behind), 0.5)
     np.testing.assert_allclose(picture[40:61, 40:61], 120.0, atol=1e-3)
-    with pytest.raises(StereocalError, match="in front"):
+    with refused("board", "front"):
         painted(
             STRAIGHT, Placed(x_corner_board(0.05), Pose(np.eye(3), np.array([0, 0, -1.0]))), 0.5
         )
