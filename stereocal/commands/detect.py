@@ -4,7 +4,7 @@ import argparse
 
 from stereocal.commands.console import Number, Options, report, say
 from stereocal.commands.options import LENSES_AND_LENGTHS, WORKERS, refuse_given, workers_from
-from stereocal.commands.photographs import PAIR_BY, in_search, write_recording
+from stereocal.commands.photographs import PAIR_BY, SPLIT, in_search, write_recording
 from stereocal.detection.target import BOARDS, EXAMPLES, parse_board, parse_target
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.points_csv import write_points
@@ -29,6 +29,7 @@ OPTIONS: Options = {
     },
     "--doubtful": "doubtful frames go into the table too",
     **PAIR_BY,
+    **SPLIT,
     **LENSES_AND_LENGTHS,
     **WORKERS,
 }

@@ -2,22 +2,26 @@
 
 import argparse
 import tempfile
+from collections.abc import Mapping
+from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from stereocal.commands.console import Options, in_stages, report, say, with_bar
 from stereocal.commands.options import BOARD, WORKERS, pattern_of, settings_options, workers_from
-from stereocal.commands.photographs import write_recording
+from stereocal.commands.photographs import SPLIT, write_recording
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.frames.proposal import propose
+from stereocal.frames.several_cameras import cameras_told
 from stereocal.frames.video.extract import with_frames
-from stereocal.intrinsics.boards import find_boards
+from stereocal.frames.which_camera import Series
+from stereocal.intrinsics.boards import TwoInOneError, find_boards
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.files import about
 from stereocal.intrinsics.lens_fit import LensSettings
-from stereocal.intrinsics.photograph_search import PhotographSearch
+from stereocal.intrinsics.photograph_search import PhotographSearch, share_in_one_pose
 from stereocal.intrinsics.quality import (
     LENS_COLUMNS,
     advice,
@@ -28,8 +32,9 @@ from stereocal.intrinsics.quality import (
 )
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.system.atomic_files import write_atomically
-from stereocal.system.photograph_files import photographs_of
+from stereocal.system.photograph_files import named_photographs
 from stereocal.system.settings import asked
+from stereocal.system.split_photographs import split_into
 from stereocal.system.taken import when_taken
 from stereocal.verdict.in_words import listed
 
@@ -37,38 +42,119 @@ OPTIONS: Options = {
     "images IMAGES...": "photographs, folders, zips; or a video, whose sharpest still frames are "
     "taken",
     **BOARD,
-    "--out FILE": "camera.json, or .yml for OpenCV; a folder for a data set, from photographs of "
-    "two cameras",
+    "--out FILE": "camera.json, or .yml for OpenCV; of two cameras a folder, for a data set or the "
+    "lenses",
     **settings_options(LensSettings),
     "--leave-out NAME...": "photographs not to use",
+    "--one-camera": "all photographs are of one camera, whatever their names say",
+    **SPLIT,
     **WORKERS,
 }
 DEFAULTS = {"leave_out": ()}
+CONSISTENT, NEAR_PX = 0.8, 2.0
+"""Part of all corners that lie so near to the epipolar lines of one pose, at least, where it is not
+sure which photographs belong together: of 8 true pairs all do, of the same mixed up TODO."""
 
 
 def run(parsed: argparse.Namespace) -> None:
-    """Find the boards, calibrate, write the file, print the table."""
-    pattern, out = pattern_of(parsed), parsed.out
-    settings = LensSettings(**{name: getattr(parsed, name) for name in asked(LensSettings)})
+    """Find the boards, calibrate, write the file or the folder, print the table."""
+    out: Path = parsed.out
     with tempfile.TemporaryDirectory() as store, workers_from(parsed) as executor:
-        take = partial(with_frames, parsed.images, Path(store))
-        every = photographs_of(in_stages(take), Path(store))
-        if missing := [name for name in parsed.leave_out if name not in every]:
-            raise StereocalError(
-                f"--leave-out: there is no photograph {listed(missing)}; there are "
-                f"{listed([*every])}."
+        photographs, cameras = _given(parsed, Path(store))
+        if cameras and out.suffix:
+            whose = "; ".join(
+                f"{camera}: {series.names[0]} to {series.names[-1]}, {len(series.names)}"
+                for camera, series in cameras.items()
             )
-        photographs = {name: path for name, path in every.items() if name not in parsed.leave_out}
-        proposal = propose(when_taken(photographs))
-        if not out.suffix and proposal.pairing.pairs and proposal.way != "order":
-            lenses: dict[str, Camera | None] = dict.fromkeys(CAMERAS)
-            two = PhotographSearch(proposal.pairing, photographs, lenses, pattern, settings)
-            calibrated = in_stages(lambda begin, show: two.run(executor, begin, show, tell=say))
-            write_recording(out, replace(calibrated.recording, name=out.stem))
-            return
-        boards_in = partial(find_boards, photographs, pattern, executor)
+            raise StereocalError(
+                f"The photographs are of {len(cameras)} cameras ({whose}), and {out} holds one "
+                f"lens. For all lenses give a folder, --out {out.with_suffix('')}; for one, the "
+                "photographs of one camera. If one camera took them all, state --one-camera."
+            )
+        if (
+            out.suffix
+            or parsed.one_camera
+            or not _write_pairs(parsed, executor, photographs, cameras)
+        ):
+            for camera, series in cameras.items():
+                say(f"The {camera} camera: {series}.")
+                of_camera = {name: photographs[name] for name in series.names}
+                _write_lens(parsed, executor, of_camera, out / f"{camera}.json")
+            if not cameras:
+                _write_lens(parsed, executor, photographs, out)
+
+
+def _given(parsed: argparse.Namespace, store: Path) -> tuple[dict[str, Path], dict[str, Series]]:
+    """The photographs to use, and those of each camera if they are of two or more."""
+    take = partial(with_frames, parsed.images, store)
+    every = named_photographs(in_stages(take), store)
+    names = {name for *both, _ in every for name in both}
+    if missing := [name for name in parsed.leave_out if name not in names]:
+        raise StereocalError(
+            f"--leave-out: there is no photograph {listed(missing)}; there are "
+            f"{listed([name for name, *_ in every])}."
+        )
+    used = [item for item in every if not {*item[:2]} & {*parsed.leave_out}]
+    photographs, by_path = {n: path for n, _, path in used}, {n: path for _, n, path in used}
+    if parsed.split:
+        photographs = by_path = split_into(store, photographs, parsed.split)
+    cameras = {} if parsed.one_camera else cameras_told(when_taken(by_path))
+    return by_path if cameras else photographs, cameras
+
+
+def _write_pairs(
+    parsed: argparse.Namespace,
+    executor: Executor,
+    photographs: Mapping[str, Path],
+    cameras: Mapping[str, Series],
+) -> bool:
+    """Write the data set of two cameras, if it is sure which photographs belong together."""
+    proposal = propose(when_taken(photographs))
+    pairing, is_sure = proposal.pairing, proposal.way != "order" and len(cameras) == 2
+    if len(cameras) > 2 or not pairing.pairs or (not cameras and proposal.way == "order"):
+        return False
+    if cameras and not is_sure and pairing.ambiguous:
+        say(pairing.sentence)
+        return False
+    lenses: dict[str, Camera | None] = dict.fromkeys(CAMERAS)
+    sentences, settings = list[str](), _settings(parsed)
+    search = PhotographSearch(pairing, photographs, lenses, pattern_of(parsed), settings)
+    try:
+        calibrated = in_stages(
+            lambda begin, show: search.run(executor, begin, show, tell=sentences.append)
+        )
+    except StereocalError:
+        if cameras:
+            raise
+        return False
+    share = 1.0 if is_sure else share_in_one_pose(calibrated.recording, NEAR_PX)
+    if share < CONSISTENT:
+        say(
+            f"{100 * share:.0f} % of the corners fit one pose of two cameras: these photographs "
+            f"were not taken at the same moments. {'Lenses are' if cameras else 'One lens is'} made."
+        )
+        return False
+    for sentence in sentences:
+        say(sentence)
+    write_recording(parsed.out, replace(calibrated.recording, name=parsed.out.stem))
+    return True
+
+
+def _write_lens(
+    parsed: argparse.Namespace, executor: Executor, photographs: Mapping[str, Path], out: Path
+) -> None:
+    """Calibrate one lens, write its file, print the table."""
+    pattern, of_one = pattern_of(parsed), parsed.one_camera
+    boards_in = partial(find_boards, photographs, pattern, executor, of_one=of_one)
+    try:
         search = with_bar("photographs searched", boards_in)
-        lens = with_bar("draws calibrated", partial(calibrate_lens, search, settings, executor))
+    except TwoInOneError as error:
+        raise StereocalError(
+            f"{error} With --split {error.split} and a folder as --out, both lenses are made. If "
+            "one camera took them, state --one-camera."
+        ) from error
+    calibrate = partial(calibrate_lens, search, _settings(parsed), executor)
+    lens = with_bar("draws calibrated", calibrate)
     of_opencv, camera = out.suffix.lower() in (".yml", ".yaml"), lens.camera
     content = write_opencv_camera(camera) if of_opencv else write_camera(camera, about(lens))
     write_atomically(out, content)
@@ -77,3 +163,7 @@ def run(parsed: argparse.Namespace) -> None:
     rows = (" ".join(f"{cell:>16}" for cell in row) for row in table)
     notes = (*advice(lens), hint(lens), note_on_model(search, lens.settings))
     report(*refused, lens_answer(lens), *rows, notes=notes, written=[out])
+
+
+def _settings(parsed: argparse.Namespace) -> LensSettings:
+    return LensSettings(**{name: getattr(parsed, name) for name in asked(LensSettings)})

@@ -13,10 +13,12 @@ from stereocal.errors import StereocalError
 from stereocal.formats.dataset_files import pack_recording
 from stereocal.frames.all_cameras import Found
 from stereocal.frames.proposal import WAYS
-from stereocal.frames.video.extract import VideoSettings, extract
+from stereocal.frames.several_cameras import chapters_in_words
+from stereocal.frames.video.extract import FrameChoice, VideoSettings, extract
 from stereocal.library.targets import DataSetSearch
 from stereocal.rig.recording import Recording
 from stereocal.system.atomic_files import write_all, write_atomically
+from stereocal.system.split_photographs import SPLITS
 
 PAIR_BY: Options = {
     "--pair-by": {
@@ -26,6 +28,13 @@ PAIR_BY: Options = {
         "targets tell",
     }
 }
+SPLIT: Options = {
+    "--split": {
+        "choices": [*SPLITS],
+        "help": "each photograph, or frame of the one video, holds the images of two cameras: "
+        "split it into left (or upper) and right",
+    }
+}
 
 
 def in_search(
@@ -33,13 +42,14 @@ def in_search(
 ) -> tuple[DataSetSearch, Found]:
     """What is found in the photographs of a data set, with a bar for each stage."""
     search = DataSetSearch(parsed.dataset, executor, say, parsed.pair_by, parsed.lens_model)
+    search = replace(search, split=parsed.split)
     if search.is_described or not isinstance(target, Board):
         _ = search.known  # before the long work
     if parsed.doubtful and len(search.cameras) > 2:
         raise StereocalError("--doubtful is for the bars of two cameras.")
     if parsed.videos is not None:
         coloured = isinstance(target, Balls) and BRIGHT not in target.colours
-        search = replace(search, heard=_take_frames(parsed, search.cameras, coloured))
+        search = replace(search, heard=_take_frames(parsed, search.cameras, coloured), split=None)
     return search, in_stages(lambda begin, show: search.found(target, begin, show))
 
 
@@ -56,13 +66,19 @@ def _take_frames(
             "--clock-ahead compares the clocks of both cameras, and with --pair-by motion the "
             "targets tell: state one of them."
         )
-    if len(parsed.videos) != len(cameras):
-        raise StereocalError(
-            f"--videos: these are {len(parsed.videos)}; give one of each camera, in the order "
-            f"{', '.join(cameras)}."
-        )
-    settings = VideoSettings("every" if every else "still", every or 1, ahead, by_hand, coloured)
-    videos = dict(zip(cameras, parsed.videos, strict=True))
+    if chapters := chapters_in_words(map(str, parsed.videos)):
+        raise StereocalError(f"--videos: {chapters}")
+    if parsed.split and (len(cameras) > 2 or by_hand or ahead is not None):
+        raise StereocalError("--split: a video of both cameras shows two, of the same moments.")
+    of = cameras[:1] if parsed.split else cameras
+    if len(parsed.videos) != len(of):
+        wanted = f"one of each camera, in the order {', '.join(cameras)}"
+        if len(cameras) == 2:
+            wanted += f"; or one that shows both, with --split {' or '.join(SPLITS)}"
+        raise StereocalError(f"--videos: these are {len(parsed.videos)}; give {wanted}.")
+    choice: FrameChoice = "every" if every else "still"
+    settings = VideoSettings(choice, every or 1, ahead, by_hand, coloured, parsed.split)
+    videos = dict(zip(of, parsed.videos, strict=True))
     earlier = {
         path.relative_to(parsed.dataset).as_posix()
         for which in cameras

@@ -77,7 +77,7 @@ def _folder(prefix: str, first: int) -> _Convention:
 CONVENTIONS = (
     _word("primary", "secondary", 0),
     _word("left", "right", 1),
-    *(_numbered(prefix, first, 1) for prefix in ("cam", "camera") for first in (0, 1, 2)),
+    *(_numbered(prefix, first, 1) for prefix in ("cam", "camera", "gopro") for first in (0, 1, 2)),
     _word("cama", "camb", 1),
     _word("l", "r", 2),
     *(_numbered(prefix, first, 2) for prefix in ("c", "view", "sensor") for first in (0, 1)),

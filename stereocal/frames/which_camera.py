@@ -94,12 +94,12 @@ def _by_words(names: Sequence[str], known: Mapping[str, CameraName]) -> dict[str
     if any(side_of.get(name, side) != side for name, side in known.items()):
         side_of = {}
     if len(side_of) < len(every):
-        side_of |= {name: side for name, side in _by_last_number(every).items() if not side_of}
+        side_of |= {name: side for name, side in pair_by_last_number(every).items() if not side_of}
         side_of |= _by_words_alone([name for name in every if name not in side_of])
     return {name: side_of[name] for name in names if name in side_of}
 
 
-def _by_last_number(names: Sequence[str]) -> dict[str, CameraName]:
+def pair_by_last_number(names: Sequence[str]) -> dict[str, CameraName]:
     """`07_0` and `07_1`: a last number that is one of two in all names, which are alike before it;
     empty if this is not so."""
     read = {name: _SUFFIX.search(PurePosixPath(name).stem) for name in names}

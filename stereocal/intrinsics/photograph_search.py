@@ -5,6 +5,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
+import numpy as np
+
 from stereocal.detection.target import Sighting, Target
 from stereocal.frames.all_cameras import Found
 from stereocal.frames.pairing import Pairing
@@ -19,7 +22,8 @@ from stereocal.intrinsics.stereo_boards import (
     lenses_of_boards,
     stages_of,
 )
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.photograph_files import Photographs
 from stereocal.system.tasks import Earlier, Progress
@@ -112,3 +116,15 @@ class PhotographSearch:
         for sentence in filter(None, words):
             say(sentence)
         return result
+
+
+def share_in_one_pose(recording: Recording, near_px: float) -> float:
+    """The share of the points of two cameras that lie within so many px of the epipolar lines of
+    one pose. It is small where the photographs of different moments were paired."""
+    both = recording.pair(*CAMERAS)
+    rows, cameras = both.correspondences, (both.primary, both.secondary)
+    first, second = cameras[0].undistort(rows.primary), cameras[1].undistort(rows.secondary)
+    focal = float(np.mean([camera.K[[0, 1], [0, 1]] for camera in cameras]))
+    cv2.setRNGSeed(0)
+    _, near = cv2.findEssentialMat(first, second, np.eye(3), cv2.RANSAC, 0.9999, near_px / focal)
+    return 0.0 if near is None else float(np.mean(np.asarray(near) > 0))

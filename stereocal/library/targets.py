@@ -33,6 +33,7 @@ from stereocal.system.answers import TableAnswer
 from stereocal.system.arguments import checked
 from stereocal.system.executors import engine
 from stereocal.system.photograph_files import Photographs, of_the_bar, photographs_in
+from stereocal.system.split_photographs import Split, split_by_shape, split_into
 from stereocal.system.taken import when_taken
 from stereocal.system.tasks import Progress
 
@@ -106,6 +107,8 @@ class DataSetSearch:
     """Called with what was found, a sentence each time."""
     way: Way | None = None
     lens_model: LensModel | None = None
+    split: Split | None = None
+    """How the images of two cameras lie in each photograph."""
     heard: Mapping[str, float] = field(default_factory=dict)
     """The offsets that the sound tells, as of `ByHand`."""
 
@@ -141,6 +144,8 @@ class DataSetSearch:
         with tempfile.TemporaryDirectory(prefix="stereocal-") as store:
             begin("photographs unpacked")
             photographs = of_the_bar(photographs_in(self.path, Path(store), progress))
+            if self.split is not None:
+                photographs = split_into(Path(store), photographs, self.split)
             pairing = self._pairing(photographs)
             if len(self.cameras) == 2 and not is_board:
                 self.tell(f"{len(photographs)} photographs. {pairing.sentence}")
@@ -185,6 +190,9 @@ class DataSetSearch:
         elif pairing.moments and pairing.ambiguous and way is None:
             ways = " or ".join(f"--pair-by {way}" for way in proposal.ways)
             unsure = f"{pairing.sentence} Or state how to pair them: {ways}."
+        sizes = {one.size for one in taken.values() if one.size}
+        if unsure and {*map(split_by_shape, sizes)} == {"side-by-side"}:
+            unsure += " If each holds the images of both cameras, state --split side-by-side."
         if unsure:
             raise StereocalError(f"{self.path}: {unsure}")
         return pairing

@@ -71,13 +71,27 @@ def photographs_in(source: Path, store: Path, progress: Progress | None = None) 
 def photographs_of(sources: Iterable[Path], store: Path) -> dict[str, Path]:
     """The photographs of files, folders and zips, those unpacked into `store`; of two with one name
     the second has that of its source too."""
-    photographs: dict[str, Path] = {}
-    for source in sources:
-        alone = source.is_file() and source.suffix.lower() != ".zip"
+    return {name: path for name, _, path in named_photographs(sources, store)}
+
+
+def named_photographs(sources: Iterable[Path], store: Path) -> list[tuple[str, str, Path]]:
+    """The photographs of `photographs_of`, each with two names: the second is the path as far as
+    the sources differ in theirs, which may tell the camera."""
+    sources = [*sources]
+    folders = [
+        source.absolute() if source.is_dir() else source.absolute().parent for source in sources
+    ]
+    common = os.path.commonpath(folders) if folders else ""
+    photographs: dict[str, tuple[str, Path]] = {}
+    for source, folder in zip(sources, folders, strict=True):
+        is_zip = source.suffix.lower() == ".zip"
+        alone = source.is_file() and not is_zip
+        inside = folder.relative_to(common) / (source.stem if is_zip and len(sources) > 1 else "")
         photographs_here = {source.name: source} if alone else photographs_in(source, store)
         for name, path in photographs_here.items():
-            photographs[name if name not in photographs else str(source / name)] = path
-    return photographs
+            unique = name if name not in photographs else str(source / name)
+            photographs[unique] = (inside / name).as_posix(), path
+    return [(name, whole, path) for name, (whole, path) in photographs.items()]
 
 
 def unpack_photographs(

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
+from stereocal.frames.several_cameras import chapters_of
 from stereocal.frames.video.decoding import (
     SUFFIXES,
     VideoTimes,
@@ -30,11 +31,13 @@ from stereocal.frames.video.time_stamps import (
     pair_times,
     stillest,
 )
+from stereocal.rig.camera import CAMERAS
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.atomic_files import write_atomically
 from stereocal.system.guarded import Guard
 from stereocal.system.limits import Limits
 from stereocal.system.numbers import rounded
+from stereocal.system.split_photographs import Split, keeping_halves
 
 HEARD_APART_S = 0.25
 """Less may be the sound's way to the cameras, and what they store late."""
@@ -67,6 +70,8 @@ class VideoSettings:
     `every`, else at most `time_stamps.DENSE` a second."""
     coloured: bool = False
     """Frames keep their colours, for balls that differ by them; else they are grey."""
+    split: Split | None = None
+    """Of one video whose frames hold the images of two cameras: how these lie."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +100,7 @@ def extract(
     Args:
         videos: by camera.
         keep: called with the name and the content of each photograph, `primary/000031.png` and
-            `secondary/000031.png` for recorded frame 31 of the primary.
+            `secondary/000031.png` for recorded frame 31 of the primary, also of one that is split.
         begin, progress: called with each stage of `STAGES`, and how much of it is done; what they
             raise ends the work.
 
@@ -103,6 +108,8 @@ def extract(
         StereocalError: also if no frame can be decoded.
     """
     names, paths = [*videos], [*videos.values()]
+    if settings.split is not None:
+        keep = keeping_halves(settings.split, CAMERAS, keep)
     if len(names) > 2 and not settings.by_hand:
         raise StereocalError(
             f"Of the videos of {len(names)} cameras, frames are taken as of cameras that were "
@@ -168,13 +175,13 @@ def with_frames(
     """The sources of one camera's photographs, with a folder of frames in the place of a video.
 
     Args:
-        sources: photographs, folders, zips, and one video at most.
+        sources: photographs, folders, zips, and one video at most, or the chapters of one.
         store: where the folder is made.
         begin, progress: as of `extract`.
     """
     sources = list(sources)
     videos = [source for source in sources if source.suffix.lower() in SUFFIXES]
-    if len(videos) > 1:
+    if len(chapters_of(map(str, videos))) > 1:
         raise StereocalError(
             f"{videos[0]} and {videos[1]}: photographs of one camera come from one video. A board "
             "in the videos of two cameras is found by `detect --videos`."
