@@ -131,7 +131,7 @@ def _write_pairs(
     if share < CONSISTENT:
         say(
             f"{100 * share:.0f} % of the corners fit one pose of two cameras: these photographs "
-            f"were not taken at the same moments. {'Lenses are' if cameras else 'One lens is'} made."
+            f"are not of the same moments. {'Lenses alone are' if cameras else 'One lens is'} made."
         )
         return False
     for sentence in sentences:

@@ -24,8 +24,9 @@ from stereocal.intrinsics.markers import Markers, markers_in
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import Photographs
+from stereocal.system.split_photographs import Split, halves_of, split_by_shape
 
-LOOKED_AT = 6
+LOOKED_AT, HALVES_LOOKED_AT = 6, 4
 FEWEST_MARKERS = 6
 """On a ChArUco board; fewer may be tags, or none."""
 MOST_SQUARES = 20
@@ -74,12 +75,35 @@ def proposed_board(photographs: Photographs) -> ProposedBoard | None:
             grey = eight_bits(read_photograph(photographs[name]))
         except StereocalError:  # reported by the search
             continue
-        seen = charuco_of(markers_in(grey)) or chessboard_in(grey)
+        seen = _board_in(grey)
         votes.update([seen[0]] if seen else [])
     best = votes.most_common(2)
     if not best or (len(best) > 1 and best[0][1] == best[1][1]):
         return None
     return best[0][0]
+
+
+def _board_in(grey: npt.NDArray[np.uint8]) -> tuple[ProposedBoard, FloatArray] | None:
+    return charuco_of(markers_in(grey)) or chessboard_in(grey)
+
+
+def split_of(photographs: Photographs) -> Split | None:
+    """How the images of two cameras lie in each photograph; None unless their shape allows it, and
+    the first ones show the same board in both halves."""
+    is_twice: list[bool] = []
+    for name in sorted(photographs)[:HALVES_LOOKED_AT]:
+        try:
+            grey = eight_bits(read_photograph(photographs[name]))
+        except StereocalError:  # reported by the search
+            continue
+        if (split := split_by_shape((grey.shape[1], grey.shape[0]))) is None:
+            return None
+        seen = [_board_in(eight_bits(half)) for half in halves_of(grey, split)]
+        one, other = (board and board[0].size for board in seen)
+        is_twice.append(one is not None and one == other)
+        if is_twice.count(True) >= min(2, len(photographs)):
+            return split
+    return None
 
 
 def chessboard_in(grey: npt.NDArray[np.uint8]) -> tuple[ProposedBoard, FloatArray] | None:

@@ -25,6 +25,7 @@ from stereocal.frames.which_camera import (
     which_camera,
     which_of,
 )
+from stereocal.intrinsics.proposed_board import split_of
 from stereocal.projects.contents import INPUT, PARTS, REPLACED
 from stereocal.projects.files import StoredFile
 from stereocal.projects.photographs import ProjectPhotographs
@@ -32,6 +33,8 @@ from stereocal.projects.project import Project, ProjectPart
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.system.latest import once, read_once
 from stereocal.system.numbers import plural
+from stereocal.system.photograph import photograph_size
+from stereocal.system.split_photographs import Split, split_by_shape, split_photographs
 
 
 class ProjectGiven(ProjectPart):
@@ -189,6 +192,27 @@ class ProjectGiven(ProjectPart):
             new = {f"secondary/{name}": file for name, file in new.items()}
         self.photographs.add(new)
         self.settle()
+
+    @property
+    def split(self) -> Split | None:
+        """How the images of two cameras may lie in each photograph whose camera is asked for: by
+        the shape, if it is that of images side by side, else if a board is in both halves."""
+        files = self.photographs.photographs
+        names = [name for series in self.open_series for name in series.names]
+        if not names or self.sides.known:
+            return None
+        key = repr([files[name].name for name in names])
+
+        def look() -> Split | None:
+            by_shape = split_by_shape(photograph_size(files[names[0]], names[0]))
+            return by_shape if by_shape != "top-bottom" else split_of(files)
+
+        return once("images in a photograph", key, look)
+
+    def divide(self, split: Split) -> None:
+        """Put both halves of each photograph in its place."""
+        store = self.photographs
+        store.clear(split_photographs(store.photographs, split, store.keep))
 
     def settle(self) -> None:
         """Put photographs into the folders of their cameras, where the names do not say so."""

@@ -17,6 +17,7 @@ from stereocal.formats.dropped import Dropped
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.point_answers import layout_of
 from stereocal.formats.point_text import point_text
+from stereocal.frames.several_cameras import chapters_in_words
 from stereocal.frames.which_camera import Series, which_camera, which_of
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
@@ -29,7 +30,7 @@ from stereocal.ui.downloads import offer
 from stereocal.ui.fields import page_shown
 from stereocal.ui.holding import holds_board
 from stereocal.ui.intake import drop_zone
-from stereocal.ui.messages import button, readable, show_refusal
+from stereocal.ui.messages import button, readable, show_refusal, show_with_button
 from stereocal.ui.parameter_files import ask_about_archive
 from stereocal.ui.prerequisites import missing_of
 from stereocal.ui.project import current_project, project_to_write
@@ -208,6 +209,8 @@ def place_videos(
     if not videos:
         return
     waiting = {**_waiting(), **videos}
+    if chapters := chapters_in_words(waiting):
+        raise StereocalError(f"{chapters}.")
     if len(waiting) > len(cameras):
         more = "; of more cameras, drop a camera file of each first" * (cameras == CAMERAS)
         raise StereocalError(
@@ -277,7 +280,10 @@ def ask_whose(project_files: ProjectGiven) -> None:
     cameras = project_files.rig_cameras if project_files.is_of_rig else CAMERAS
     if series and cameras:
         act = partial(_answer, project_files)
-        more_answers = {REMOVE: project_files.photographs.clear}
+        more_answers: dict[str, Callable[[], object]] = {}
+        if cameras == CAMERAS and (split := project_files.split) is not None:
+            more_answers[f"Both: {split} in each"] = partial(project_files.divide, split)
+        more_answers[REMOVE] = project_files.photographs.clear
         _ask_whose("whose", "photographs are", series, TOOK, act, cameras, more_answers)
     elif files := project_files.open_files:
         more_answers = {"A third camera": partial(project_files.more_cameras, {})}
@@ -309,9 +315,9 @@ def ask_whose_video(use: UseVideos, cameras: tuple[str, ...] = CAMERAS, fewest: 
             f"name in the file's: {escape_markdown(', '.join(cameras))}."
         )
     elif 0 < len(waiting) < fewest:
-        st.info(
-            f"{escape_markdown(waiting[0])} waits for the video of the other camera: drop it here."
-        )
+        words = f"{waiting[0]} waits for the video of the other camera: drop it here."
+        both = partial(_use_videos, {CAMERAS[0]: waiting[0]}, use)
+        show_with_button("info", words, "It shows both cameras", "video_of_both", both)
     elif waiting:
 
         def act(name: str, camera: str) -> None:

@@ -13,12 +13,13 @@ from stereocal.figures import lens as figures
 from stereocal.figures.rig_report import lens_table
 from stereocal.formats.camera_file import write_camera, write_opencv_camera
 from stereocal.formats.dropped import sort_files
+from stereocal.frames.several_cameras import cameras_told, chapters_of
 from stereocal.frames.video.extract import VideoSettings, extract
 from stereocal.intrinsics import files, quality
 from stereocal.intrinsics.boards import FoundBoard, find_boards
 from stereocal.intrinsics.calibrate_lens import LensCalibration, calibrate_lens, digest_of_draws
 from stereocal.intrinsics.lens_fit import LensSettings
-from stereocal.intrinsics.proposed_board import proposed_board
+from stereocal.intrinsics.proposed_board import proposed_board, split_of
 from stereocal.projects.database import DamagedError
 from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
@@ -31,6 +32,8 @@ from stereocal.system.made_from import Parts, changed
 from stereocal.system.numbers import count
 from stereocal.system.records import plain
 from stereocal.system.settings import asked
+from stereocal.system.split_photographs import FOLDERS, Split, split_photographs
+from stereocal.system.taken import Taken
 from stereocal.ui import intake, jobs
 from stereocal.ui.downloads import offer
 from stereocal.ui.fields import choose, setting, some_of
@@ -43,10 +46,12 @@ from stereocal.ui.messages import (
     button,
     readable,
     refusing,
+    set_refusal,
     show_each,
     show_refusal,
     show_stale,
     show_with_button,
+    tell,
 )
 from stereocal.ui.print_downloads import board_to_print
 from stereocal.ui.project import current_project, project_to_write
@@ -166,10 +171,7 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
         with st.spinner("Storing the photographs."):
             contents = ((upload.name, upload.getvalue()) for upload in uploads)
             dropped = sort_files(contents, camera_store.keep)
-        camera_store.add(dropped.photographs)
-        if dropped.photographs:
-            with st.spinner("Looking at the first photographs ..."):
-                _propose_board(camera_store)
+        _add(camera_store, dropped.photographs)
         if videos := dropped.of("video"):
             dropped.use(partial(_take_video, camera_store, videos))
         if dropped.problems or not (dropped.photographs or videos):
@@ -189,6 +191,12 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
         if photographs:
             words = f"Of the {which} camera: {count(len(photographs), 'photograph')}."
             show_with_button("markdown", words, "Remove them", key, _clear, store)
+            files_key = repr([file.name for file in photographs.values()])
+            split = once("images in a photograph", files_key, lambda: split_of(photographs))
+            if split is not None:
+                words = f"Each photograph shows two boards: it holds two images, {split}."
+                label = "Split them between both cameras"
+                show_with_button("warning", words, label, f"split_{which}", _split, store, split)
             with ErrorsShown():
                 _act(store, board_form(project), _lens_form(project))
     except DamagedError as error:
@@ -199,29 +207,81 @@ def _from_photographs(which: CameraName) -> ProjectLens | None:
     return store if photographs else None
 
 
+def _add(store: ProjectLens, new: Mapping[str, StoredFile]) -> None:
+    """Add photographs, unless they are of several cameras: then it is asked."""
+    present, which = store.photographs, store.which
+    cameras = cameras_told(dict.fromkeys({**present, **new}, Taken()))
+    if not cameras or not new:
+        _add_to({store.which: new}, store.project)
+        return
+    listing = " and ".join(str(series) for series in cameras.values())
+    error = StereocalError(f"These photographs are of {len(cameras)} cameras: {listing}.")
+    again = refusing()(_add_to)
+    ways = {f"All are of the {which} camera": partial(again, {which: new}, store.project)}
+    if {*cameras} == {*CAMERAS}:
+        first, second = (
+            {name: file for name, file in new.items() if name in cameras[camera].names}
+            for camera in CAMERAS
+        )
+        # Those that are there already tell which camera is called what.
+        if {*present} & {*cameras[CAMERAS[1 - CAMERAS.index(which)]].names}:
+            first, second = second, first
+        both = dict(zip(CAMERAS, (first, second), strict=True))
+        ways = {"Divide them between both": partial(again, both, store.project), **ways}
+    set_refusal(error, ways)
+
+
+def _add_to(new: Mapping[CameraName, Mapping[str, StoredFile]], project: Project) -> None:
+    """Add photographs to those of their cameras."""
+    for which, photographs in new.items():
+        store = ProjectLens(project, which)
+        store.add(photographs)
+        if photographs:
+            with st.spinner("Looking at the first photographs ..."):
+                _propose_board(store)
+    if len(new) > 1:
+        counts = " and ".join(f"{len(photographs)} of the {w}" for w, photographs in new.items())
+        tell(f"These photographs are added to both cameras: {counts}.", "info")
+
+
+def _split(store: ProjectLens, split: Split) -> None:
+    """Put the halves of all photographs in their place, those of each camera."""
+    halves = split_photographs(store.photographs, split, store.keep)
+    store.clear()
+    of_each = {
+        which: {name: file for name, file in halves.items() if name.startswith(f"{folder}/")}
+        for which, folder in zip(CAMERAS, FOLDERS, strict=True)
+    }
+    _add_to(of_each, store.project)
+
+
 def _take_video(store: ProjectLens, videos: Mapping[str, bytes]) -> None:
     """Begin to take photographs out of a video."""
-    (name, content), *others = videos.items()
-    if others:
+    if len(chapters_of(videos)) > 1:
         raise StereocalError(f"These are {len(videos)} videos: give one at a time.")
-    take = partial(_take_frames, store, PurePosixPath(name).stem)
-    start_taking(store.project, JOB_KINDS[store.which], {store.which: (name, content)}, take)
+    named = {PurePosixPath(name).stem: (name, content) for name, content in videos.items()}
+    start_taking(store.project, JOB_KINDS[store.which], named, partial(_take_frames, store))
 
 
-def _take_frames(
-    store: ProjectLens, folder: str, videos: Mapping[str, Path], job: jobs.Job
-) -> None:
-    """The sharpest still frames of a video, which become photographs in a folder of its name."""
-    photographs: dict[str, StoredFile] = {}
-
-    def keep(frame: str, content: bytes) -> None:
-        name = f"{folder}/{PurePosixPath(frame).name}"
-        photographs[name] = store.keep(name, content)
-
-    report = extract(videos, VideoSettings(), keep, job.begin, job.progress)
-    store.replace(folder, photographs)
+def _take_frames(store: ProjectLens, videos: Mapping[str, Path], job: jobs.Job) -> None:
+    """The sharpest still frames of a video, or of its chapters, which become photographs in a
+    folder of its name."""
+    sentences = list[str]()
+    for folder, path in videos.items():
+        photographs: dict[str, StoredFile] = {}
+        keep = partial(_keep_frame, store, photographs, folder)
+        report = extract({folder: path}, VideoSettings(), keep, job.begin, job.progress)
+        store.replace(folder, photographs)
+        sentences += report.sentences
     _propose_board(store)
-    job.note = " ".join(report.sentences)
+    job.note = " ".join(sentences)
+
+
+def _keep_frame(
+    store: ProjectLens, photographs: dict[str, StoredFile], folder: str, frame: str, content: bytes
+) -> None:
+    name = f"{folder}/{PurePosixPath(frame).name}"
+    photographs[name] = store.keep(name, content)
 
 
 def _propose_board(store: ProjectLens) -> None:

@@ -5,6 +5,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
@@ -82,13 +83,15 @@ def take_videos(
     """Begin the job; the videos are temporary files while it runs.
 
     Args:
-        videos: name and content by camera.
+        videos: name and content by camera; of one camera alone, it shows both.
         project: whose photographs the frames become; None: the current one, or a new one.
 
     Raises:
         StereocalError: they cannot be read on this server, or not be stored.
     """
     project = project or project_to_write()
+    if len(videos) == 1:
+        settings = replace(settings, split="by shape")
     project.keep_settings({REPORT: None})
     start_taking(project, "video", videos, partial(_take, project, settings))
 

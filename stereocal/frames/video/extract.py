@@ -37,7 +37,7 @@ from stereocal.system.atomic_files import write_atomically
 from stereocal.system.guarded import Guard
 from stereocal.system.limits import Limits
 from stereocal.system.numbers import rounded
-from stereocal.system.split_photographs import Split, keeping_halves
+from stereocal.system.split_photographs import Split, keeping_halves, split_by_shape
 
 HEARD_APART_S = 0.25
 """Less may be the sound's way to the cameras, and what they store late."""
@@ -70,7 +70,7 @@ class VideoSettings:
     `every`, else at most `time_stamps.DENSE` a second."""
     coloured: bool = False
     """Frames keep their colours, for balls that differ by them; else they are grey."""
-    split: Split | None = None
+    split: Split | Literal["by shape"] | None = None
     """Of one video whose frames hold the images of two cameras: how these lie."""
 
 
@@ -108,8 +108,6 @@ def extract(
         StereocalError: also if no frame can be decoded.
     """
     names, paths = [*videos], [*videos.values()]
-    if settings.split is not None:
-        keep = keeping_halves(settings.split, CAMERAS, keep)
     if len(names) > 2 and not settings.by_hand:
         raise StereocalError(
             f"Of the videos of {len(names)} cameras, frames are taken as of cameras that were "
@@ -119,6 +117,8 @@ def extract(
     try:
         files, look = [(path, path.name) for path in paths], partial(progress, 0, 1)
         times: list[VideoTimes] = guard.read_all(read_times, files, look)
+        if settings.split is not None:
+            keep = keeping_halves(_split_of(paths[0], times[0], settings), CAMERAS, keep)
         rises = list[FloatArray]()
         with suppress(StereocalError):  # no sound that can be read
             rises = guard.read_all(read_rises, files, look) if len(files) > 1 else []
@@ -145,6 +145,18 @@ def extract(
     ]
     missing = any(gaps_of(video.seconds) for video in times)
     return VideoReport(tuple(sentences), taken, missing, heard)
+
+
+def _split_of(path: Path, video: VideoTimes, settings: VideoSettings) -> Split:
+    """How the images of two cameras lie in the frames of a video."""
+    by_shape = split_by_shape((video.width, video.height))
+    split = by_shape if settings.split == "by shape" else settings.split
+    if split is None:
+        raise StereocalError(
+            f"{path.name}: its frames of {video.width}x{video.height} px are not as long as those "
+            "of two cameras side by side: give the video of each camera."
+        )
+    return split
 
 
 def _paired(
