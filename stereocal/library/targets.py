@@ -155,7 +155,10 @@ class DataSetSearch:
         if targets.frames and not targets.pairing.motion:
             first, second = targets.cameras.values()
             if (slip := find_slip(targets.frames, (first, second))) is not None:
-                self.tell(f"{slip} Take it out of the folder, and find the targets again.")
+                words = f"{slip} Take it out of the folder, and find the targets again."
+                if not any(frame.use for frame in targets.frames):
+                    raise StereocalError(f"{self.path}: {words}")
+                self.tell(words)
         return targets
 
     def recording(self, targets: Found) -> Recording:

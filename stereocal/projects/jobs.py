@@ -72,16 +72,16 @@ def begin(database: Database, kind: str) -> None:
         db.execute("INSERT OR REPLACE INTO job VALUES (?, ?)", [database.scope + kind, SERVER])
 
 
-def end(database: Database, kind: str, failed: bool = False) -> None:
+def end(database: Database, kind: str, keeps: bool = False) -> None:
     """Store that a job does not run any more.
 
     Args:
-        failed: what it has found stays, for the next one.
+        keeps: what it has found stays, for the next one.
     """
     scoped_kind = [database.scope + kind]
     with suppress(StereocalError), database.freeing() as db:  # else it is shown as interrupted
         db.execute("DELETE FROM job WHERE kind = ?", scoped_kind)
-        if not failed:
+        if not keeps:
             db.execute("DELETE FROM found WHERE kind = ?", scoped_kind)
 
 

@@ -17,9 +17,10 @@ from stereocal.frames.decided_pairs import (
     with_new,
 )
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
-from stereocal.frames.pairing import Pairing, moments_of
+from stereocal.frames.pairing import Alone, Pairing, moments_of
 from stereocal.frames.proposal import Choice, Proposal, propose
 from stereocal.frames.search import keep_corrections
+from stereocal.frames.slips import find_slip
 from stereocal.projects.contents import BAR
 from stereocal.projects.database import DamagedError, DiskFullError
 from stereocal.projects.files import StoredFile
@@ -227,6 +228,20 @@ class ProjectPhotographs(ProjectPart):
         """The targets found and corrected in the present photographs, or None."""
         content = self.database.result("frames")
         return None if content is None else unpack_frames(content) or None
+
+    @property
+    def slip(self) -> Alone | None:
+        """The photograph without a partner by the targets found, if the present pairs were
+        searched and it makes them fit to leave it out."""
+        frames, pairs = self.frames or [], [row.pair for row in self.rows if row.use]
+        first, second = self.project.cameras
+        by_hand = self.proposal.way == "motion"
+        if by_hand or first is None or second is None or len(frames) != len(pairs):
+            return None
+        if any(f.files != (p.primary, p.secondary) for f, p in zip(frames, pairs, strict=True)):
+            return None  # paired again since
+        key = repr((frames, first.to_json(), second.to_json()))
+        return once("slip of photographs", key, lambda: find_slip(frames, (first, second)))
 
     @property
     def found_in(self) -> Parts:

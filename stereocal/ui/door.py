@@ -23,6 +23,7 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.inputs import Slot
+from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, CameraName
 from stereocal.ui import intake
@@ -109,7 +110,8 @@ def _show_state(project_files: ProjectGiven, used: Sequence[str]) -> None:
     st.caption(f"In use: {escape_markdown(', '.join(used))}")
     if project_files.of_more_than_two or project_files.is_undivided:
         return
-    if missing := missing_of(project):
+    slip = readable(lambda: ProjectPhotographs(project).slip, warn=False)
+    if slip is None and (missing := missing_of(project)):  # else it is said with the photographs
         st.warning(f"Still missing: {missing}.")
     if not all(readable(lambda: project.cameras) or ()) and not holds_board(project):
         st.page_link("pages/cameras.py", label="No camera files? Make them from a board")

@@ -178,7 +178,7 @@ def start(work: PageWork, anew: bool = False) -> Job:
         try:
             if work.follows:
                 # An earlier one that a press began, and a stop ended, is of no use now.
-                stored_jobs.end(work.project.results, work.kind, failed=True)
+                stored_jobs.end(work.project.results, work.kind, keeps=True)
             else:
                 stored_jobs.begin(work.project.results, work.kind)
             in_background(_drive, job)
@@ -224,8 +224,16 @@ def _drive(job: Job) -> None:
         return
     # Another may have taken its place.
     if not job.work.follows and job_of(job.work.project, job.work.kind) is job:
-        stored_jobs.end(job.work.project.results, job.work.kind, failed=ended == "failed")
+        # Photographs may be paired otherwise, which asks for no new search.
+        keeps = ended == "failed" or (ended == "done" and job.work.kind == "photographs")
+        stored_jobs.end(job.work.project.results, job.work.kind, keeps)
     job.state = ended
+
+
+def wait_shortly(job: Job) -> None:
+    """Wait until a job has ended, if it has just begun and is short."""
+    while job.state == "running" and time.monotonic() - job.begun < WAIT_S:
+        time.sleep(0.01)
 
 
 def show_job(project: Project, kind: Kind, cancelled: str) -> None:
@@ -236,8 +244,7 @@ def show_job(project: Project, kind: Kind, cancelled: str) -> None:
     """
     job = job_of(project, kind)
     if job is not None:
-        while job.state == "running" and time.monotonic() - job.begun < WAIT_S:
-            time.sleep(0.01)
+        wait_shortly(job)
     if job is not None and job.state == "running":
         # Only now: a permanent timer would interrupt every longer run of the page.
         _show_progress(project, kind, job.stage)

@@ -13,11 +13,9 @@ import streamlit as st
 from stereocal.frames.decided_pairs import PairRow
 from stereocal.frames.pairing import Alone, PhotographPair, short_names
 from stereocal.frames.proposal import Proposal, Way
-from stereocal.frames.slips import find_slip
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import thumbnail
 from stereocal.rig.camera import CAMERAS
-from stereocal.system.latest import once
 from stereocal.system.numbers import count
 from stereocal.ui import jobs
 from stereocal.ui.fields import Field, one_of, setting
@@ -36,17 +34,23 @@ FEW, ALL, NONE = "few", "all", "none"
 MOST_SLIPS = 3
 
 
-def show_pairing(store: ProjectPhotographs) -> None:
-    """The pairs of a project's photographs: how they were found, other ways, and how they look."""
+def show_pairing(store: ProjectPhotographs, search: Callable[[], object]) -> None:
+    """The pairs of a project's photographs: how they were found, other ways, and how they look.
+
+    Args:
+        search: begins the search for the targets.
+    """
     st.session_state.setdefault(ROUND, 0)
     proposal = store.proposal
     pairing = proposal.pairing
-    sentence = f"{count(len(store.photographs), 'photograph')}. {pairing.sentence}"
-    (st.success if pairing.complete else st.warning)(escape_markdown(sentence))
+    if slip := readable(lambda: store.slip, warn=False):
+        _show_found_slip(store, slip, search)
+    else:
+        sentence = f"{count(len(store.photographs), 'photograph')}. {pairing.sentence}"
+        (st.success if pairing.complete else st.warning)(escape_markdown(sentence))
     _show_same(store)
     _show_ways(store, proposal)
     _show_slips(store, proposal)
-    _show_found_slip(store)
     _show_pictures(store, proposal)
     edit_pairs(store)
 
@@ -122,24 +126,19 @@ def _show_slips(store: ProjectPhotographs, proposal: Proposal) -> None:
                 button(label, f"pair_back_{name}", _change, store.choose, restored, icon="undo")
 
 
-def _show_found_slip(store: ProjectPhotographs) -> None:
-    """A photograph without a partner by the targets found, to be left out by one press."""
-    frames, pairs = store.frames or [], [row.pair for row in store.rows if row.use]
-    first, second = readable(lambda: store.project.cameras, warn=False) or (None, None)
-    by_hand = store.proposal.way == "motion"
-    if by_hand or first is None or second is None or len(frames) != len(pairs):
-        return
-    if any(f.files != (p.primary, p.secondary) for f, p in zip(frames, pairs, strict=True)):
-        return  # paired again since
-    key = repr((frames, first.to_json(), second.to_json()))
-    slip = once("slip of photographs", key, lambda: find_slip(frames, (first, second)))
-    if slip is None:
-        return
+def _show_found_slip(store: ProjectPhotographs, slip: Alone, search: Callable[[], object]) -> None:
+    """A photograph without a partner by the targets found, to be left out by one press, after which
+    the targets are told apart again."""
     choice = store.choice
     without = replace(choice, way="order", without=(*choice.without, slip.name))
     label = f"Leave {escape_markdown(short_names([slip.name])[0])} out"
-    act = partial(_change, store.choose, without)
-    show_with_button("warning", str(slip), label, "pair_mend_found", act, first=True)
+
+    def mend() -> None:
+        _change(store.choose, without)
+        search()
+
+    words = f"{count(len(store.photographs), 'photograph')}, paired in order. {slip}"
+    show_with_button("warning", words, label, "pair_mend_found", mend, first=True)
 
 
 def _show_pictures(store: ProjectPhotographs, proposal: Proposal) -> None:

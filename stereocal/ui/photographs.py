@@ -26,7 +26,7 @@ from stereocal.system.made_from import Parts
 from stereocal.system.numbers import count
 from stereocal.ui import holding, jobs
 from stereocal.ui.files_of_all import FilesOfAll
-from stereocal.ui.holding import ask_if_bar, first_pairs
+from stereocal.ui.holding import ask_if_bar, first_pairs, held_target
 from stereocal.ui.messages import ErrorsShown, button, readable, show_with_button
 from stereocal.ui.pairing import ROUND, clear, show_pairing
 from stereocal.ui.print_downloads import print_what_is_held
@@ -67,7 +67,7 @@ def show_photographs(project: Project | None, files: FilesOfAll | None) -> None:
             return
         if ProjectGiven(project).is_undivided:
             return
-        show_pairing(store)
+        show_pairing(store, partial(_search_again, store))
     except StereocalError as error:
         st.error(escape_markdown(str(error)))
         button("Remove all photographs", "no_photographs", clear, store)
@@ -94,21 +94,38 @@ def _targets(
     ready: bool,
 ) -> None:
     """The search for the targets of a bar, and the review of what was found."""
-    project = store.project
-    cameras: dict[str, Camera | None] = dict(zip(CAMERAS, project.cameras, strict=True))
+    project, cameras = store.project, _cameras_of(store)
     if lacking := [name for name, camera in cameras.items() if not camera]:
         st.info(
             f"Give the camera file of the {' and the '.join(lacking)} camera too: lenses are needed"
             " to tell A from B."
         )
-    keep = partial(_keep_frames, store, store.photographs)
-    work = search_work(store, pairing, cameras, target, keep)
+    work = _targets_work(store, pairing, target)
     running = jobs.is_running(project, work.kind)
     press_search(work, "targets", "find_targets", frames is not None, ready and not lacking)
     if frames is None:
         return
     tell_changed(store, work)
-    show_frames(store, frames, running)
+    # Those of wrong pairs all say the same.
+    if any(frame.use for frame in frames) or not readable(lambda: store.slip, warn=False):
+        show_frames(store, frames, running)
+
+
+def _cameras_of(store: ProjectPhotographs) -> dict[str, Camera | None]:
+    return dict(zip(CAMERAS, store.project.cameras, strict=True))
+
+
+def _targets_work(
+    store: ProjectPhotographs, pairing: Pairing, target: HeldTarget | None
+) -> jobs.PageWork:
+    keep = partial(_keep_frames, store, store.photographs)
+    return search_work(store, pairing, _cameras_of(store), target, keep)
+
+
+def _search_again(store: ProjectPhotographs) -> None:
+    """Tell the targets of a bar apart again: photographs that were searched are not again."""
+    work = _targets_work(store, store.pairing(), held_target(store.project))
+    jobs.wait_shortly(jobs.start(work))
 
 
 def _keep_frames(

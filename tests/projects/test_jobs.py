@@ -45,7 +45,7 @@ def test_what_an_unfinished_search_has_found_is_there_for_the_next(
     jobs.begin(database, "photographs")
     found(database).keep("a", "A")
     if failed:
-        jobs.end(database, "photographs", failed=True)
+        jobs.end(database, "photographs", keeps=True)
         assert not jobs.has_interrupted(database)
     else:
         killed(database)
