@@ -53,7 +53,7 @@ OPTIONS: Options = {
 DEFAULTS = {"leave_out": ()}
 CONSISTENT, NEAR_PX = 0.8, 2.0
 """Part of all corners that lie so near to the epipolar lines of one pose, at least, where it is not
-sure which photographs belong together: of 8 true pairs all do, of the same mixed up TODO."""
+sure which photographs belong together: of 8 true pairs all do, of the same mixed up 0.19."""
 
 
 def run(parsed: argparse.Namespace) -> None:

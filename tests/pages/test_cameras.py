@@ -2,13 +2,16 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.projects.lens import ProjectLens
 from stereocal.projects.server_settings import default_home
 from stereocal.rig.camera import CAMERAS, CameraName
+from stereocal.system.photograph import read_photograph
 from stereocal.ui import lens
+from tests.files import encoded
 from tests.pages.stored_projects import (
     again,
     dashboard,
@@ -20,6 +23,7 @@ from tests.pages.stored_projects import (
     run_job,
     told,
 )
+from tests.photographs.board_pairs import photographs, stereo
 from tests.photographs.lens import SMALL, film_boards, write_boards
 
 ROOT = Path(__file__).parents[2]
@@ -128,3 +132,48 @@ def test_sample_photographs(app: AppTest, home: Path) -> None:
     app.button(key="sample_boards").click().run()
     for which in CAMERAS:
         assert len(store_of(app, home, which).photographs) == 22
+
+
+@pytest.fixture(scope="module")
+def both() -> dict[str, bytes]:
+    return photographs(stereo(0.3), 7, 6)
+
+
+def test_photographs_of_two_cameras_are_divided(
+    app: AppTest, home: Path, both: dict[str, bytes]
+) -> None:
+    drop(app, both, "upload_boards_primary")
+    said = told(app, "error")
+    assert "left00 to left06 (7)" in said and "right00 to right06 (7)" in said
+    stores = [ProjectLens(project_of(app, home), which) for which in CAMERAS]
+    assert not any(store.photographs for store in stores)
+    app.button(key="use_rest").click().run()
+    sides = [{name[:-6] for name in store.photographs} for store in stores]
+    assert sides == [{"left"}, {"right"}] and not app.error
+    # Those of the other camera among them, later.
+    later = {f"right{n}.png": both[f"right0{n - 7}.png"] for n in (7, 8)}
+    drop(app, later, "upload_boards_primary")
+    app.button(key="use_rest").click().run()
+    assert {*later} < {*stores[1].photographs} and len(stores[0].photographs) == 7
+    drop(app, later, "upload_boards_primary")
+    app.button(key="use_other").click().run()
+    assert {*later} < {*stores[0].photographs} and "board_columns" in stores[0].project.settings
+
+
+def test_two_images_in_a_photograph_are_split(
+    app: AppTest, home: Path, both: dict[str, bytes]
+) -> None:
+    images = {name: read_photograph(own, name) for name, own in both.items()}
+    joined = {
+        f"{k}.png": np.hstack([images[f"{side}{k:02}.png"] for side in ("left", "right")])
+        for k in range(7)
+    }
+    drop(app, {n: encoded(image) for n, image in joined.items()}, "upload_boards_primary")
+    assert "side-by-side" in told(app, "warning")
+    app.button(key="split_primary").click().run()
+    for which, side in zip(CAMERAS, ("left", "right"), strict=True):
+        stored = ProjectLens(project_of(app, home), which).photographs
+        assert len(stored) == 7
+        half = read_photograph(stored[f"{side}/3.png"])
+        assert np.array_equal(half, images[f"{side}03.png"])
+    assert not app.warning

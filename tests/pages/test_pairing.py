@@ -5,12 +5,14 @@ import io
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from stereocal.cli import main
+from stereocal.frames import search
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.system.photograph import GreyImage
@@ -111,10 +113,16 @@ def test_without_times_a_slip_is_seen_by_the_targets(home: Path) -> None:
     assert "press *Find the targets*" not in told(app, "warning")  # they were searched for
     assert messages(app).count("No target is seen by both cameras") <= 1
     assert "lies along the epipolar lines" not in messages(app) + told(app, "caption")
-    app.button(key="pair_mend_found").click().run()
-    assert twos(store) == without(16, 5)
-    assert "Changed since this result: photographs or their frames" in messages(app)
-    assert "IMG_1006 has no partner" not in messages(app)
+    assert len(app.warning) == 1 and "frames" not in told(app, "info", "caption")
+    # The press shows the frames of the right pairs, and searches the one photograph that was in no
+    # pair before.
+    with patch.object(search, "detect_targets", wraps=search.detect_targets) as searched:
+        app.button(key="pair_mend_found").click().run()
+        ended(store.project, "photographs")
+        app.run()
+    assert twos(store) == without(16, 5) and searched.call_count == 1
+    assert store.frames and sum(frame.use for frame in store.frames) == 15
+    assert "IMG_1006 has no partner" not in messages(app) and "15 are used" in messages(app)
 
 
 def test_edited_pairs_return_with_the_way_before(home: Path) -> None:

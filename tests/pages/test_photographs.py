@@ -17,7 +17,7 @@ from stereocal.projects.home import title_of
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from stereocal.system.photograph import read_photograph
+from stereocal.system.photograph import photograph_size, read_photograph
 from stereocal.ui import jobs
 from stereocal.ui.holding import held_target
 from tests.files import description, encoded, zipped
@@ -26,6 +26,7 @@ from tests.pages.stored_projects import (
     FEW,
     again,
     drop,
+    ended,
     go,
     messages,
     page_of,
@@ -40,6 +41,7 @@ from tests.photographs.bars import bar_set
 from tests.photographs.board_pairs import photographs, stereo
 from tests.photographs.lens import SMALL
 from tests.rigs.objects import BOARD, recorded
+from tools.photographs.videos import write_video
 
 BARS = bar_set(7)
 FILES = BARS.files()
@@ -329,3 +331,40 @@ def test_tags_are_printed_before_there_is_a_project(app: AppTest) -> None:
     assert "do not fit on A4" in messages(app)
     app.text_input(key="print_tags").set_value("4X4_50:3").run()
     assert "tags:4X4_50:3,7" in messages(app)
+
+
+def test_photographs_and_videos_of_both_cameras_are_split(
+    app: AppTest, home: Path, tmp_path: Path
+) -> None:
+    images = {
+        name: read_photograph(own, name) for name, own in photographs(stereo(0.3), 4, 6).items()
+    }
+    joined = [
+        np.hstack([images[f"{side}{k:02}.png"] for side in ("left", "right")]) for k in range(4)
+    ]
+    drop(app, {f"{k}.png": encoded(image) for k, image in enumerate(joined)})
+    # Primary, secondary, both, none.
+    app.button(key="whose_2").click().run()
+    store = store_of(app, home)
+    assert [(row.pair.primary, row.pair.secondary) for row in store.rows] == [
+        (f"left/{k}.png", f"right/{k}.png") for k in range(4)
+    ]
+    assert np.array_equal(read_photograph(store.photographs["right/2.png"]), images["right02.png"])
+    store.clear()
+    pytest.importorskip("av")
+    video = write_video(tmp_path / "a.mp4", range(4), draw=joined.__getitem__, preset="ultrafast")
+    drop(app, {"stereo.mp4": video.read_bytes()})
+    app.button(key="video_of_both").click().run()
+    ended(store.project, "video")
+    frames = store.photographs
+    assert {name.partition("/")[0] for name in frames} == {*CAMERAS} and len(frames) == 8
+    size = joined[0].shape[1] // 2, joined[0].shape[0]
+    assert {photograph_size(file) for file in frames.values()} == {size}
+
+
+def test_chapters_are_not_two_cameras(app: AppTest, tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    video = write_video(tmp_path / "a.mp4", range(4), preset="ultrafast").read_bytes()
+    drop(app, {"GX010123.MP4": video, "GX020123.MP4": video})
+    assert "GX010123.MP4 and GX020123.MP4 are chapters" in told(app, "warning")
+    assert not [each for each in app.button if str(each.key).startswith("whose_video")]
