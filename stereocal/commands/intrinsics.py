@@ -17,11 +17,12 @@ from stereocal.frames.proposal import propose
 from stereocal.frames.several_cameras import cameras_told
 from stereocal.frames.video.extract import with_frames
 from stereocal.frames.which_camera import Series
-from stereocal.intrinsics.boards import TwoInOneError, find_boards
+from stereocal.intrinsics.boards import find_boards
 from stereocal.intrinsics.calibrate_lens import calibrate_lens
 from stereocal.intrinsics.files import about
 from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.intrinsics.photograph_search import PhotographSearch, share_in_one_pose
+from stereocal.intrinsics.proposed_board import split_of
 from stereocal.intrinsics.quality import (
     LENS_COLUMNS,
     advice,
@@ -144,15 +145,14 @@ def _write_lens(
     parsed: argparse.Namespace, executor: Executor, photographs: Mapping[str, Path], out: Path
 ) -> None:
     """Calibrate one lens, write its file, print the table."""
-    pattern, of_one = pattern_of(parsed), parsed.one_camera
-    boards_in = partial(find_boards, photographs, pattern, executor, of_one=of_one)
-    try:
-        search = with_bar("photographs searched", boards_in)
-    except TwoInOneError as error:
+    if not parsed.one_camera and (split := split_of(photographs)) is not None:
         raise StereocalError(
-            f"{error} With --split {error.split} and a folder as --out, both lenses are made. If "
-            "one camera took them, state --one-camera."
-        ) from error
+            f"{min(photographs)} and others show the board in both halves: each photograph holds "
+            f"the images of two cameras, {split}. With --split {split} and a folder as --out, both "
+            "lenses are made. If one camera took them, state --one-camera."
+        )
+    boards_in = partial(find_boards, photographs, pattern_of(parsed), executor)
+    search = with_bar("photographs searched", boards_in)
     calibrate = partial(calibrate_lens, search, _settings(parsed), executor)
     lens = with_bar("draws calibrated", calibrate)
     of_opencv, camera = out.suffix.lower() in (".yml", ".yaml"), lens.camera

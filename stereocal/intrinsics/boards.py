@@ -33,13 +33,11 @@ from stereocal.rig.rigid_object import BoardPattern
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.photograph import GreyImage, PhotographFile, read_photograph
 from stereocal.system.photograph_files import Photographs, for_worker
-from stereocal.system.split_photographs import SPLITS, Split, halves_of, split_by_shape
 from stereocal.system.tasks import Earlier, Progress, Task, run_tasks
 
 MINIMUM_SPACING_PX = 5.0
 """Closer corners overlap: the board is seen edge-on or too far away."""
 MINIMUM_CORNERS = 8
-HALVES_LOOKED_AT = 4
 SIZE_CHECK_AFTER = 8
 """Photographs after which the stated board size is checked: with a wrong size a search takes ten
 times as long, or finds a part of a larger board."""
@@ -75,14 +73,6 @@ class Refused(NamedTuple):
 
 
 FoundBoard = BoardView | Refused
-
-
-class TwoInOneError(StereocalError):
-    """Each photograph holds the images of two cameras."""
-
-    def __init__(self, reason: str, split: Split) -> None:
-        super().__init__(reason)
-        self.split = split
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +141,6 @@ def find_boards(
     executor: Executor,
     progress: Progress | None = None,
     earlier: Earlier[FoundBoard] | None = None,
-    of_one: bool = False,
 ) -> BoardSearch:
     """Find the boards in one camera's photographs; each worker holds one photograph at a time.
 
@@ -159,7 +148,6 @@ def find_boards(
         photographs: files by name.
         progress: called with the number of photographs done and the total.
         earlier: checkpoint of earlier results by file name, which must identify the content.
-        of_one: whether it is known that no photograph shows the images of two cameras.
 
     Returns:
         Boards and refused photographs, in order of name.
@@ -180,10 +168,10 @@ def find_boards(
     with closing(every) as finished:
         for _, result in finished:
             by_name[result.name] = result
-            if len(by_name) == min(SIZE_CHECK_AFTER, len(photographs)):
-                if not of_one:
-                    _check_halves(photographs, by_name, pattern)
+            if len(by_name) == SIZE_CHECK_AFTER:
                 _check_size(photographs, by_name, pattern)
+    if len(by_name) < SIZE_CHECK_AFTER:
+        _check_size(photographs, by_name, pattern)
     results = [by_name[name] for name in sorted(photographs)]
     _check_sizes(results)
     views = tuple(result for result in results if isinstance(result, BoardView))
@@ -220,34 +208,6 @@ def _check_sizes(results: Sequence[FoundBoard]) -> None:
         f"The photographs of one camera must all have one size: most are {usual[0]}x{usual[1]} px, "
         f"but {', '.join(odd[:3])}{more}; leave these out."
     )
-
-
-def _check_halves(
-    photographs: Photographs, results: Mapping[str, FoundBoard], pattern: BoardPattern
-) -> None:
-    """Raise an error if photographs as long as two show the board in both halves, as those of a
-    stereo camera that stores both images in one."""
-    is_twice: list[bool] = []
-    for name, result in results.items():
-        split = None if result.image_size is None else split_by_shape(result.image_size)
-        if split is None or len(is_twice) == HALVES_LOOKED_AT:
-            continue
-        if pattern.dictionary is None and isinstance(result, BoardView):
-            beyond = np.array(result.corners > np.array(result.image_size) / 2)
-            if len({*beyond[:, SPLITS.index(split)].tolist()}) > 1:  # one board, across the middle
-                is_twice.append(False)
-                continue
-        halves = halves_of(read_photograph(photographs[name], name), split)
-        views = [find_board(half, pattern, name) for half in halves]
-        one, other = ({*view.ids.tolist()} if isinstance(view, BoardView) else {} for view in views)
-        is_twice.append(0 < min(len(one), len(other)) <= 2 * len({*one} & {*other}))
-        if is_twice.count(True) >= min(2, len(results)):
-            width, height = result.image_size or (0, 0)
-            raise TwoInOneError(
-                f"The photographs of {width}x{height} px, such as {name}, show the board in both "
-                f"halves: each holds the images of two cameras, {split}. Split them first.",
-                split,
-            )
 
 
 def _check_size(

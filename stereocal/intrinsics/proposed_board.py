@@ -3,6 +3,8 @@
 import itertools
 import math
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 import cv2
@@ -26,7 +28,8 @@ from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import Photographs
 from stereocal.system.split_photographs import Split, halves_of, split_by_shape
 
-LOOKED_AT, HALVES_LOOKED_AT = 6, 4
+LOOKED_AT, UNTIL = 6, 3
+"""Photographs, and those until none of which shows a board in both halves."""
 FEWEST_MARKERS = 6
 """On a ChArUco board; fewer may be tags, or none."""
 MOST_SQUARES = 20
@@ -67,20 +70,22 @@ def proposed_board(photographs: Photographs) -> ProposedBoard | None:
     Returns:
         None if they show none, or do not agree.
     """
-    names = sorted(photographs)
-    chosen = names[:: max(len(names) // LOOKED_AT, 1)][:LOOKED_AT]
     votes: Counter[ProposedBoard] = Counter()
-    for name in chosen:
-        try:
-            grey = eight_bits(read_photograph(photographs[name]))
-        except StereocalError:  # reported by the search
-            continue
+    for grey in _first(photographs):
         seen = _board_in(grey)
         votes.update([seen[0]] if seen else [])
     best = votes.most_common(2)
     if not best or (len(best) > 1 and best[0][1] == best[1][1]):
         return None
     return best[0][0]
+
+
+def _first(photographs: Photographs) -> Iterator[npt.NDArray[np.uint8]]:
+    """Some of the photographs, in 8 bits of grey."""
+    names = sorted(photographs)
+    for name in names[:: max(len(names) // LOOKED_AT, 1)][:LOOKED_AT]:
+        with suppress(StereocalError):  # reported by the search
+            yield eight_bits(read_photograph(photographs[name]))
 
 
 def _board_in(grey: npt.NDArray[np.uint8]) -> tuple[ProposedBoard, FloatArray] | None:
@@ -90,18 +95,16 @@ def _board_in(grey: npt.NDArray[np.uint8]) -> tuple[ProposedBoard, FloatArray] |
 def split_of(photographs: Photographs) -> Split | None:
     """How the images of two cameras lie in each photograph; None unless their shape allows it, and
     the first ones show the same board in both halves."""
-    is_twice: list[bool] = []
-    for name in sorted(photographs)[:HALVES_LOOKED_AT]:
-        try:
-            grey = eight_bits(read_photograph(photographs[name]))
-        except StereocalError:  # reported by the search
-            continue
+    twice = 0
+    for looked_at, grey in enumerate(_first(photographs)):
+        if looked_at == UNTIL and not twice:
+            break
         if (split := split_by_shape((grey.shape[1], grey.shape[0]))) is None:
             return None
         seen = [_board_in(eight_bits(half)) for half in halves_of(grey, split)]
         one, other = (board and board[0].size for board in seen)
-        is_twice.append(one is not None and one == other)
-        if is_twice.count(True) >= min(2, len(photographs)):
+        twice += one is not None and one == other
+        if twice >= min(2, len(photographs)):
             return split
     return None
 
