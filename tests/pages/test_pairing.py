@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from stereocal.cli import main
+from stereocal.detection.detect import detect_targets
 from stereocal.frames import search
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
@@ -116,7 +117,7 @@ def test_without_times_a_slip_is_seen_by_the_targets(home: Path) -> None:
     assert len(app.warning) == 1 and "frames" not in told(app, "info", "caption")
     # The press shows the frames of the right pairs, and searches the one photograph that was in no
     # pair before.
-    with patch.object(search, "detect_targets", wraps=search.detect_targets) as searched:
+    with patch.object(search, "detect_targets", wraps=detect_targets) as searched:
         app.button(key="pair_mend_found").click().run()
         ended(store.project, "photographs")
         app.run()

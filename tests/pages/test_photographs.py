@@ -352,7 +352,12 @@ def test_photographs_and_videos_of_both_cameras_are_split(
     assert np.array_equal(read_photograph(store.photographs["right/2.png"]), images["right02.png"])
     store.clear()
     pytest.importorskip("av")
-    video = write_video(tmp_path / "a.mp4", range(4), draw=joined.__getitem__, preset="ultrafast")
+    video = write_video(
+        tmp_path / "a.mp4",
+        range(4),
+        draw=lambda k: np.asarray(joined[k], np.uint8),
+        preset="ultrafast",
+    )
     drop(app, {"stereo.mp4": video.read_bytes()})
     app.button(key="video_of_both").click().run()
     ended(store.project, "video")
