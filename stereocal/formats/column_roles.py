@@ -8,7 +8,7 @@ by a column, or by the header of its x and y.
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
@@ -60,6 +60,45 @@ class Role:
 
     def __str__(self) -> str:
         return ":".join((self.kind, self.camera, self.target)).rstrip(":")
+
+
+@dataclass(frozen=True)
+class ProgramColumns:
+    """The columns of a program's table, which has a row for each point of each camera."""
+
+    program: str
+    names: Mapping[Kind, tuple[str, ...]]
+    """In lower case; several are of different versions, the first that is there counts."""
+    needed: str
+    """A column that tells the table from others."""
+    only: tuple[str, str] | None = None
+    """A column, and how its cells begin in the rows that count, if there are such."""
+    ends: tuple[str, ...] = ()
+    """Words in the column of `only` by which it names the targets."""
+
+
+CALISCOPE = ProgramColumns(
+    "Caliscope",
+    {
+        "frame": ("sync_index",),
+        "camera": ("cam_id", "port"),
+        "target": ("keypoint_id", "point_id"),
+        "x": ("img_loc_x",),
+        "y": ("img_loc_y",),
+    },
+    "sync_index",
+)
+"""`xy_*.csv`: `sync_index` counts the instants of all cameras, `frame_index` each camera's own
+images, and `obj_loc_x` is on the board. mprib/caliscope, `ImagePoints` (`port` in older ones)."""
+OPENLPT = ProgramColumns(
+    "OpenLPT",
+    {"frame": ("frame",), "camera": ("camera",), "target": ("pointidx",), "x": ("x",), "y": ("y",)},
+    "pointidx",
+    ("status", "filtered"),
+    ("filtered_small", "filtered_large"),
+)
+"""`Frame,Camera,Status,PointIdx,X,Y,Radius,Metric`: raw detections too, which do not count;
+`Filtered_Small` and `Filtered_Large` are the wand's ends. OpenLPT_GUI, `load_observations_csv`."""
 
 
 Roles = tuple[Role, ...]
@@ -147,6 +186,25 @@ def guess_by_roles(rows: list[list[str]]) -> PointLayout | None:
     roles = propose_roles(rows[header_row(rows) :])
     named = any(role.kind == "frame" or role.camera or role.target for role in roles)
     return layout_of_roles(roles, rows) if named and not problem_of(roles, False) else None
+
+
+def guess_by_program(columns: ProgramColumns, rows: list[list[str]]) -> PointLayout | None:
+    """The layout of a program's table; None if it is none."""
+    titles = [cell.strip().lower() for cell in rows[0]]
+    by_name = {
+        kind: next((n for n in names if n in titles), "") for kind, names in columns.names.items()
+    }
+    if columns.needed not in titles or not all(by_name.values()):
+        return None
+    only = None
+    if columns.only is not None and columns.only[0] in titles:
+        only = (titles.index(columns.only[0]), columns.only[1])
+        if any("".join(row[only[0] : only[0] + 1]).strip().lower() in columns.ends for row in rows):
+            by_name["target"] = columns.only[0]
+    roles = [UNUSED] * len(titles)
+    for kind, name in by_name.items():
+        roles[titles.index(name)] = Role(kind)
+    return replace(layout_of_roles(roles, rows), program=columns.program, only=only)
 
 
 def layout_of_roles(roles: Sequence[Role], rows: Sequence[Sequence[str]]) -> PointLayout:

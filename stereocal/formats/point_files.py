@@ -8,7 +8,7 @@ A layout is proposed from the header. `questions` are for the user, on what the 
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -69,6 +69,14 @@ class PointLayout:
     roles: str | None = None
     """What each column holds, as of `column_roles`; None: as the program writes it."""
     titles: tuple[str, ...] = ()
+    width: int | None = None
+    """Its columns, if more are empty; None: all."""
+    only: tuple[int, str] | None = None
+    """A column, and how its cells begin, in lower case, in the rows that count, if there are such."""
+    time_step: float | None = None
+    """Between frames, where the frame column has times; None: it has frames."""
+    alike: Mapping[str, str] = field(default_factory=dict)
+    """Other spellings of names in the column of points."""
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -207,6 +215,7 @@ def _table(
     cells = layout.dialect.cells("".join(head_of(text)[layout.dialect.above :]), source)
     below = [len(row) for row in cells[layout.header_rows :] if any(row)]
     named = max((len(row) for row in cells[: layout.header_rows]), default=max(below, default=0))
+    named = layout.width or named
     raw, problems = rows_below(text, layout.dialect, layout.header_rows, named, source, first_rows)
     if problems:
         raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
@@ -221,6 +230,9 @@ def _table(
             f"{source}: the layout ({layout.program}) needs {last + 1} columns; the file has "
             f"{width}."
         )
+    if layout.only is not None:
+        kept = raw[layout.only[0]].str.strip().str.lower().str.startswith(layout.only[1])
+        raw = raw[kept] if kept.any() else raw
     return raw
 
 

@@ -1,12 +1,20 @@
 """Propose the layout of a point file from its first rows."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
 from stereocal.errors import StereocalError
-from stereocal.formats.column_roles import guess_by_roles, propose_roles, with_names
+from stereocal.formats.column_roles import (
+    CALISCOPE,
+    MOST_TITLES,
+    OPENLPT,
+    guess_by_program,
+    guess_by_roles,
+    propose_roles,
+    with_names,
+)
 from stereocal.formats.exchange.options import LOWER_LEFT, PixelOrigin
 from stereocal.formats.other_files import refuse_other_points
 from stereocal.formats.point_files import PointColumns, PointLayout, is_number_or_empty
@@ -15,6 +23,8 @@ from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of, 
 
 HEAD_BYTES = 200_000
 OURS = "stereocal"
+MOST_EMPTY = 8
+"""Empty columns at the end that are looked past."""
 OWN, TRACKTOR = ("frame", "u", "v"), ("frame", "pos_x", "pos_y")
 COUNTED = ("camera_frame", "u", "v")
 ASK_LOWER_LEFT = (
@@ -38,8 +48,11 @@ def propose_layout(content: bytes, source: str, name: str | None = None) -> Poin
     if name is not None:  # a wand file chosen by the user may have any header
         known = {name: partial(_wand, any_header=True) if name == "wand" else LAYOUTS[name]}
     for guess in known.values():
-        if (layout := guess(rows)) is not None:
-            return with_names(replace(layout, dialect=dialect), content, source)
+        for above, width, shape in _shapes(rows):
+            if (layout := guess(shape)) is not None:
+                found = replace(dialect, above=dialect.above + above)
+                layout = replace(layout, dialect=found, width=width)
+                return with_names(layout, content, source)
     first = f'its first line is "{dialect.delimiter.join(rows[0])[:100]}".'
     if name is not None:
         raise StereocalError(f"{source}: the file does not have the layout {name}; {first}")
@@ -57,7 +70,43 @@ def layout_name(content: bytes, source: str) -> str | None:
         rows, _ = first_rows(content, source)
     except StereocalError:
         return None
-    return next((name for name, guess in LAYOUTS.items() if guess(rows)), None)
+    shapes = [shape for _, _, shape in _shapes(rows)]
+    return next((name for name, guess in LAYOUTS.items() if any(map(guess, shapes))), None)
+
+
+def _shapes(rows: list[list[str]]) -> Iterator[tuple[int, int | None, list[list[str]]]]:
+    """The first rows as they stand, then without titles above them and without empty columns at
+    their ends: the number of titles, that of columns if some were left out, and the rows.
+
+    A title that names the columns below it, as of Tracker's several tracks, is a part of their
+    names: physics.brocku.ca/Courses/2P20/Tracker, page 21.
+    """
+    filled = [sum(map(bool, map(str.strip, row))) for row in rows]
+    titles = 0
+    while (
+        titles < min(MOST_TITLES, len(rows) - 2)
+        and 2 * filled[titles] < max(filled)
+        and (not filled[titles] or not all(map(is_number_or_empty, rows[titles])))
+        and not any("\n" in cell for cell in rows[titles])
+    ):
+        titles += 1
+    for above in range(titles + 1):
+        shape = rows[above:]
+        if above and filled[above - 1] > 1 and _has_duplicates([*map(str.strip, shape[0])]):
+            shape = [_named_above(rows[above - 1], shape[0]), *shape[1:]]
+        widest = max(map(len, shape))
+        last = max((k for row in shape for k, cell in enumerate(row) if cell.strip()), default=0)
+        for width in range(widest, max(last, widest - MOST_EMPTY - 1), -1):
+            yield above, width if width < widest else None, [row[:width] for row in shape]
+
+
+def _named_above(names: list[str], header: list[str]) -> list[str]:
+    """A header, each cell behind the last name above it."""
+    above, named = "", []
+    for k, cell in enumerate(header):
+        above = "".join(names[k : k + 1]).strip() or above
+        named.append(f"{above} {cell}".strip() if cell.strip() else "")
+    return named
 
 
 def first_rows(content: bytes, source: str) -> tuple[list[list[str]], Dialect]:
@@ -238,6 +287,8 @@ LAYOUTS: Mapping[str, Guess] = {
     "dltdv5": partial(_paired, "DLTdv5 to 7", DLTDV, "xy", replace(LOWER_LEFT, first_pixel=1.0)),
     "dltdv8": partial(_paired, "DLTdv8", DLTDV, "uv", PixelOrigin(first_pixel=1.0)),
     "argus": partial(_paired, "Argus", ARGUS, "xy", LOWER_LEFT),
+    "caliscope": partial(guess_by_program, CALISCOPE),
+    "openlpt": partial(guess_by_program, OPENLPT),
     "table": lambda rows: (
         _one_camera(rows, OURS, OWN) or _one_camera(rows, OURS, COUNTED) or guess_by_roles(rows)
     ),
