@@ -270,12 +270,44 @@ def with_names(layout: PointLayout, content: bytes, source: str) -> PointLayout:
     return replace(layout, names=words_in(content, layout, source))
 
 
-def _plain(name: str) -> tuple[str, str]:
-    """The axis that a header names, or empty, and its other words."""
+def ends_and_cameras(stems: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """The camera and the end of a bar of each file, by words in its name: `A_left`, `cam2-B`.
+
+    Args:
+        stems: names of files without folders and endings, by any key.
+
+    Returns:
+        Cameras in their usual order, then ends; empty if the names do not tell both.
+    """
+    for split in (_by_number, _by_side):
+        read = {key: split(" ".join(_words(stem)).lower()) for key, stem in stems.items()}
+        cameras, ends = ({pair[k] for pair in read.values()} for k in (0, 1))
+        is_whole = len({*read.values()}) == len(read) == len(cameras) * len(ends)
+        if is_whole and min(len(cameras), len(ends)) > 1 and "" not in cameras | ends:
+            return dict(sorted(read.items(), key=lambda item: (*_ranked(item[1][0]), item[1][1])))
+    return {}
+
+
+def _ranked(camera: str) -> tuple[int, int, str]:
+    side = _SIDES.index(camera) if camera in _SIDES else 0
+    return side, int(camera) if camera.isdecimal() else 0, camera
+
+
+def titles_name_cameras(titles: Iterable[str]) -> bool:
+    """Whether headers of x and y name cameras by a word that says so."""
+    return any(_split(stem)[0] for axis, stem in map(_plain, titles) if axis)
+
+
+def _words(name: str) -> list[str]:
+    """The words of a header or of the name of a file, numbers apart."""
     text = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name.strip())
     text = re.sub(r"[^\w]|_", " ", text)
-    text = re.sub(r"(?<=[^\W\d_])(?=\d)|(?<=\d)(?=[^\W\d_])", " ", text)
-    words = [word for word in text.split() if word.lower() not in _FILL]
+    return re.sub(r"(?<=[^\W\d_])(?=\d)|(?<=\d)(?=[^\W\d_])", " ", text).split()
+
+
+def _plain(name: str) -> tuple[str, str]:
+    """The axis that a header names, or empty, and its other words."""
+    words = [word for word in _words(name) if word.lower() not in _FILL]
     lower = [word.lower() for word in words]
     for axis in AXES:
         for word in lower[::-1]:
@@ -329,9 +361,18 @@ def _named(stems: list[str], named: set[Kind]) -> list[tuple[str, str]]:
 
 def _split(stem: str) -> tuple[str, str]:
     """The camera that words name, or empty, and the other words."""
-    if (numbered := _CAMERA.search(stem)) is not None:
-        rest = stem[: numbered.start()] + stem[numbered.end() :]
-        return numbered[1], " ".join(rest.split())
+    camera, rest = _by_number(stem)
+    return (camera, rest) if camera else _by_side(stem)
+
+
+def _by_number(stem: str) -> tuple[str, str]:
+    if (numbered := _CAMERA.search(stem)) is None:
+        return "", stem
+    rest = stem[: numbered.start()] + stem[numbered.end() :]
+    return numbered[1], " ".join(rest.split())
+
+
+def _by_side(stem: str) -> tuple[str, str]:
     words = stem.split()
     side = next((word for word in words if word.lower() in _SIDES), "")
     return side, " ".join(word for word in words if word != side)

@@ -23,8 +23,13 @@ from stereocal.system.csv_text import as_names, without_apostrophes
 from stereocal.system.dialect import Dialect, head_of
 from stereocal.system.limits import Limits
 from stereocal.system.numbers import is_number
-from stereocal.system.tables import MISSING, Column, numbers_in, rows_below, text_of
+from stereocal.system.tables import MISSING, Column, numbers_in, numbers_of, rows_below, text_of
 
+_TIME = re.compile(
+    r"(?<![^\W_])(t|times?|zeit|temps|tiempo|tempo|s|sec|seconds?|ms)(?![^\W_])", re.IGNORECASE
+)
+SAME_STEP = 0.25
+"""Part of a frame by which a time may be off that of the frame."""
 MOST_NAMES = 1_000
 """Most names of cameras, or of points, that a column may have."""
 
@@ -72,7 +77,7 @@ class PointLayout:
     width: int | None = None
     """Its columns, if more are empty; None: all."""
     only: tuple[int, str] | None = None
-    """A column, and how its cells begin, in lower case, in the rows that count, if there are such."""
+    """A column, and how its cells begin in the rows that count, if there are such; in lower case."""
     time_step: float | None = None
     """Between frames, where the frame column has times; None: it has frames."""
     alike: Mapping[str, str] = field(default_factory=dict)
@@ -144,6 +149,19 @@ def words_in(
     # Numbers by which the user chooses cameras are then their names too.
     cameras = sorted(names[0], key=int) if all(map(str.isdecimal, names[0])) else names[0]
     return tuple(cameras), tuple(sorted(names[1], key=lambda name: (len(name), name)))
+
+
+def time_step(content: bytes, layout: PointLayout, source: str) -> float:
+    """The time between frames where the frame column has times with decimals; NaN: it has none."""
+    column = layout.frame
+    if column is None or _TIME.search("".join(layout.titles[column : column + 1])) is None:
+        return np.nan
+    cells = _table(content, layout, source, None)[column]
+    times = np.unique(numbers_of(cells, layout.dialect.decimal_comma))
+    if len(times) < 2 or not np.isfinite(times).all() or (times == np.round(times)).all():
+        return np.nan
+    steps = np.diff(times)
+    return float(steps.sum() / np.round(steps / steps.min()).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,6 +295,8 @@ class _Rows:
         """
         if self.layout.frame is None:
             return np.arange(1, len(self.raw) + 1)
+        if self.layout.time_step is not None:
+            return self._frames_at(self._numbers(self.layout.frame) / self.layout.time_step)
         texts = self.raw[self.layout.frame].str.strip()
         is_word = pd.to_numeric(texts, errors="coerce").isna()
         has_letters = texts[is_word].str.contains(r"[^\W\d_]", regex=True).any()
@@ -298,6 +318,23 @@ class _Rows:
             )
         known = {name: k for k, name in enumerate(sorted(texts.unique(), key=natural), 1)}
         return np.asarray(texts.map(known), dtype=np.int64)
+
+    def _frames_at(self, times: FloatArray) -> IntArray:
+        """(n,): the frames at times in frames.
+
+        Raises:
+            RefusedRowsError: names the times that are between two frames, or are none.
+        """
+        frames = np.round(times)
+        off = np.flatnonzero(~(np.abs(times - frames) <= SAME_STEP))
+        if len(off):
+            cells = self.raw[self.layout.frame]
+            step = f"frames {self.layout.time_step:.6g} apart: write the numbers of the frames"
+            reasons = (f'the time "{cells.iloc[row].strip()[:40]}" is not of {step}' for row in off)
+            lines = self.raw.index[off]
+            problems = [RowProblem(*pair) for pair in zip(map(int, lines), reasons, strict=True)]
+            raise RefusedRowsError(f"{self.source}: ", problems, "cannot be used")
+        return frames.astype(np.int64)
 
     def _tells_apart(self, texts: "pd.Series[str]", numbers: IntArray) -> bool:
         """Whether the photographs of a camera have different numbers."""

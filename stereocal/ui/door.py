@@ -16,7 +16,6 @@ from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.formats.dropped import Dropped
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.point_answers import layout_of
-from stereocal.formats.point_text import point_text
 from stereocal.frames.several_cameras import chapters_in_words
 from stereocal.frames.which_camera import Series, which_camera, which_of
 from stereocal.projects.application import ProjectApplication
@@ -174,8 +173,7 @@ def _use_kept(project_files: ProjectGiven, names: Mapping[CameraName, str]) -> N
 
 
 def _take_tables(project_files: ProjectGiven, tables: Mapping[str, bytes]) -> None:
-    for name, content in with_one_table(tables, ExchangeOptions()).items():
-        text = point_text(content, name)
+    for name, text in with_one_table(tables, ExchangeOptions())[0].items():
         if names_cameras(text, name):
             project_files.more_cameras({name: text})
         elif is_correspondences(text, name):

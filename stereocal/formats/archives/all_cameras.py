@@ -63,7 +63,7 @@ def gather_all(
         lengths: by target, its distance from the first along a straight bar, in metres. Other
             targets are not used; of another program's bar it may be missing if the files have it.
     """
-    files = with_one_table(files, options)
+    files, options = with_one_table(files, options)
     tables = [name for name, content in files.items() if is_table(name, content)]
     if len(tables) == 1 and names_cameras(files[tables[0]], tables[0]):
         return _of_points(files, tables[0], options, name, lengths)

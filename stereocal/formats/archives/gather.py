@@ -9,31 +9,25 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
-import pandas as pd
+import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Archive, baseline_taken, lens_taken, points_taken
 from stereocal.formats.archives.easywand import EasyWandFile, open_easywand, read_easywand
+from stereocal.formats.archives.several_tables import layout_of_table, one_table
 from stereocal.formats.correspondences_csv import REQUIRED, read_table
 from stereocal.formats.exchange.chosen_cameras import Wanted, chosen_pair, has_cameras, namesakes
 from stereocal.formats.exchange.exchange import camera_names, format_of, read_camera_pair
 from stereocal.formats.exchange.options import Contents, ExchangeOptions
 from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab
-from stereocal.formats.point_answers import (
-    first_answers,
-    layout_as_stated,
-    layout_by_hand,
-    layout_of,
-    what_is_missing,
-)
-from stereocal.formats.point_files import PointLayout, read_bars, read_points
-from stereocal.formats.point_layouts import first_rows, propose_layout
+from stereocal.formats.point_answers import layout_by_hand, what_is_missing
+from stereocal.formats.point_files import PointLayout, read_bars, time_step
+from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.point_text import point_text
 from stereocal.formats.recognition import recognise
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import Correspondences
-from stereocal.system.csv_text import csv_text
 
 Heights = Sequence[int | None]
 """Heights of the images of the cameras, px."""
@@ -53,12 +47,10 @@ def gather(files: Contents, options: ExchangeOptions, baseline_known: bool = Fal
         baseline_known: whether the user states the baseline, so that the unit of the files'
             own need not be known.
     """
-    files = with_one_table(files, options)
+    files, options = with_one_table(files, options)
     table, others, opened = sorted_files(files)
     if opened is not None:
         return read_easywand(opened, options)
-    if table:
-        files = {**files, table: point_text(files[table], table)}
     of_table, named = table_cameras(files[table], table, options) if table else ((), False)
     of_files = names_in(others)
     wanted, remarks = _wanted(of_table, named, of_files, options.cameras)
@@ -162,27 +154,15 @@ def sorted_files(files: Contents) -> tuple[str, dict[str, bytes], EasyWandFile |
     return "".join(tables), others, None
 
 
-def with_one_table(files: Contents, options: ExchangeOptions) -> Contents:
-    """The files, with the tables of one camera each as one of cameras with the files' names."""
+def with_one_table(files: Contents, options: ExchangeOptions) -> tuple[Contents, ExchangeOptions]:
+    """The files, with their table as text, several as one, and the options that are about it."""
     tables = [name for name, content in files.items() if is_table(name, content)]
+    files = {**files, **{name: point_text(files[name], name) for name in tables}}
     if len(tables) < 2:
-        return files
-    tables_of_cameras = []
-    for name in tables:
-        layout = layout_of_table(content := point_text(files[name], name), name, options)
-        if len(layout.cameras) != 1 or len(layout.points) < 2:
-            raise StereocalError(
-                f"these are {len(tables)} tables, not all of the ends of a bar in one camera; give "
-                "one. Put those of the cameras one below the other, with a column camera.",
-                ", ".join(tables),
-            )
-        answers = first_answers(layout, 0)
-        layout = replace(layout, least_likelihood=answers.least_likelihood)
-        points = read_points(content, layout, answers.camera, None, name)
-        tables_of_cameras.append(points.assign(camera=PurePath(name).stem))
-    table = pd.concat(tables_of_cameras).rename(columns={"point": "target", "u": "x", "v": "y"})
-    text = csv_text(table[["frame", "camera", "target", "x", "y"]]).encode()
-    return {**{name: files[name] for name in files if name not in tables}, ", ".join(tables): text}
+        return files, options
+    table = one_table({name: files[name] for name in tables}, options)
+    others = {name: content for name, content in files.items() if name not in tables}
+    return {**others, ", ".join(tables): table}, replace(options, layout=None, roles=None)
 
 
 def is_table(name: str, content: bytes) -> bool:
@@ -280,19 +260,6 @@ def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heig
     return Bars(bars.correspondences, words, chosen.remarks + remarks)
 
 
-def layout_of_table(content: bytes, source: str, options: ExchangeOptions) -> PointLayout:
-    """The layout of a table as the options state it, or as it is recognised."""
-    if options.roles is not None:
-        return layout_as_stated(content, source, options.roles, True)
-    try:
-        return propose_layout(content, source, options.layout)
-    except StereocalError:
-        layout = layout_of(content, source)
-        if layout.columns or options.layout is not None:
-            raise
-        raise StereocalError(f"{source}: {what_is_missing(layout, content, source)}") from None
-
-
 def layout_of_bars(
     content: bytes, source: str, options: ExchangeOptions
 ) -> tuple[PointLayout, tuple[str, str], tuple[str, ...]]:
@@ -304,6 +271,8 @@ def layout_of_bars(
         StereocalError: it has not both ends.
     """
     layout = layout_of_table(content, source, options)
+    step = time_step(content, layout, source)
+    layout = replace(layout, time_step=None if np.isnan(step) else step)
     # By the roles of its columns: what the columns lack can be said.
     if layout.roles is not None and min(len(layout.cameras), len(layout.points)) < 2:
         by_hand = layout_by_hand(content, source)

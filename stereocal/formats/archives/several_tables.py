@@ -1,0 +1,133 @@
+"""Several tables of a bar's ends as one: a table for each camera, each end, or each end and camera.
+
+A table for each camera names its points by columns, or has tracks: by a column (trackpy's
+`particle`), or two columns for each (Kinovea's `Trajectory 1/X`, Tracker's `#multi:`). Of a table
+for each end and camera, the names of the files tell which.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import PurePath
+
+import numpy as np
+import pandas as pd
+
+from stereocal.errors import StereocalError
+from stereocal.formats.column_roles import (
+    BY_ROLES,
+    ONE_CAMERA,
+    ends_and_cameras,
+    titles_name_cameras,
+)
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.point_answers import (
+    first_answers,
+    layout_as_stated,
+    layout_of,
+    what_is_missing,
+)
+from stereocal.formats.point_files import PointLayout, read_points, time_step, words_in
+from stereocal.formats.point_layouts import propose_layout
+from stereocal.matching.names import TRACKS
+from stereocal.system.csv_text import csv_text
+
+OF_TRACKS = (*TRACKS, "particle", "trajectory", "object")
+"""Columns that name the tracks of one camera; `particle` is trackpy's."""
+
+
+def layout_of_table(
+    content: bytes, source: str, options: ExchangeOptions, for_bars: bool = True
+) -> PointLayout:
+    """The layout of a table as the options state it, or as it is recognised.
+
+    Args:
+        for_bars: it must have both ends in two cameras, where the options state its columns.
+    """
+    if options.roles is not None:
+        return layout_as_stated(content, source, options.roles, for_bars)
+    try:
+        return propose_layout(content, source, options.layout)
+    except StereocalError:
+        layout = layout_of(content, source)
+        if layout.columns or options.layout is not None:
+            raise
+        raise StereocalError(f"{source}: {what_is_missing(layout, content, source)}") from None
+
+
+def one_table(tables: Mapping[str, bytes], options: ExchangeOptions) -> bytes:
+    """The points of several tables as one with columns frame, camera, target, x and y."""
+    layouts: Mapping[str, PointLayout] = {
+        name: _with_tracks(layout_of_table(content, name, options, False), content, name)
+        for name, content in tables.items()
+    }
+    stems = {name: PurePath(name).stem for name in tables}
+    if not all(map(_is_of_cameras, layouts.values())):
+        layouts = {name: _columns_as_points(layout) for name, layout in layouts.items()}
+    cameras, points = (
+        {len(getattr(layout, names)) > 1 for layout in layouts.values()}
+        for names in ("cameras", "points")
+    )
+    named: Mapping[str, tuple[str, str]] = {name: (stem, "") for name, stem in stems.items()}
+    if cameras == points == {False}:
+        named = ends_and_cameras(stems)
+    elif (cameras, points) == ({True}, {False}):
+        named = {name: ("", stem) for name, stem in stems.items()}
+    elif (cameras, points) != ({False}, {True}):
+        named = {}
+    if not named:
+        raise StereocalError(
+            f"these are {len(tables)} tables, and it is not clear which end of the bar in which "
+            "camera each has. Give one for each camera with both ends; or one for each end and "
+            "camera, called A_left.csv, A_right.csv, B_left.csv and B_right.csv; or one of all, "
+            "with columns camera and target.",
+            ", ".join(tables),
+        )
+    layouts = _at_frames(layouts, tables)
+    read = []
+    for name, (camera, end) in named.items():
+        answers = first_answers(layouts[name], 0)
+        layout = replace(layouts[name], least_likelihood=answers.least_likelihood)
+        for column in layout.cameras:
+            part = read_points(tables[name], layout, column, None, name)
+            part["camera"] = camera or column
+            read.append(
+                part.assign(target=end) if end else part.rename(columns={"point": "target"})
+            )
+    table = pd.concat(read).rename(columns={"u": "x", "v": "y"})
+    return csv_text(table[["frame", "camera", "target", "x", "y"]]).encode()
+
+
+def _with_tracks(layout: PointLayout, content: bytes, source: str) -> PointLayout:
+    """The layout of a table of one camera, whose points are its tracks if it names no others."""
+    if max(len(layout.cameras), len(layout.points)) > 1:
+        return layout
+    for _, column in (pair for pair in layout.further if pair[0].strip().lower() in OF_TRACKS):
+        tracked = replace(layout, point_column=column)
+        if len((names := words_in(content, tracked, source))[1]) > 1:
+            return replace(tracked, names=(layout.names[0], names[1]))
+    return layout
+
+
+def _is_of_cameras(layout: PointLayout) -> bool:
+    """Whether what a table calls cameras are cameras, or it calls none so."""
+    by_header = layout.program == BY_ROLES and layout.camera_column is None
+    return len(layout.cameras) < 2 or not by_header or titles_name_cameras(layout.titles)
+
+
+def _columns_as_points(layout: PointLayout) -> PointLayout:
+    """The layout with the words that were read as cameras as points of one camera."""
+    if len(layout.cameras) < 2 or len(layout.points) > 1:
+        return layout
+    columns = (replace(c, camera=ONE_CAMERA, point=f"{c.point} {c.camera}") for c in layout.columns)
+    return replace(layout, columns=tuple(columns))
+
+
+def _at_frames(
+    layouts: Mapping[str, PointLayout], tables: Mapping[str, bytes]
+) -> Mapping[str, PointLayout]:
+    """The layouts, which count the frames of all tables alike if one has times in their place."""
+    steps = [time_step(tables[name], layout, name) for name, layout in layouts.items()]
+    if not np.isfinite(steps).any():
+        return layouts
+    step = float(np.nanmin(steps))
+    return {name: replace(layout, time_step=step) for name, layout in layouts.items()}
