@@ -29,7 +29,7 @@ Texts: TypeAlias = "pd.Series[str]"
 REQUIRED = ("frame", "target", *PIXELS)
 NUMBERS = (
     *(Column(name, is_whole=True) for name in ("frame", TIME)),
-    *(Column(name) for name in PIXELS),
+    *(Column(name, is_pixel=True) for name in PIXELS),
     *(Column(name, may_be_empty=True, is_positive=name not in KNOWN_POINT) for name in OPTIONAL),
     *(Column(name) for name in OBJECT),
 )

@@ -9,7 +9,7 @@ A layout is proposed from the header. `questions` are for the user, on what the 
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -22,8 +22,17 @@ from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.csv_text import as_names, without_apostrophes
 from stereocal.system.dialect import Dialect, head_of
 from stereocal.system.limits import Limits
+from stereocal.system.names import JoinedNames
 from stereocal.system.numbers import is_number
-from stereocal.system.tables import MISSING, Column, numbers_in, numbers_of, rows_below, text_of
+from stereocal.system.tables import (
+    MISSING,
+    Column,
+    numbers_in,
+    numbers_of,
+    refuse_thousands,
+    rows_below,
+    text_of,
+)
 
 _TIME = re.compile(
     r"(?<![^\W_])(t|times?|zeit|temps|tiempo|tempo|s|sec|seconds?|ms)(?![^\W_])", re.IGNORECASE
@@ -77,7 +86,7 @@ class PointLayout:
     width: int | None = None
     """Its columns, if more are empty; None: all."""
     only: tuple[int, str] | None = None
-    """A column, and how its cells begin in the rows that count, if there are such; in lower case."""
+    """A column, and how its cells begin, in lower case, in rows that count, if there are such."""
     time_step: float | None = None
     """Between frames, where the frame column has times; None: it has frames."""
     alike: Mapping[str, str] = field(default_factory=dict)
@@ -162,6 +171,33 @@ def time_step(content: bytes, layout: PointLayout, source: str) -> float:
         return np.nan
     steps = np.diff(times)
     return float(steps.sum() / np.round(steps / steps.min()).sum())
+
+
+def with_joined_names(
+    content: bytes, layout: PointLayout, source: str
+) -> tuple[PointLayout, tuple[str, ...], tuple[str, ...]]:
+    """The layout with one spelling of the names of points, as of `JoinedNames` for the cameras;
+    those that one camera has; and remarks."""
+    by_camera: dict[str, list[str]] = {camera: [] for camera in layout.cameras}
+    if layout.point_column is None:
+        for column in layout.columns:
+            by_camera[column.camera].append(column.point)
+    elif layout.camera_column is not None:
+        raw = _table(content, layout, source, None)
+        two = [as_names(raw[k]) for k in (layout.camera_column, layout.point_column)]
+        for camera, point in pd.concat(two, axis=1).drop_duplicates().itertuples(index=False):
+            by_camera.get(camera, []).append(point)
+    else:
+        return layout, (), ()
+    joined = JoinedNames.of([*by_camera.values()])
+    points = tuple(dict.fromkeys(joined.alike.get(name, name) for name in layout.points))
+    columns = [replace(c, point=joined.alike.get(c.point, c.point)) for c in layout.columns]
+    if layout.point_column is not None:
+        columns = [*layout.columns]
+    layout = replace(
+        layout, columns=tuple(columns), names=(layout.names[0], points), alike=joined.alike
+    )
+    return layout, joined.alone, tuple(filter(None, [joined.in_words(by_camera)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,7 +287,17 @@ def _table(
     if layout.only is not None:
         kept = raw[layout.only[0]].str.strip().str.lower().str.startswith(layout.only[1])
         raw = raw[kept] if kept.any() else raw
+    pixels = [k for point in layout.columns for k in (point.u, point.v)]
+    values = [numbers_of(raw[k], layout.dialect.decimal_comma) for k in pixels]
+    titles = [_named(k, layout) for k in pixels]
+    refuse_thousands(raw, pixels, values, titles, source)
     return raw
+
+
+def _named(index: int, layout: PointLayout) -> str:
+    """A column, for messages."""
+    titles = layout.titles[index : index + 1]
+    return f"column {index + 1}" + "".join(f" ({title[:40]})" for title in titles if title)
 
 
 @dataclass(frozen=True)
@@ -281,7 +327,8 @@ class _Rows:
             part = pd.DataFrame({"frame": frames, "u": pixels[:, 0], "v": pixels[:, 1]})
             part["point"] = point.point
             if layout.point_column is not None:
-                part["point"] = as_names(raw[layout.point_column]).array
+                names = as_names(raw[layout.point_column])
+                part["point"] = [layout.alike.get(name, name) for name in names]
             for name, index in layout.further:
                 part[name] = without_apostrophes(raw[index]).array
             parts.append(part[np.isfinite(pixels).all(axis=1) & of_camera])
@@ -360,8 +407,7 @@ class _Rows:
         return layout.origin.to_ours(pixels * layout.px_per_unit, image_height or 0)
 
     def _numbers(self, index: int, is_whole: bool = False) -> FloatArray:
-        titles = self.layout.titles[index : index + 1]
-        name = f"column {index + 1}" + "".join(f" ({title[:40]})" for title in titles if title)
+        name = _named(index, self.layout)
         column = Column(name, may_be_empty=not is_whole, is_whole=is_whole)
         cells = self.raw[[index]].set_axis([name], axis=1)
         values, reasons = numbers_in(cells, [column], self.layout.dialect.decimal_comma, MISSING)

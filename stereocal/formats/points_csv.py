@@ -20,8 +20,8 @@ SIGMA = "sigma_px"
 NUMBERS = (
     Column("frame", is_whole=True),
     Column(OWN_FRAME, is_whole=True),
-    Column("u"),
-    Column("v"),
+    Column("u", is_pixel=True),
+    Column("v", is_pixel=True),
     Column(SIGMA, may_be_empty=True, is_positive=True),
 )
 

@@ -6,8 +6,8 @@ decide: pairs of one name must fit as well as the nearest partners, or better th
 """
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -17,9 +17,10 @@ from stereocal.errors import StereocalError
 from stereocal.matching.matching import ANY_DEPTH, Matches, match_points
 from stereocal.matching.point_table import POINT, SIGMA, pixels_of
 from stereocal.matching.threshold import FramePixels
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray, IntArray
-from stereocal.system.names import check_name
+from stereocal.system.names import JoinedNames, check_name
 from stereocal.system.numbers import plural, rounded
 
 PARTS: tuple[str, ...] = ("point", "bodypart", "bodyparts", "body_part", "body part", "part")
@@ -55,6 +56,8 @@ class Names:
     columns: tuple[str, ...] = ()
     """Empty: points have no names."""
     common: frozenset[str] = frozenset()
+    alike: Mapping[str, str] = field(default_factory=dict)
+    """Other spellings of these, as of `JoinedNames`."""
 
     def groups(self, first: pd.DataFrame, second: pd.DataFrame) -> list[Group]:
         """Rows of each camera in one frame that may be pairs; the last are those without a name."""
@@ -78,7 +81,7 @@ class Names:
         """(n,): the number of each row's name, from 1; 0 without a name."""
         if not self.columns:
             return np.zeros(len(table), dtype=np.int64)
-        numbers = [self._numbers.get(name, 0) for name in texts(table, self.columns)]
+        numbers = [self._numbers.get(name, 0) for name in self._texts(table)]
         return np.array(numbers, dtype=np.int64)
 
     @cached_property
@@ -90,9 +93,12 @@ class Names:
         """The columns, for messages."""
         return f"{plural(len(self.columns), 'column')} {' and '.join(self.columns)}"
 
+    def _texts(self, table: pd.DataFrame) -> list[str]:
+        return [self.alike.get(name, name) for name in texts(table, self.columns)]
+
     def _rows(self, table: pd.DataFrame) -> dict[str, IntArray]:
         rows: dict[str, list[int]] = {}
-        for row, name in enumerate(texts(table, self.columns)):
+        for row, name in enumerate(self._texts(table)):
             rows.setdefault(name if name in self.common else "", []).append(row)
         return {name: np.array(numbers, dtype=np.int64) for name, numbers in rows.items()}
 
@@ -148,29 +154,38 @@ def choose_names(
     distinct: Sequence[pd.DataFrame],
     columns: tuple[str, ...],
     is_forced: bool = False,
+    called: Sequence[str] = CAMERAS,
 ) -> tuple[Names, str]:
-    """The names that decide, and a note on names that the images contradict.
+    """The names that decide, and a note on names that the images contradict, that differ in
+    capitals or blanks only, or that one table lacks.
 
     Args:
         cameras: the two, or every two of a rig.
         distinct: the different rows of `columns` in each table.
         columns: those of `stated_columns`.
         is_forced: they decide in any case.
+        called: the tables, for notes.
     """
     note = ""
     columns = tuple(
         column for column in columns if all(any(texts(table, [column])) for table in distinct)
     )
     for tried in dict.fromkeys([columns, columns[:1], columns[1:]]):
-        seen = Counter(name for table in distinct for name in {*texts(table, tried)})
-        names = Names(tried, frozenset(name for name, count in seen.items() if name and count > 1))
+        tables = [texts(table, tried) for table in distinct]
+        joined = JoinedNames.of(tables)
+        seen = Counter(name for table in tables for name in {joined.alike.get(n, n) for n in table})
+        common = frozenset(name for name, count in seen.items() if name and count > 1)
+        names = Names(tried, common, joined.alike)
+        lists = is_forced or any(column.lower() in PARTS for column in tried)
+        on_names = joined.in_words(dict(zip(called, tables, strict=True)) if lists else {})
         if not names.common:
+            note = note or (f"{on_names} They are not used." if on_names else "")
             continue
         for name in names.common:
             check_name(f"A point ({names.in_words})", name)
         against = next(filter(None, (_contradiction(two, names) for two in cameras)), "")
         if not against or is_forced:
-            return names, against or note
+            return names, " ".join(filter(None, [against or note, on_names]))
         note = note or f"{against} They are not used."
     return NO_NAMES, note
 

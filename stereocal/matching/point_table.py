@@ -42,6 +42,7 @@ from stereocal.system.tables import (
     chunks_of_file,
     is_missing,
     numbers_in,
+    refuse_thousands,
 )
 
 PARQUET = (".parquet", ".pq")
@@ -274,6 +275,8 @@ class PointTable:
         numbers = {name: values[name] for name in (*self.numbers, *self.sigmas)}
         further = {name: raw[name] for name in self.further}
         if isinstance(self.source, Path) and not is_parquet(self.source):
+            pixels = [values[name] for name in self.numbers]
+            refuse_thousands(raw, self.numbers, pixels, self.numbers, self.label)
             further = {name: without_apostrophes(cells) for name, cells in further.items()}
         frames = values["frame"].astype(np.int64)
         return pd.DataFrame({"frame": frames, **numbers, **further}, index=raw.index)

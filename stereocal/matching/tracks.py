@@ -54,7 +54,7 @@ class InGroups(Matching):
         some = by_camera.frames[:: max(len(by_camera.frames) // SAMPLE_FRAMES, 1)].tolist()
         by_two, frames = _samples(rig, by_camera, some)
         names, note = choose_names(
-            by_two, by_camera.distinct, by_camera.columns, stated.names != AUTO
+            by_two, by_camera.distinct, by_camera.columns, stated.names != AUTO, [*by_camera.tables]
         )
         sigma_px = max(stated.sigma_px or _noise_of_two(rig, by_two[0], names), 1e-3)
         wrong: Mapping[int, float] = {}

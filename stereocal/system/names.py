@@ -6,10 +6,12 @@ become one.
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import PurePath
-from unicodedata import category
+from unicodedata import category, normalize
 
 from stereocal.errors import StereocalError
 
@@ -18,6 +20,8 @@ KEPT_END = 20
 """Characters at the end of a label that is cut: the ending of a file's name tells its kind."""
 SHOWN = 60
 """Characters of a rejected name that its error message shows."""
+MOST_NOTES, SHOWN_NAMES = 3, 12
+"""In a note on names of points."""
 HIDDEN = ("Cc", "Cs", "Zl", "Zp")
 """Categories of characters that no page, table or message can show: controls, halves of
 characters, which JSON allows but UTF-8 does not, ends of lines."""
@@ -55,6 +59,60 @@ def check_name(what: str, name: str) -> str:
             f"with 1 to {LONGEST} characters that can be shown, and no blanks at its ends."
         )
     return name
+
+
+_BETWEEN = re.compile(r"(?<=[^\W\d_])[\s_-]+|[\s_-]+(?=[^\W\d_])")
+
+
+@dataclass(frozen=True)
+class JoinedNames:
+    """Names of points in several tables: capitals, and blanks, `_` and `-` beside a letter do not
+    tell them apart, but where one table has both."""
+
+    alike: Mapping[str, str] = field(default_factory=dict)
+    """Other spellings, each with the name as it came first."""
+    apart: tuple[tuple[str, ...], ...] = ()
+    """Names of one table that differ in no more."""
+    alone: tuple[str, ...] = ()
+    """Names that only one of the tables has."""
+
+    @classmethod
+    def of(cls, tables: Sequence[Iterable[str]]) -> "JoinedNames":
+        spelled: dict[str, list[set[str]]] = {}
+        names = [dict.fromkeys(filter(None, table)) for table in tables]
+        for k, name in ((k, name) for k, table in enumerate(names) for name in table):
+            plain = _BETWEEN.sub("", normalize("NFKC", name).strip()).casefold()
+            spelled.setdefault(plain, [set() for _ in names])[k].add(name)
+        every = dict.fromkeys(name for table in names for name in table)
+        apart, alike = list[tuple[str, ...]](), dict[str, str]()
+        for of_tables in spelled.values():
+            both = [name for name in every if any(name in table for table in of_tables)]
+            if any(len(table) > 1 for table in of_tables):
+                apart.append(tuple(both))
+            else:
+                alike |= dict.fromkeys(both[1:], both[0])
+        seen = Counter(alike.get(name, name) for table in names for name in table)
+        alone = tuple(name for name in every if seen[name] == 1) if len(names) > 1 else ()
+        return cls(alike, tuple(apart), alone)
+
+    def in_words(self, tables: Mapping[str, Iterable[str]]) -> str:
+        """A note on names that stay apart, and on those that only one table has.
+
+        Args:
+            tables: the names in each, by what the table is called.
+        """
+        notes = [
+            f"The names {' and '.join(names)} are of different points: one table has both."
+            for names in self.apart[:MOST_NOTES]
+        ]
+        for table, names in tables.items():
+            if alone := [name for name in dict.fromkeys(names) if name in self.alone]:
+                more = f" and {len(alone) - SHOWN_NAMES} more" * (len(alone) > SHOWN_NAMES)
+                notes.append(
+                    f"Only {table} has the {'name' if len(alone) == 1 else 'names'} "
+                    f"{', '.join(alone[:SHOWN_NAMES])}{more}."
+                )
+        return " ".join(notes)
 
 
 def check_path(path: str, source: str) -> str:

@@ -42,6 +42,8 @@ class Column:
     """An empty cell is read as NaN, without an error."""
     is_whole: bool = False
     is_positive: bool = False
+    is_pixel: bool = False
+    """A coordinate in an image."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +96,10 @@ def read_rows(
     if not len(raw) and not too_long:
         raise StereocalError(f"{source}: the table has a header and no rows.")
     raw.columns = pd.Index(names)
-    return Rows(raw, *numbers_in(raw, columns, dialect.decimal_comma, empty), too_long)
+    pixels = [column.name for column in columns if column.is_pixel and column.name in names]
+    values, reasons = numbers_in(raw, columns, dialect.decimal_comma, empty)
+    refuse_thousands(raw, pixels, [values[name] for name in pixels], pixels, source)
+    return Rows(raw, values, reasons, too_long)
 
 
 def names_of(text: str, source: str) -> tuple[list[str], Dialect]:
@@ -183,6 +188,38 @@ def rows_below(
         for last in np.flatnonzero(longer[row])[-1:]
     ]
     return raw[~blank.to_numpy() & ~longer.any(axis=1)].iloc[:, :width], problems
+
+
+def refuse_thousands(
+    raw: pd.DataFrame,
+    columns: Sequence[Any],
+    values: Sequence[npt.NDArray[np.float64]],
+    titles: Sequence[str],
+    source: str,
+) -> None:
+    """Refuse pixels that are whole numbers up to 999 beside numbers below 100 with exactly three
+    decimals: 1.385 beside 812 is 1385 with a sign between thousands. Of sub-pixel data some have
+    100 px and decimals, or another number of them.
+
+    Args:
+        columns: of pixels, in `raw`; their numbers, and their names for the message.
+    """
+    pixels = np.abs(np.array(values)[np.isfinite(values)])
+    is_whole = pixels == np.round(pixels)
+    parted, whole = pixels[~is_whole], pixels[is_whole].max(initial=0.0)
+    if not len(parted) or not 1 <= parted.min() <= parted.max() < 100 or not 100 <= whole <= 999:
+        return
+    cells = pd.concat([_texts(raw[name]).str.strip() for name in columns], keys=titles)
+    cells = cells[np.concatenate([np.isfinite(numbers) for numbers in values])]
+    signed = cells[cells.str.contains("[.,]", regex=True)]
+    if cells.str.fullmatch(r"[-+]?(\d{1,3}|[1-9]\d?[.,]\d{3})").all():
+        cell, (title, line) = signed.iloc[0], signed.index[0]
+        raise StereocalError(
+            f'{source}: line {line}: {title} is "{cell}", and others are whole numbers up to '
+            f"{whole:.0f}. If it is {re.sub('[.,]', '', cell)} with a sign between thousands, "
+            f"write all numbers without that sign; if it is {cell.replace(',', '.')} px, write all "
+            "with the same number of decimals."
+        )
 
 
 def chunks_of_file(

@@ -22,7 +22,7 @@ from stereocal.formats.exchange.options import Contents, ExchangeOptions
 from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab
 from stereocal.formats.point_answers import layout_by_hand, what_is_missing
-from stereocal.formats.point_files import PointLayout, read_bars, time_step
+from stereocal.formats.point_files import PointLayout, read_bars, time_step, with_joined_names
 from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.point_text import point_text
 from stereocal.formats.recognition import recognise
@@ -283,16 +283,17 @@ def layout_of_bars(
             f"the points {', '.join(layout.points)[:60]}.",
             source,
         )
-    outer = [point for point in layout.points if point.lower() not in MIDDLES]
+    layout, alone, remarks = with_joined_names(content, layout, source)
+    no_ends = {point for point in layout.points if point.lower() in MIDDLES}.union(alone)
+    outer = [point for point in layout.points if point not in no_ends]
     first, second, *_ = outer if len(outer) > 1 else layout.points
     ends = options.ends or (first, second)
     if ends[0] == ends[1]:
         raise StereocalError(
             f"the ends A and B are the same point ({ends[0]}): choose two.", source
         )
-    remarks: tuple[str, ...] = ()
     if len(layout.points) > 2 and options.ends is None:
-        remarks = (
+        remarks += (
             f"There are {len(layout.points)} points; {ends[0]} and {ends[1]} were taken as the "
             "ends A and B of the bar.",
         )
