@@ -27,6 +27,7 @@ from stereocal.formats import point_answers
 from stereocal.formats.column_roles import ROLES_HELP, UNUSED, Kind, Role, column_titles, roles_text
 from stereocal.formats.exchange.chosen_cameras import camera_indices
 from stereocal.formats.exchange.options import ORIGIN, QUESTIONS
+from stereocal.formats.other_files import is_workbook
 from stereocal.formats.point_answers import what_is_missing
 from stereocal.formats.point_files import PointLayout, read_points
 from stereocal.formats.point_layouts import LAYOUTS, OURS, first_rows, layout_name, propose_layout
@@ -139,9 +140,11 @@ def _ours(path: Path) -> PointTable:
     except StereocalError as error:
         if not path.is_file() or is_parquet(path):
             raise
-        content = point_text(path.read_bytes(), str(path))
+        given = path.read_bytes()
+        content = point_text(given, str(path))
         name = layout_name(content, str(path))
-        if name is None or propose_layout(content, str(path)).program == OURS:
+        is_own = propose_layout(content, str(path)).program == OURS if name else False
+        if name is None or (is_own and not is_workbook(given)):
             raise
         hint = f"{path}: looks like the layout {name}: give --layout {name}."
         raise StereocalError(hint) from error

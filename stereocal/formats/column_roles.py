@@ -42,6 +42,8 @@ _WORDS: dict[Kind, tuple[str, ...]] = {
     "y": _listed("y v row zeile cy"),
 }
 """Words of headers, the likeliest first."""
+_STAMPS = _listed("timestamp stamp ts zeitstempel")
+"""Words of headers that are the frame in tables with a row for each point, which need one."""
 _FILL = _listed("px pixel pixels pix coord coordinate pos position centroid of the in bar raw")
 _SIDES = _listed(
     "left right primary secondary top bottom front side upper lower links rechts gauche droite "
@@ -146,6 +148,9 @@ def propose_roles(rows: Sequence[Sequence[str]]) -> Roles:
             roles[column] = Role(kind)
             free.remove(column)
     named = {role.kind for role in roles}
+    stamps = [k for k in free if {*names[k][1].lower().split()} & {*_STAMPS} and not names[k][0]]
+    if "camera" in named and "frame" not in named and len(stamps) == 1:
+        roles[stamps[0]] = Role("frame")
     stems = [names[x][1] for x, _ in pairs]
     for (x, y), (camera, target) in zip(pairs, _named(stems, named), strict=True):
         roles[x], roles[y] = Role("x", camera, target), Role("y", camera, target)
@@ -168,6 +173,8 @@ def problem_of(roles: Sequence[Role], for_bars: bool) -> str:
     if places[0] != places[1] or len(set(places[0])) < len(places[0]):
         return "Each point needs one column with its x and one with its y in a camera."
     kinds = {role.kind for role in roles}
+    if for_bars and "camera" in kinds and "frame" not in kinds:
+        return "Which column has the frame?"
     if for_bars and "camera" not in kinds and len({role.camera for role in xs}) < 2:
         return "Which columns are of the other camera, or which column names the camera?"
     if for_bars and "target" not in kinds and len({role.target for role in xs}) < 2:

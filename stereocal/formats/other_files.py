@@ -1,13 +1,18 @@
 """Recognise unsupported files by their content, for helpful error messages."""
 
 import re
+from contextlib import suppress
 
 from stereocal.errors import StereocalError
+from stereocal.system.zip_files import is_zip, open_zip
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 DEEPLABCUT = b"df_with_missing"
 """Name of the table in DeepLabCut's HDF5 files."""
 MATLAB = b"MATLAB "
+WORKBOOK = b"xl/workbook.xml"
+LISTED_AT_END = 1_000_000
+"""Bytes at the end of a workbook that list its files."""
 SECTION = re.compile(r"\[\s*([A-Za-z][^\[\]{}\"',]*)\]")
 CAMERA_LISTS = {
     "COLMAP": re.compile(r"(?m)^\s*\d+ [A-Z_]{6,} \d+ \d+ [\d.]"),
@@ -26,6 +31,15 @@ MATLAB_CAMERA = (
 
 def is_hdf5(content: bytes) -> bool:
     return content.startswith(HDF5)
+
+
+def is_workbook(content: bytes) -> bool:
+    """Whether it is an Excel workbook, .xlsx: a zip with a file of that name, and no zip of one."""
+    if not is_zip(content) or WORKBOOK not in content[-LISTED_AT_END:]:
+        return False
+    with suppress(StereocalError), open_zip(content, "") as opened:
+        return WORKBOOK.decode() in opened.names
+    return False
 
 
 def is_matlab(content: bytes) -> bool:

@@ -35,7 +35,9 @@ from stereocal.system.tables import (
 )
 
 _TIME = re.compile(
-    r"(?<![^\W_])(t|times?|zeit|temps|tiempo|tempo|s|sec|seconds?|ms)(?![^\W_])", re.IGNORECASE
+    r"(?<![^\W_])(t|times?|(time[ _]?)?stamps?|zeit|temps|tiempo|tempo|s|sec|seconds?|ms)"
+    r"(?![^\W_])",
+    re.IGNORECASE,
 )
 SAME_STEP = 0.25
 """Part of a frame by which a time may be off that of the frame."""
@@ -87,8 +89,8 @@ class PointLayout:
     """Its columns, if more are empty; None: all."""
     only: tuple[int, str] | None = None
     """A column, and how its cells begin, in lower case, in rows that count, if there are such."""
-    time_step: float | None = None
-    """Between frames, where the frame column has times; None: it has frames."""
+    times: tuple[float, float] | None = None
+    """Of frame 0 and between frames, where the frame column has times; None: it has frames."""
     alike: Mapping[str, str] = field(default_factory=dict)
     """Other spellings of names in the column of points."""
 
@@ -160,17 +162,17 @@ def words_in(
     return tuple(cameras), tuple(sorted(names[1], key=lambda name: (len(name), name)))
 
 
-def time_step(content: bytes, layout: PointLayout, source: str) -> float:
-    """The time between frames where the frame column has times with decimals; NaN: it has none."""
+def times_in(content: bytes, layout: PointLayout, source: str) -> tuple[float, float] | None:
+    """The first time and that between frames where the frame column has times with decimals."""
     column = layout.frame
     if column is None or _TIME.search("".join(layout.titles[column : column + 1])) is None:
-        return np.nan
+        return None
     cells = _table(content, layout, source, None)[column]
     times = np.unique(numbers_of(cells, layout.dialect.decimal_comma))
     if len(times) < 2 or not np.isfinite(times).all() or (times == np.round(times)).all():
-        return np.nan
+        return None
     steps = np.diff(times)
-    return float(steps.sum() / np.round(steps / steps.min()).sum())
+    return float(times[0]), float(steps.sum() / np.round(steps / steps.min()).sum())
 
 
 def with_joined_names(
@@ -342,8 +344,9 @@ class _Rows:
         """
         if self.layout.frame is None:
             return np.arange(1, len(self.raw) + 1)
-        if self.layout.time_step is not None:
-            return self._frames_at(self._numbers(self.layout.frame) / self.layout.time_step)
+        if self.layout.times is not None:
+            first, step = self.layout.times
+            return self._frames_at((self._numbers(self.layout.frame) - first) / step)
         texts = self.raw[self.layout.frame].str.strip()
         is_word = pd.to_numeric(texts, errors="coerce").isna()
         has_letters = texts[is_word].str.contains(r"[^\W\d_]", regex=True).any()
@@ -376,7 +379,8 @@ class _Rows:
         off = np.flatnonzero(~(np.abs(times - frames) <= SAME_STEP))
         if len(off):
             cells = self.raw[self.layout.frame]
-            step = f"frames {self.layout.time_step:.6g} apart: write the numbers of the frames"
+            assert self.layout.times is not None
+            step = f"frames {self.layout.times[1]:.6g} apart: write the numbers of the frames"
             reasons = (f'the time "{cells.iloc[row].strip()[:40]}" is not of {step}' for row in off)
             lines = self.raw.index[off]
             problems = [RowProblem(*pair) for pair in zip(map(int, lines), reasons, strict=True)]

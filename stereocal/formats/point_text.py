@@ -1,22 +1,25 @@
-"""Points of SLEAP and DLTdv8: files that are no table as one, and tables of clicks.
+"""Files that are no table of text as one, of Excel, SLEAP and DLTdv8; and tables of clicks.
 
-SLEAP's analysis HDF5 (`tracks`, `node_names`) becomes its CSV table. DLTdv8's sparse table
-(`xypts.tsv`) has a row for each coordinate, as row, column and value: rows are frames, columns are
-x and y of each camera of the first point, then of the second. How many cameras there are is not in
-the file: two, unless the columns only fit three. A first row with the size of the table may have
-the value 0.
+Of an Excel workbook it is the first sheet whose columns are those of points. SLEAP's analysis HDF5
+(`tracks`, `node_names`) becomes its CSV table. DLTdv8's sparse table (`xypts.tsv`) has a row for
+each coordinate, as row, column and value: rows are frames, columns are x and y of each camera of
+the first point, then of the second. How many cameras there are is not in the file: two, unless the
+columns only fit three. A first row with the size of the table may have the value 0.
 """
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
-from stereocal.formats.other_files import is_hdf5, refuse_other_points
+from stereocal.formats.other_files import is_hdf5, is_workbook, refuse_other_points
 from stereocal.formats.point_files import is_number_or_empty
+from stereocal.formats.point_layouts import first_rows, layout_name
 from stereocal.formats.sleap_analysis import analysis_table
+from stereocal.formats.workbook_sheets import Sheet, sheets_in
 from stereocal.matching.clicks import Clicks
 from stereocal.system.csv_text import csv_text
 from stereocal.system.dialect import dialect_of, encoding_of, head_of, one_line_end
@@ -30,12 +33,15 @@ from stereocal.system.tables import (
     rows_below,
     text_of,
 )
+from stereocal.system.zip_files import open_zip
 
 
 def point_text(content: bytes, source: str) -> bytes:
-    """A point file as text: HDF5 converted to CSV in a child process, a sparse table spread out,
-    other files unchanged.
+    """A point file as text: Excel and HDF5 converted to CSV in a child process, a sparse table
+    spread out, other files unchanged.
     """
+    if is_workbook(content):
+        return _of_workbook(content, source)
     if not is_hdf5(content):
         return dense_text(content, source)
     refuse_other_points(content, source)
@@ -49,6 +55,35 @@ def point_text(content: bytes, source: str) -> bytes:
         ) from error
     text: bytes = read_apart(analysis_table, content, source, source)
     return text
+
+
+def _of_workbook(content: bytes, source: str) -> bytes:
+    """The first sheet with columns of points, or else the first that is a table."""
+    try:
+        import openpyxl  # noqa: F401
+    except ImportError as error:
+        raise StereocalError(
+            f"{source}: this is an Excel file. To read it, the package openpyxl is needed, which "
+            'is not installed: pip install "stereocal[excel]", or save the table as CSV.'
+        ) from error
+    limits = Limits.from_environment()
+    limits.check_size(len(content), source)
+    with open_zip(content, source) as opened:
+        limits.check_expansion(len(content), sum(map(opened.size, opened.names)), source)
+    sheets: list[Sheet] = read_apart(sheets_in, content, source, source)
+    known = (sheet for sheet in sheets if layout_name(sheet.text, source) is not None)
+    tables = (sheet for sheet in sheets if _is_table(sheet.text, source))
+    if (sheet := next(known, None) or next(tables, None)) is None:
+        raise StereocalError(f"{source}: no sheet of this Excel file is a table.")
+    if sheet.problem:
+        raise StereocalError(f"{source}: sheet {sheet.title}, cell {sheet.problem}.")
+    return dense_text(sheet.text, source)
+
+
+def _is_table(text: bytes, source: str) -> bool:
+    with suppress(StereocalError):
+        return min(map(len, first_rows(text, source)[0])) > 1
+    return False
 
 
 CELLS = ("row", "column", "value")

@@ -9,17 +9,17 @@ from stereocal.errors import StereocalError
 from stereocal.formats.dataset_description import DESCRIPTION
 from stereocal.formats.exchange.exchange import READ, format_of, our_word
 from stereocal.formats.file_storage import LARGEST_BYTES
-from stereocal.formats.other_files import is_hdf5, is_matlab, no_table
+from stereocal.formats.other_files import is_hdf5, is_matlab, is_workbook, no_table
 from stereocal.formats.point_layouts import first_rows
 from stereocal.frames.video.decoding import SUFFIXES as VIDEO_SUFFIXES
 from stereocal.system.photograph import SUFFIXES as PHOTOGRAPH_SUFFIXES
 
 Kind = Literal["photograph", "video", "zip", "table", "camera", "cameras", "rig", "data set"]
-TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".h5", ".hdf5")
+TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".h5", ".hdf5", ".xlsx")
 CAMERA_SUFFIXES = (".json", ".yaml", ".yml", ".xml", ".toml", ".m", ".mat", ".ini", ".conf")
 ACCEPTED = (
     "expected are photographs (PNG, JPEG, TIFF, BMP, PGM), videos (MP4, MOV, AVI, MKV), camera "
-    "files, a table of points (CSV), or a zip of them"
+    "files, a table of points (CSV, XLSX), or a zip of them"
 )
 _AS_JPEG = "save it as JPEG or PNG in its full size"
 _UNPACK = "unpack it, and give its files or a zip of them"
@@ -44,7 +44,7 @@ UNUSABLE_BEGINNINGS: Mapping[bytes, str] = {
     b"0&\xb2u\x8ef\xcf\x11": "this is a WMV video: convert it to MP4",
     b"FLV\x01": "this is an FLV video: convert it to MP4",
     b"\0\0\x01\xba": "this is an MPEG video: convert it to MP4",
-    b"\xd0\xcf\x11\xe0": "this is an old Office document: save a table as CSV",
+    b"\xd0\xcf\x11\xe0": "this is an old Office document: save a table as CSV or XLSX",
 }
 RAW_SUFFIXES = (
     *(".arw", ".cr2", ".cr3", ".crw", ".dng", ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2"),
@@ -81,6 +81,8 @@ def recognise(name: str, content: bytes) -> Recognised:
         return Recognised(
             None, "this is a raw photograph: export it as TIFF or JPEG, without lens correction."
         )
+    if is_workbook(content):
+        return Recognised("table")
     if (problem := _unusable(content)) is not None:
         return Recognised(None, f"{problem}.")
     if (ours := our_word(content)) in OTHERS_OF_OURS:

@@ -239,7 +239,7 @@ class Recording(TableAnswer):
         """
         rigid_object = RigidObject.of(held)
         cameras = {str(called): lens for called, lens in cameras.items()}
-        pixels, frames = _numbers("image point", points), _numbers("frame", frame)
+        pixels, frames = _numbers("image point", points), _whole(frame)
         camera, target = [*camera], [*target]
         _refuse_unusable(frames, len(camera), len(target), pixels, len(cameras))
         pixels = pixels.reshape(-1, 2)
@@ -650,7 +650,7 @@ def _of_two(rows: Correspondences) -> dict[str, Any]:
 
 
 def _refuse_unusable(
-    frames: FloatArray, cameras: int, targets: int, pixels: FloatArray, of_cameras: int
+    frames: FloatArray | IntArray, cameras: int, targets: int, pixels: FloatArray, of_cameras: int
 ) -> None:
     """Raise an error if columns of `from_arrays` have other shapes than (n,) and (n, 2), or values
     that are none of a recording.
@@ -669,10 +669,16 @@ def _refuse_unusable(
         (not np.isfinite(pixels).all(), "An image point is not a finite number."),
         (not (frames == np.round(frames)).all(), "A frame is not a whole number."),
         (
-            np.abs(frames).max(initial=0) > LARGEST_WHOLE,
+            frames.dtype.kind == "f" and np.abs(frames).max(initial=0) > LARGEST_WHOLE,
             "A frame is above 2^53 - 1, up to which numbers are told apart.",
         ),
     )
+
+
+def _whole(frames: npt.ArrayLike) -> FloatArray | IntArray:
+    """The frames as numbers, exactly if they are integers."""
+    given = np.asarray(frames)
+    return given.astype(np.int64) if given.dtype.kind == "i" else _numbers("frame", frames)
 
 
 def _numbers(what: str, values: npt.ArrayLike) -> FloatArray:

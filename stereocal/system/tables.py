@@ -24,11 +24,14 @@ MAXIMUM_COLUMNS = 2_000
 MAXIMUM_CELLS = 100_000_000
 """In a table that is read into memory as a whole."""
 LARGEST_WHOLE = 2**53 - 1
-"""Above it, 64-bit floats are not all of the whole numbers: 2^53 + 1 would be read as 2^53."""
+"""Above it, 64-bit floats are not all of the whole numbers: 2^53 + 1 would be read as 2^53. Such
+whole numbers in tables, as times in nanoseconds, are read as integers of 64 bits."""
+LARGEST_INTEGER = 2**63 - 1
 EMPTY = frozenset(("",))
 MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "none", "null"))
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}([.,' ]\d{3})+([.,]\d*)?")
-Values = dict[str, npt.NDArray[np.float64]]
+Values = dict[str, npt.NDArray[Any]]
+"""Columns as floats; whole numbers beyond `LARGEST_WHOLE` as integers."""
 Reasons = dict[int, str]
 """Why rows are invalid, by row index from 0."""
 
@@ -258,7 +261,11 @@ def numbers_in(
         bad = ~np.isfinite(numbers)
         if column.is_whole:
             with np.errstate(invalid="ignore"):
-                bad |= (numbers != np.round(numbers)) | (np.abs(numbers) > LARGEST_WHOLE)
+                bad |= numbers != np.round(numbers)
+                large = np.abs(numbers) > LARGEST_WHOLE
+            if large.any():
+                values[column.name], beyond = _integers(raw[column.name], numbers, large)
+                bad |= beyond
         if column.is_positive:
             bad |= numbers <= 0
         if column.may_be_empty and bad.any():
@@ -267,6 +274,21 @@ def numbers_in(
         for row, cell in zip(rows, raw[column.name].iloc[rows].tolist(), strict=True):
             reasons[row] = _reason(column, str(cell).strip(), float(numbers[row]), empty)
     return values, reasons
+
+
+def _integers(
+    cells: "pd.Series[Any]", numbers: npt.NDArray[np.float64], large: npt.NDArray[np.bool_]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """The whole numbers of a column, and which of the large ones are no integers of 64 bits."""
+    values, beyond = (
+        np.where(np.isfinite(numbers) & ~large, numbers, 0).astype(np.int64),
+        large.copy(),
+    )
+    for row in np.flatnonzero(large).tolist():
+        text = str(cells.iloc[row]).strip()
+        if re.fullmatch(r"[-+]?[0-9]{1,19}", text) and abs(int(text)) <= LARGEST_INTEGER:
+            values[row], beyond[row] = int(text), False
+    return values, beyond
 
 
 def numbers_of(column: "pd.Series[Any]", decimal_comma: bool) -> npt.NDArray[np.float64]:
@@ -328,7 +350,7 @@ def _reason(column: Column, cell: str, value: float, empty: frozenset[str]) -> s
         how = ": write it without a sign between thousands" if _THOUSANDS.fullmatch(cell) else ""
         return f'{column.name} is "{text}", which is not a number{how}'
     if column.is_whole and abs(value) > LARGEST_WHOLE:
-        return f"{column.name} is {text}; whole numbers are read up to 2^53 - 1"
+        return f"{column.name} is {text}; whole numbers are read up to 2^63 - 1"
     if column.is_whole:
         return f"{column.name} is {text}, which is not a whole number"
     return f"{column.name} is {value:g}; it must be above 0"

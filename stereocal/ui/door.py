@@ -17,6 +17,7 @@ from stereocal.formats.dropped import Dropped
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.point_answers import layout_of
 from stereocal.frames.several_cameras import chapters_in_words
+from stereocal.formats.point_text import point_text
 from stereocal.frames.which_camera import Series, which_camera, which_of
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile
@@ -187,8 +188,8 @@ def _take_tables(project_files: ProjectGiven, tables: Mapping[str, bytes]) -> No
 def _cameras_of(name: str, content: bytes) -> int:
     """How many cameras a table of another program or a person has; 0 if it is none."""
     with suppress(StereocalError):
-        if not is_correspondences(content, name):
-            return len(layout_of(content, name).cameras)
+        if not is_correspondences(text := point_text(content, name), name):
+            return len(layout_of(text, name).cameras)
     return 0
 
 

@@ -9,8 +9,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
-import numpy as np
-
 from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Archive, baseline_taken, lens_taken, points_taken
 from stereocal.formats.archives.easywand import EasyWandFile, open_easywand, read_easywand
@@ -22,7 +20,7 @@ from stereocal.formats.exchange.options import Contents, ExchangeOptions
 from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab
 from stereocal.formats.point_answers import layout_by_hand, what_is_missing
-from stereocal.formats.point_files import PointLayout, read_bars, time_step, with_joined_names
+from stereocal.formats.point_files import PointLayout, read_bars, times_in, with_joined_names
 from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.point_text import point_text
 from stereocal.formats.recognition import recognise
@@ -271,8 +269,7 @@ def layout_of_bars(
         StereocalError: it has not both ends.
     """
     layout = layout_of_table(content, source, options)
-    step = time_step(content, layout, source)
-    layout = replace(layout, time_step=None if np.isnan(step) else step)
+    layout = replace(layout, times=times_in(content, layout, source))
     # By the roles of its columns: what the columns lack can be said.
     if layout.roles is not None and min(len(layout.cameras), len(layout.points)) < 2:
         by_hand = layout_by_hand(content, source)
@@ -292,6 +289,9 @@ def layout_of_bars(
         raise StereocalError(
             f"the ends A and B are the same point ({ends[0]}): choose two.", source
         )
+    if layout.times is not None:
+        step = f"{layout.times[1]:.6g}"
+        remarks += (f"The frames are counted by their times, {step} apart.",)
     if len(layout.points) > 2 and options.ends is None:
         remarks += (
             f"There are {len(layout.points)} points; {ends[0]} and {ends[1]} were taken as the "

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import PurePath
 
-import numpy as np
 import pandas as pd
 
 from stereocal.errors import StereocalError
@@ -26,7 +25,7 @@ from stereocal.formats.point_answers import (
     layout_of,
     what_is_missing,
 )
-from stereocal.formats.point_files import PointLayout, read_points, time_step, words_in
+from stereocal.formats.point_files import PointLayout, read_points, times_in, words_in
 from stereocal.formats.point_layouts import propose_layout
 from stereocal.matching.names import TRACKS
 from stereocal.system.csv_text import csv_text
@@ -126,8 +125,10 @@ def _at_frames(
     layouts: Mapping[str, PointLayout], tables: Mapping[str, bytes]
 ) -> Mapping[str, PointLayout]:
     """The layouts, which count the frames of all tables alike if one has times in their place."""
-    steps = [time_step(tables[name], layout, name) for name, layout in layouts.items()]
-    if not np.isfinite(steps).any():
+    every = [times_in(tables[name], layout, name) for name, layout in layouts.items()]
+    if not (firsts_and_steps := [times for times in every if times is not None]):
         return layouts
-    step = float(np.nanmin(steps))
-    return {name: replace(layout, time_step=step) for name, layout in layouts.items()}
+    firsts, steps = zip(*firsts_and_steps, strict=True)
+    return {
+        name: replace(layout, times=(min(firsts), min(steps))) for name, layout in layouts.items()
+    }
