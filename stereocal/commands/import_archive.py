@@ -24,8 +24,8 @@ from stereocal.formats.column_roles import ROLES_HELP
 from stereocal.formats.dataset_description import FREE
 from stereocal.formats.dataset_files import pack_dataset, pack_recording
 from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
-from stereocal.formats.other_files import is_workbook
 from stereocal.formats.point_layouts import LAYOUTS
+from stereocal.formats.recognition import recognise
 from stereocal.rig.pair import Pair
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import POSSIBLE_M, rounded
@@ -63,7 +63,7 @@ def run(parsed: argparse.Namespace) -> None:
     size, name, distance = image_size(parsed.image_size), parsed.out.name, parsed.distance
     files_given: dict[str, bytes] = {}
     for file, content in contents(parsed.files).items():
-        is_packed = is_zip(content) and not is_workbook(content)
+        is_packed = is_zip(content) and recognise(file, content).kind == "zip"
         files_given |= unzip(content, file) if is_packed else {file: content}
     options = ExchangeOptions(
         (size, size), layout=parsed.layout, roles=parsed.roles, **answers(parsed)

@@ -74,9 +74,8 @@ class ProgramColumns:
     needed: str
     """A column that tells the table from others."""
     only: tuple[str, str] | None = None
-    """A column, and how its cells begin in the rows that count, if there are such."""
-    ends: tuple[str, ...] = ()
-    """Words in the column of `only` by which it names the targets."""
+    """A column, and how its cells begin in the rows that count, if there are such. It names the
+    targets if their column has one name."""
 
 
 CALISCOPE = ProgramColumns(
@@ -97,7 +96,6 @@ OPENLPT = ProgramColumns(
     {"frame": ("frame",), "camera": ("camera",), "target": ("pointidx",), "x": ("x",), "y": ("y",)},
     "pointidx",
     ("status", "filtered"),
-    ("filtered_small", "filtered_large"),
 )
 """`Frame,Camera,Status,PointIdx,X,Y,Radius,Metric`: raw detections too, which do not count;
 `Filtered_Small` and `Filtered_Large` are the wand's ends. OpenLPT_GUI, `load_observations_csv`."""
@@ -206,8 +204,6 @@ def guess_by_program(columns: ProgramColumns, rows: list[list[str]]) -> PointLay
     only = None
     if columns.only is not None and columns.only[0] in titles:
         only = (titles.index(columns.only[0]), columns.only[1])
-        if any("".join(row[only[0] : only[0] + 1]).strip().lower() in columns.ends for row in rows):
-            by_name["target"] = columns.only[0]
     roles = [UNUSED] * len(titles)
     for kind, name in by_name.items():
         roles[titles.index(name)] = Role(kind)
@@ -274,7 +270,11 @@ def with_names(layout: PointLayout, content: bytes, source: str) -> PointLayout:
     """The layout with the names in its columns of the camera and the target."""
     if layout.camera_column is None and layout.point_column is None:
         return layout
-    return replace(layout, names=words_in(content, layout, source))
+    layout = replace(layout, names=words_in(content, layout, source))
+    if layout.only is None or len(layout.points) > 1:
+        return layout
+    by_only = replace(layout, point_column=layout.only[0], only=layout.only)
+    return replace(by_only, names=words_in(content, by_only, source))
 
 
 def ends_and_cameras(stems: Mapping[str, str]) -> dict[str, tuple[str, str]]:

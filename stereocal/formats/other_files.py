@@ -1,7 +1,6 @@
 """Recognise unsupported files by their content, for helpful error messages."""
 
 import re
-from contextlib import suppress
 
 from stereocal.errors import StereocalError
 from stereocal.system.zip_files import is_zip, open_zip
@@ -34,12 +33,15 @@ def is_hdf5(content: bytes) -> bool:
 
 
 def is_workbook(content: bytes) -> bool:
-    """Whether it is an Excel workbook, .xlsx: a zip with a file of that name, and no zip of one."""
+    """Whether it is an Excel workbook, .xlsx: a zip with a file of that name, and no zip of one;
+    also of a damaged one, whose reader says what is wrong."""
     if not is_zip(content) or WORKBOOK not in content[-LISTED_AT_END:]:
         return False
-    with suppress(StereocalError), open_zip(content, "") as opened:
-        return WORKBOOK.decode() in opened.names
-    return False
+    try:
+        with open_zip(content, "") as opened:
+            return WORKBOOK.decode() in opened.names
+    except StereocalError:
+        return True
 
 
 def is_matlab(content: bytes) -> bool:

@@ -172,7 +172,13 @@ def times_in(content: bytes, layout: PointLayout, source: str) -> tuple[float, f
     if len(times) < 2 or not np.isfinite(times).all() or (times == np.round(times)).all():
         return None
     steps = np.diff(times)
-    return float(times[0]), float(steps.sum() / np.round(steps / steps.min()).sum())
+    usual, least = (
+        float(steps.sum() / max(np.round(steps / step).sum(), 1.0))
+        for step in (np.median(steps), steps.min())
+    )
+    frames = (times - times[0]) / least
+    is_raster = bool((np.abs(frames - np.round(frames)) <= SAME_STEP).all())
+    return float(times[0]), least if is_raster else usual
 
 
 def with_joined_names(

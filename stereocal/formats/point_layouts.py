@@ -86,10 +86,12 @@ def _shapes(rows: list[list[str]]) -> Iterator[tuple[int, int | None, list[list[
     while (
         titles < min(MOST_TITLES, len(rows) - 2)
         and 2 * filled[titles] < max(filled)
-        and (not filled[titles] or not all(map(is_number_or_empty, rows[titles])))
         and not any("\n" in cell for cell in rows[titles])
     ):
         titles += 1
+    # Rows of numbers may be titles above a header only: else they are points.
+    while titles and any(map(_is_number, rows[titles])) and not _has_words(rows[titles - 1]):
+        titles -= 1
     for above in range(titles + 1):
         shape = rows[above:]
         if above and filled[above - 1] > 1 and _has_duplicates([*map(str.strip, shape[0])]):
@@ -98,6 +100,14 @@ def _shapes(rows: list[list[str]]) -> Iterator[tuple[int, int | None, list[list[
         last = max((k for row in shape for k, cell in enumerate(row) if cell.strip()), default=0)
         for width in range(widest, max(last, widest - MOST_EMPTY - 1), -1):
             yield above, width if width < widest else None, [row[:width] for row in shape]
+
+
+def _is_number(cell: str) -> bool:
+    return bool(cell.strip()) and is_number_or_empty(cell)
+
+
+def _has_words(row: list[str]) -> bool:
+    return not row or not all(map(is_number_or_empty, row))
 
 
 def _named_above(names: list[str], header: list[str]) -> list[str]:

@@ -104,7 +104,7 @@ def _unusable(content: bytes) -> str | None:
     if content[:4] == b"RIFF" and content[8:12] == b"WEBP":
         return f"this is a WebP photograph: {_AS_JPEG}"
     if content.startswith(b"PK") and b"[Content_Types].xml" in content[:2000]:
-        return "this is an Office document: save a table as CSV"
+        return "this is an Office document: save a table as CSV or XLSX"
     return None
 
 

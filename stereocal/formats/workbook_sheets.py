@@ -51,8 +51,7 @@ def _sheet(values: Any, cells: Any, source: str) -> Sheet:
     """A sheet, of the workbook with the stored values and of that with the formulas."""
     for sheet in (values, cells):
         sheet.reset_dimensions()
-    text, count, formulas = io.StringIO(), 0, ""
-    writer = csv.writer(text, lineterminator="\n")
+    lines, count, formulas = list[list[str]](), 0, ""
     has_numbers, dates, is_below = set[int](), dict[int, str](), False
     rows = zip_longest(values.iter_rows(), cells.iter_rows(), fillvalue=())
     for row, of_formulas in rows:
@@ -68,8 +67,12 @@ def _sheet(values: Any, cells: Any, source: str) -> Sheet:
                 dates.setdefault(k, f"{row[k].coordinate} is the date {value}")
             elif value is None and k < len(of_formulas) and of_formulas[k].data_type == FORMULA:
                 formulas = formulas or of_formulas[k].coordinate
-        written = [_text(value) for value in found]
-        writer.writerow(written if any(written) else [])
+        lines.append([_text(value) for value in found])
+    width = max(map(len, lines), default=0)
+    text = io.StringIO()
+    for line in lines:
+        padded = [*line, *(width - len(line)) * [""]] if any(line) else []
+        csv.writer(text, lineterminator="\n").writerow(padded)
     problem = next((words for k, words in dates.items() if k in has_numbers), "")
     if problem:
         problem += ": format the column as numbers, and write them again"

@@ -251,7 +251,9 @@ def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heig
     bars = read_bars(content, layout, chosen.names, ends, heights, source)
     if not len(bars.frame):
         raise StereocalError(
-            f"no end of the bar was seen by both cameras, {' and '.join(chosen.names)}.", source
+            f"no end of the bar was seen by both cameras, {' and '.join(chosen.names)}. "
+            f"{' '.join(remarks)}".strip(),
+            source,
         )
     corner = layout.origin.corner.replace("-", " ")
     words = f"{layout.program}, {chosen.words}, counted from the {corner}"
@@ -281,8 +283,8 @@ def layout_of_bars(
             source,
         )
     layout, alone, remarks = with_joined_names(content, layout, source)
-    no_ends = {point for point in layout.points if point.lower() in MIDDLES}.union(alone)
-    outer = [point for point in layout.points if point not in no_ends]
+    outer = [point for point in layout.points if point.lower() not in MIDDLES]
+    outer.sort(key=lambda point: point in alone)
     first, second, *_ = outer if len(outer) > 1 else layout.points
     ends = options.ends or (first, second)
     if ends[0] == ends[1]:

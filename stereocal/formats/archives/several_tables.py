@@ -16,6 +16,8 @@ from stereocal.formats.column_roles import (
     BY_ROLES,
     ONE_CAMERA,
     ends_and_cameras,
+    parse_roles,
+    problem_of,
     titles_name_cameras,
 )
 from stereocal.formats.exchange.options import ExchangeOptions
@@ -48,7 +50,8 @@ def layout_of_table(
         return propose_layout(content, source, options.layout)
     except StereocalError:
         layout = layout_of(content, source)
-        if layout.columns or options.layout is not None:
+        is_complete = not problem_of(parse_roles(layout.roles or "-", source), for_bars)
+        if layout.columns or options.layout is not None or is_complete:
             raise
         raise StereocalError(f"{source}: {what_is_missing(layout, content, source)}") from None
 
