@@ -23,12 +23,12 @@ from stereocal.rig.correspondences import (
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.csv_text import as_names, csv_text
-from stereocal.system.tables import EMPTY, Column, Reasons, Values, read_rows
+from stereocal.system.tables import EMPTY, LARGEST_INTEGER, Column, Reasons, Values, read_rows
 
 Texts: TypeAlias = "pd.Series[str]"
 REQUIRED = ("frame", "target", *PIXELS)
 NUMBERS = (
-    *(Column(name, is_whole=True) for name in ("frame", TIME)),
+    *(Column(name, is_whole=True, most=LARGEST_INTEGER) for name in ("frame", TIME)),
     *(Column(name, is_pixel=True) for name in PIXELS),
     *(Column(name, may_be_empty=True, is_positive=name not in KNOWN_POINT) for name in OPTIONAL),
     *(Column(name) for name in OBJECT),

@@ -25,6 +25,7 @@ from stereocal.system.limits import Limits
 from stereocal.system.names import JoinedNames
 from stereocal.system.numbers import is_number
 from stereocal.system.tables import (
+    LARGEST_INTEGER,
     MISSING,
     Column,
     numbers_in,
@@ -418,7 +419,7 @@ class _Rows:
 
     def _numbers(self, index: int, is_whole: bool = False) -> FloatArray:
         name = _named(index, self.layout)
-        column = Column(name, may_be_empty=not is_whole, is_whole=is_whole)
+        column = Column(name, may_be_empty=not is_whole, is_whole=is_whole, most=LARGEST_INTEGER)
         cells = self.raw[[index]].set_axis([name], axis=1)
         values, reasons = numbers_in(cells, [column], self.layout.dialect.decimal_comma, MISSING)
         if reasons:

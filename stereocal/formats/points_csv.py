@@ -13,13 +13,21 @@ from stereocal.rig.recording import Recording
 from stereocal.rig.rigid_object import RigidObject
 from stereocal.system.array_types import IntArray
 from stereocal.system.csv_text import as_names, csv_text
-from stereocal.system.tables import EMPTY, Column, Rows, names_of, read_rows, text_of
+from stereocal.system.tables import (
+    EMPTY,
+    LARGEST_INTEGER,
+    Column,
+    Rows,
+    names_of,
+    read_rows,
+    text_of,
+)
 
 REQUIRED = ("frame", "camera", "target", "u", "v")
 SIGMA = "sigma_px"
 NUMBERS = (
-    Column("frame", is_whole=True),
-    Column(OWN_FRAME, is_whole=True),
+    Column("frame", is_whole=True, most=LARGEST_INTEGER),
+    Column(OWN_FRAME, is_whole=True, most=LARGEST_INTEGER),
     Column("u", is_pixel=True),
     Column("v", is_pixel=True),
     Column(SIGMA, may_be_empty=True, is_positive=True),

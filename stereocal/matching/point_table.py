@@ -36,6 +36,7 @@ from stereocal.system.dialect import (
 )
 from stereocal.system.limits import Limits
 from stereocal.system.tables import (
+    LARGEST_INTEGER,
     MISSING,
     Column,
     check_names,
@@ -260,7 +261,7 @@ class PointTable:
             RefusedRowsError: invalid rows, named by their lines.
         """
         raw.columns = pd.Index(self.names)
-        columns = [Column("frame", is_whole=True)]
+        columns = [Column("frame", is_whole=True, most=LARGEST_INTEGER)]
         columns += [Column(name, may_be_empty=self.may_lack) for name in self.numbers]
         columns += [Column(name, may_be_empty=True, is_positive=True) for name in self.sigmas]
         unseen = np.logical_and.reduce([is_missing(raw[name]) for name in self.numbers])

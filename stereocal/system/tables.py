@@ -24,9 +24,9 @@ MAXIMUM_COLUMNS = 2_000
 MAXIMUM_CELLS = 100_000_000
 """In a table that is read into memory as a whole."""
 LARGEST_WHOLE = 2**53 - 1
-"""Above it, 64-bit floats are not all of the whole numbers: 2^53 + 1 would be read as 2^53. Such
-whole numbers in tables, as times in nanoseconds, are read as integers of 64 bits."""
+"""Above it, 64-bit floats are not all of the whole numbers: 2^53 + 1 would be read as 2^53."""
 LARGEST_INTEGER = 2**63 - 1
+"""Of frames that are times in nanoseconds."""
 EMPTY = frozenset(("",))
 MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "none", "null"))
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}([.,' ]\d{3})+([.,]\d*)?")
@@ -44,6 +44,8 @@ class Column:
     may_be_empty: bool = False
     """An empty cell is read as NaN, without an error."""
     is_whole: bool = False
+    most: int = LARGEST_WHOLE
+    """Of a whole number; up to `LARGEST_INTEGER` the column is one of integers if it needs to be."""
     is_positive: bool = False
     is_pixel: bool = False
     """A coordinate in an image."""
@@ -263,7 +265,9 @@ def numbers_in(
             with np.errstate(invalid="ignore"):
                 bad |= numbers != np.round(numbers)
                 large = np.abs(numbers) > LARGEST_WHOLE
-            if large.any():
+            if large.any() and column.most == LARGEST_WHOLE:
+                bad |= large
+            elif large.any():
                 values[column.name], beyond = _integers(raw[column.name], numbers, large)
                 bad |= beyond
         if column.is_positive:
@@ -350,7 +354,7 @@ def _reason(column: Column, cell: str, value: float, empty: frozenset[str]) -> s
         how = ": write it without a sign between thousands" if _THOUSANDS.fullmatch(cell) else ""
         return f'{column.name} is "{text}", which is not a number{how}'
     if column.is_whole and abs(value) > LARGEST_WHOLE:
-        return f"{column.name} is {text}; whole numbers are read up to 2^63 - 1"
+        return f"{column.name} is {text}; whole numbers are read up to 2^{column.most.bit_length()} - 1"
     if column.is_whole:
         return f"{column.name} is {text}, which is not a whole number"
     return f"{column.name} is {value:g}; it must be above 0"

@@ -1,5 +1,6 @@
 """Points that have names in both cameras: names decide, and the images check the names."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
@@ -16,6 +17,7 @@ from stereocal.matching.tables_by_camera import Report
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.correspondences import PIXELS
 from stereocal.system.csv_text import csv_text
+from stereocal.system.names import JoinedNames
 from tests.further import further
 from tests.matching.test_point_noise import FILE, seen
 from tests.refused import refused
@@ -66,6 +68,39 @@ def test_eight_points_of_an_animal(layout: str, tmp_path: Path) -> None:
     assert main(["match", *files, "--layout", layout, *given, "--names", "none"]) == 0
     pairs = pd.read_csv(out)
     assert (pairs["point_primary"] != pairs["point_secondary"]).sum() == 131
+
+
+@pytest.mark.parametrize("spelled", [str.capitalize, lambda name: f"{name[:2]}_{name[2:]} "])
+def test_capitals_and_blanks_do_not_tell_names_apart(
+    spelled: Callable[[str], str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With other names, 131 of the pairs were of different points; `gillet` is in one table."""
+    table = (CASE / "dlc_right.csv").read_text().splitlines()
+    names = [spelled(name) for name in table[1].split(",")[1:]]
+    table[1] = ",".join(["bodyparts", *names])
+    (tmp_path / "right.csv").write_text("\n".join(table))
+    left = (CASE / "dlc_left.csv").read_text()
+
+    def pairs_of(left: str) -> pd.DataFrame:
+        (tmp_path / "left.csv").write_text(left)
+        files = [str(tmp_path / "left.csv"), "--layout", "deeplabcut", str(tmp_path / "right.csv")]
+        given = ["--parameters", str(CASE / "parameters.json"), "--out", str(tmp_path / "out.csv")]
+        assert main(["match", *files, *given]) == 0
+        return pd.read_csv(tmp_path / "out.csv")
+
+    pairs = pairs_of(left)
+    assert len(pairs) == 480
+    assert (pairs["point_primary"].map(spelled).str.strip() == pairs["point_secondary"]).all()
+    assert "Only" not in capsys.readouterr().out
+    pairs_of(left.replace("gill", "gillet"))
+    said = capsys.readouterr().out
+    assert "gillet" in said and spelled("gill").strip() in said
+
+
+def test_names_that_one_table_tells_apart_stay_apart() -> None:
+    joined = JoinedNames.of([["a", "A", "left wing", "12", "x"], ["a", "Left_Wing", "1_2", "X"]])
+    assert joined.alike == {"Left_Wing": "left wing", "X": "x"}
+    assert joined.apart == (("a", "A"),) and joined.alone == ("A", "12", "1_2")
 
 
 def test_a_name_that_one_camera_sees_has_no_partner(tables: Tables) -> None:
