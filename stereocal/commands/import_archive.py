@@ -16,7 +16,7 @@ from stereocal.commands.options import (
     with_sigmas,
 )
 from stereocal.errors import StereocalError
-from stereocal.fit.start.baseline import with_baseline_found
+from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate, what_frames_tell
 from stereocal.formats.archives.all_cameras import ENDS, gather_all
 from stereocal.formats.archives.archive import THROW, Archive, Part
 from stereocal.formats.archives.gather import WANTED, gather
@@ -27,6 +27,7 @@ from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
 from stereocal.formats.point_layouts import LAYOUTS
 from stereocal.formats.recognition import recognise
 from stereocal.rig.pair import Pair
+from stereocal.rig.recording import Recording
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import POSSIBLE_M, rounded
 from stereocal.system.zip_files import is_zip, unzip
@@ -40,7 +41,7 @@ OPTIONS: Options = {
     "--out OUT": "folder of the data set",
     "--cameras P,S": "primary and secondary camera: 1,2 or names (default: 1,2); all: a data set "
     "of every camera, for rig",
-    **questions("unit"),
+    **questions("unit", "frames"),
     "--baseline B": {
         "type": Number(float, *POSSIBLE_M, FREE),
         "help": f"measured baseline in m; {FREE}: none, the lengths of the bars give the scale",
@@ -72,7 +73,10 @@ def run(parsed: argparse.Namespace) -> None:
         lengths = {} if distance is None else {ENDS[1]: distance}
         every = gather_all(files_given, options, name, lengths)
         _show(every.taken)
-        files, notes = pack_recording(every.recording), [*every.remarks]
+        recording = every.recording
+        _refuse_other_count(recording if every.is_long else None, options)
+        recording = in_step(recording)
+        files, notes = pack_recording(recording), [*every.remarks, *recording.step_notes]
     else:
         baseline = math.inf if parsed.baseline == FREE else parsed.baseline
         if parsed.cameras is not None:
@@ -86,13 +90,35 @@ def run(parsed: argparse.Namespace) -> None:
             )
         stated = _not_replaced(archive, baseline, distance)
         _show([*stated, *archive.missing(baseline, distance)])
-        dataset = with_baseline_found(archive.dataset(name, baseline, distance))
-        dataset = with_sigmas(dataset, parsed)
-        files, notes = pack_dataset(dataset), _notes_on(archive, dataset)
+        recording = archive.recording(name, baseline, distance)
+        if archive.counted is not None:
+            _refuse_other_count(archive.counted.put_into(recording), options)
+        dataset = with_sigmas(pair_to_calibrate(recording), parsed)
+        files = pack_dataset(dataset)
+        notes = [*_notes_on(archive, dataset), *dataset.recording.step_notes]
         if archive.throw is not None:
             files[THROW] = archive.throw.to_csv(index=False, lineterminator="\n").encode()
     write_all({parsed.out / name: content for name, content in files.items()})
     report(notes=notes, written=[parsed.out])
+
+
+def _refuse_other_count(recording: Recording | None, options: ExchangeOptions) -> None:
+    """Raise an error if the points say that the cameras count their own frames, and nothing else
+    says how they count.
+
+    Args:
+        recording: with all points of each camera; None: a row has those of all.
+    """
+    if recording is None or recording.own_frames or options.frames is not None:
+        return
+    in_step, why = what_frames_tell(recording)
+    if in_step is False:
+        raise StereocalError(
+            f"the cameras seem to have been started by hand. {why} State how their frames are "
+            "counted.",
+            option="--frames own, and they are brought into step; or common, to read them as they "
+            "are numbered",
+        )
 
 
 def _show(lines: Sequence[Part]) -> None:

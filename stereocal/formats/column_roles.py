@@ -116,6 +116,12 @@ def roles_text(roles: Sequence[Role]) -> str:
     return ",".join(map(str, roles))
 
 
+def own_count_of(layout: PointLayout) -> int | None:
+    """The column of a table that is called `camera_frame`, each camera's own count of frames."""
+    names = [_plain(title)[1].lower() for title in layout.titles]
+    return names.index(OWN_COUNT) if OWN_COUNT in names else None
+
+
 def parse_roles(text: str, source: str) -> Roles:
     """The roles of a text such as `frame,target,x:left,y:left,x:right,y:right`."""
     roles = []

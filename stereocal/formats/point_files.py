@@ -18,7 +18,8 @@ from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
 from stereocal.formats.exchange.options import PixelOrigin
 from stereocal.frames.pairing import natural
 from stereocal.rig.correspondences import TARGETS, Correspondences
-from stereocal.system.array_types import FloatArray, IntArray
+from stereocal.rig.recording import Recording
+from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 from stereocal.system.csv_text import as_names, without_apostrophes
 from stereocal.system.dialect import Dialect, head_of
 from stereocal.system.limits import Limits
@@ -218,17 +219,38 @@ class BarPoints:
     pixels: FloatArray
     """(n, cameras, 2): ours; NaN where a camera did not see it."""
 
-    @classmethod
-    def seen_by_two(cls, frame: IntArray, target: IntArray, pixels: FloatArray) -> "BarPoints":
+    @property
+    def seen(self) -> BoolArray:
+        """(n, cameras)."""
+        return np.asarray(np.isfinite(self.pixels).all(axis=2))
+
+    def seen_by_two(self) -> "BarPoints":
         """Those that two cameras saw, or more."""
-        rows = np.isfinite(pixels).all(axis=2).sum(axis=1) >= 2
-        return cls(frame[rows], target[rows], pixels[rows])
+        rows = self.seen.sum(axis=1) >= 2
+        return BarPoints(self.frame[rows], self.target[rows], self.pixels[rows])
+
+    def put_into(self, recording: Recording) -> Recording:
+        """The recording of these cameras and of the bar, with these points."""
+        row, camera = np.nonzero(self.seen)
+        order = np.lexsort([self.target[row], camera, self.frame[row]])
+        row, camera = row[order], camera[order]
+        with_points = replace(
+            recording,
+            frame=self.frame[row],
+            camera=camera,
+            target=self.target[row],
+            points=self.pixels[row, camera],
+            sigma_px=np.full(len(row), np.nan),
+        )
+        with_points.refuse_points_outside()
+        return with_points.within_view()
 
     @property
     def correspondences(self) -> Correspondences:
         """The table of pairs, for two cameras."""
-        names = [TARGETS[target] for target in self.target]
-        return Correspondences.from_arrays(self.frame, names, self.pixels[:, 0], self.pixels[:, 1])
+        both = self.seen_by_two()
+        names = [TARGETS[target] for target in both.target]
+        return Correspondences.from_arrays(both.frame, names, both.pixels[:, 0], both.pixels[:, 1])
 
 
 def read_bars(
@@ -239,7 +261,7 @@ def read_bars(
     image_heights: Sequence[int | None],
     source: str = "points",
 ) -> BarPoints:
-    """The ends of a bar that two cameras saw, for calibration.
+    """The ends of a bar that some camera saw.
 
     Args:
         cameras: their names, the primary first.
@@ -266,7 +288,7 @@ def read_bars(
     frames = np.asarray(seen["frame"], dtype=np.int64)
     order = np.lexsort([frames, target])
     pixels = seen.iloc[:, 2:].to_numpy(dtype=np.float64).reshape(-1, len(cameras), 2)
-    return BarPoints.seen_by_two(frames[order], target[order], pixels[order])
+    return BarPoints(frames[order], target[order], pixels[order])
 
 
 def _table(

@@ -16,8 +16,8 @@ from stereocal.formats.correspondences_csv import TEMPLATE
 from stereocal.formats.dropped import Dropped
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.point_answers import layout_of
-from stereocal.frames.several_cameras import chapters_in_words
 from stereocal.formats.point_text import point_text
+from stereocal.frames.several_cameras import chapters_in_words
 from stereocal.frames.which_camera import Series, which_camera, which_of
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.files import StoredFile

@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 from scipy.interpolate import CubicSpline
 
+from stereocal.formats.camera_file import write_camera
 from stereocal.rig.pair import Pair
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import TimeOffset
@@ -18,6 +20,7 @@ from stereocal.simulation.simulate import (
     MARGIN_PX,
     Nominal,
     Scene,
+    field_rig,
     observe,
     place_bars,
 )
@@ -90,3 +93,20 @@ def record(
     data = observe(Scene(bar.rig, ends[seen], late[seen]), rng, noise_px, name, nominal)
     times = np.repeat(recorded[seen], 2)
     return data.changed(correspondences=replace(data.correspondences, time_frame=times))
+
+
+def counted_by_themselves(later: int = 137, frames: int = 400) -> tuple[dict[str, bytes], Pair]:
+    """A table and a camera file of each of two cameras, the second of which was started some frames
+    later and counts its own from 0; and the data set in step, with the true pose."""
+    rng = np.random.default_rng(7)
+    data = record(move_bar(field_rig(4.5), rng, frames, 0.9), rng, noise_px=0.15, name="moving")
+    rows, files = data.correspondences, dict[str, bytes]()
+    recorded = pd.DataFrame({"frame": rows.time_frame, "target": np.array(["A", "B"])[rows.target]})
+    sides = (("left", data.primary, rows.primary, 0), ("right", data.secondary, rows.secondary, 1))
+    for name, camera, pixels, second in sides:
+        table = recorded.assign(x=pixels[:, 0], y=pixels[:, 1])
+        kept = table["frame"] >= later if second else table["frame"] < frames - later
+        table["frame"] -= later * second
+        files[f"{name}.csv"] = table[kept].to_csv(index=False).encode()
+        files[f"{name}.json"] = write_camera(camera)
+    return files, data

@@ -157,6 +157,12 @@ def offset_of_pair(
     return once_or_refused("time offset", hashlib.sha256(b"".join(content)).hexdigest(), compute)
 
 
+def px_as_numbered(two: Recording) -> float:
+    """The median distance of two cameras' points from their epipolar lines at the frames as they
+    are numbered; infinite if too few moments are common to tell."""
+    return _Search(two, None, 0, dict.fromkeys(two.cameras, 0)).at(0.0).px
+
+
 class _Candidate(NamedTuple):
     """How well the points fit an essential matrix at an offset."""
 

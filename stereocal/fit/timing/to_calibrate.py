@@ -1,10 +1,19 @@
 """What is found of a recording before it is calibrated: where each camera's count of frames began,
 and a baseline that was not measured."""
 
+import math
+
+from stereocal.calibration.corrections import fitting_px
+from stereocal.errors import StereocalError
 from stereocal.fit.start.baseline import with_baseline_found
+from stereocal.fit.timing.offset_of_pair import offset_of_pair, px_as_numbered
 from stereocal.fit.timing.started_by_hand import bring_into_step
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
+from stereocal.system.numbers import count, rounded
+
+FEW_IN_COMMON = 0.1
+"""Part of the moments of the camera with fewer that both see, below which nearly nothing pairs."""
 
 
 def in_step(recording: Recording) -> Recording:
@@ -14,6 +23,32 @@ def in_step(recording: Recording) -> Recording:
         StereocalError: the data do not tell it, or pairs contradict each other.
     """
     return bring_into_step(recording).recording if recording.own_frames else recording
+
+
+def what_frames_tell(recording: Recording) -> tuple[bool | None, str]:
+    """Whether the frames of the cameras are one count as they are numbered, by the points; None if
+    the points do not tell; and why they are not, or may not be, in a sentence.
+
+    Only what stands out counts: that points fit at another offset, and not as they are numbered.
+    """
+    doubt = ""
+    for pair in recording.pairs:
+        two = recording.of_cameras(pair)
+        shared, px = len(two.common_frames(*pair)), px_as_numbered(two)
+        fewer = min(len({*two.frame[two.camera == k].tolist()}) for k in (0, 1))
+        is_apart = fitting_px(two.cameras.values()) < px < math.inf
+        if not is_apart and shared > FEW_IN_COMMON * fewer:
+            continue
+        seen = f"{pair[0]} and {pair[1]} see the same in {count(shared, 'frame')} of that number"
+        fit = f"their points lie {rounded(px)} px from their epipolar lines" if is_apart else seen
+        try:
+            offset = offset_of_pair(recording, pair)
+        except StereocalError:
+            doubt = f"As the frames are numbered, {fit}."
+            continue
+        if abs(offset.measured.frames) > 1:
+            return False, f"As the frames are numbered, {fit}. {offset.sentence()}"
+    return None if doubt else True, doubt
 
 
 def pair_to_calibrate(recording: Recording, pair: str | None = None) -> Pair:

@@ -1,6 +1,6 @@
 """A recording of all cameras, from their files and one table of points."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import PurePath
@@ -11,6 +11,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Part, lens_taken, with_background
 from stereocal.formats.archives.easywand import LENS_FIELDS
 from stereocal.formats.archives.gather import (
+    counted_as,
     is_table,
     layout_of_bars,
     names_in,
@@ -21,17 +22,17 @@ from stereocal.formats.dataset_files import pack_recording
 from stereocal.formats.exchange.chosen_cameras import namesakes
 from stereocal.formats.exchange.exchange import camera_names, read_camera_pair
 from stereocal.formats.exchange.options import LOWER_LEFT, Contents, ExchangeOptions
-from stereocal.formats.point_files import BarPoints, read_bars
+from stereocal.formats.point_files import read_bars
 from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.points_csv import NUMBERS, REQUIRED, read_points_csv
+from stereocal.matching.point_table import OWN_FRAME
 from stereocal.rig.camera import Camera, camera_in_words
 from stereocal.rig.field_of_view import beyond_in_words
 from stereocal.rig.measured_lengths import check_length
-from stereocal.rig.recording import Recording
+from stereocal.rig.recording import NO_POINTS, Recording
 from stereocal.rig.rigid_object import RigidObject
-from stereocal.system.array_types import BoolArray
 from stereocal.system.csv_text import as_names
-from stereocal.system.tables import EMPTY, read_rows
+from stereocal.system.tables import EMPTY, names_of, read_rows, text_of
 
 ENDS = ("A", "B")
 MOST_TARGETS = 6
@@ -45,6 +46,8 @@ class Gathered:
     recording: Recording
     taken: tuple[Part, ...]
     remarks: tuple[str, ...]
+    is_long: bool = False
+    """Whether a row has points of one camera: its frames may be that camera's own count."""
 
     @cached_property
     def files(self) -> dict[str, bytes]:
@@ -89,6 +92,7 @@ def _of_bars(
             option="--cameras 1,2 for two",
         )
     remarks: tuple[str, ...] = ()
+    own_frames = is_long = False
     if opened is not None:
         bars, background = opened.seen_bars(every, sizes, origin)
         if background is not None and len(bars.frame):
@@ -107,41 +111,31 @@ def _of_bars(
         if layout.states_cameras and (same := namesakes(layout.cameras, names_in(others))):
             cameras = [cameras[k] for k in same]
         heights = [(size or camera.image_size)[1] for camera in cameras]
+        layout, own_frames = counted_as(layout, table, options)
         bars = read_bars(files[table], layout, layout.cameras, ends, heights, table)
+        bars = bars if own_frames else bars.seen_by_two()
+        is_long = layout.camera_column is not None
     if distance_m is None:
         raise StereocalError(
             "The distance from A to B is missing: state it in metres.", option="--distance D"
         )
     check_length("distance between the targets", distance_m)
-    seen = np.asarray(np.isfinite(bars.pixels).all(axis=2))
-    recording = _recording(name, cameras, bars, seen, RigidObject.bar(distance_m))
+    lenses = {str(k): lens for k, lens in enumerate(cameras, 1)}
+    empty = Recording(name, lenses, RigidObject.bar(distance_m), *NO_POINTS, own_frames=own_frames)
+    seen, recording = bars.seen, bars.put_into(empty)
     remarks += tuple(filter(None, [beyond_in_words(recording.beyond_view)]))
     if unseen := [camera for k, camera in enumerate(recording.cameras) if not seen[:, k].any()]:
         raise StereocalError(
             f"Camera {unseen[0]} sees no end of the bar that another camera sees: use two of the "
             "others only."
         )
-    apart = (pair for pair in recording.pairs if not len(recording.common_frames(*pair)))
+    pairs = [] if own_frames else recording.pairs
+    apart = (pair for pair in pairs if not len(recording.common_frames(*pair)))
     remarks += tuple(f"Cameras {a} and {b}: no end of the bar was seen by both." for a, b in apart)
     taken = [Part("points", f"{seen.sum()} of {count} cameras", ", ".join(files))]
     origin_of = LENS_FIELDS if opened is not None else ", ".join(others)
     taken += [lens_taken(f"camera {k}", lens, origin_of) for k, lens in recording.cameras.items()]
-    return Gathered(recording, tuple(taken), remarks)
-
-
-def _recording(
-    name: str, cameras: Sequence[Camera], bars: BarPoints, seen: BoolArray, bar: RigidObject
-) -> Recording:
-    """The recording of bars, whose cameras are called by their numbers; `seen` (n, cameras)."""
-    row, camera = np.nonzero(seen)
-    order = np.lexsort([bars.target[row], camera, bars.frame[row]])
-    row, camera = row[order], camera[order]
-    lenses = {str(k): lens for k, lens in enumerate(cameras, 1)}
-    frame, target, points = bars.frame[row], bars.target[row], bars.pixels[row, camera]
-    sigma_px = np.full(len(row), np.nan)
-    recording = Recording(name, lenses, bar, frame, camera, target, points, sigma_px)
-    recording.refuse_points_outside()
-    return recording.within_view()
+    return Gathered(recording, tuple(taken), remarks, is_long)
 
 
 def targets_in(content: bytes, source: str) -> tuple[str, ...]:
@@ -163,7 +157,8 @@ def names_cameras(content: bytes, source: str) -> bool:
         head, _ = first_rows(content, source)
     except StereocalError:
         return False
-    return {*REQUIRED} <= {cell.strip().lower() for cell in head[0]}
+    names = {cell.strip().lower() for cell in head[0]}
+    return {*REQUIRED[1:]} <= names and bool({REQUIRED[0], OWN_FRAME} & names)
 
 
 def _of_points(
@@ -183,7 +178,10 @@ def _of_points(
     along[0] = 0.0
     check_length(f"longest distance from {first}", float(along.max()))
     every_target = RigidObject(targets, np.column_stack([along, np.zeros((len(along), 2))]))
-    every_row = read_points_csv(files[table], cameras, every_target, table)
+    content = files[table]
+    stated = {*names_of(text_of(content, table), table)[0]}
+    as_counted = options.frames == "own" or REQUIRED[0] not in stated
+    every_row = read_points_csv(content, cameras, every_target, table, own_frames=as_counted)
     used = np.flatnonzero(along >= 0.0)
     rows = np.isin(every_row.target, used)
     recording = replace(
@@ -191,6 +189,7 @@ def _of_points(
         name=name,
         object=RigidObject(tuple(targets[k] for k in used), every_target.points[used]),
         target=np.searchsorted(used, every_row.target[rows]),
+        own_frames=as_counted and options.frames != "common",
     )
     taken = [Part("points", f"{rows.sum()} of {len(cameras)} cameras", table)]
     taken += [Part("lens", f"of camera {camera}", ", ".join(rest)) for camera in cameras]
@@ -204,12 +203,12 @@ def _of_points(
         for target in targets
         if target not in recording.object.names
     ]
-    return Gathered(recording, tuple(taken), tuple(remarks))
+    return Gathered(recording, tuple(taken), tuple(remarks), True)
 
 
 def _column(content: bytes, source: str, name: str) -> list[str]:
     """The values of a column of a table of format 2, in the order of their first rows."""
-    raw = read_rows(content, source, REQUIRED, NUMBERS, (), EMPTY).raw[name]
+    raw = read_rows(content, source, REQUIRED[1:], NUMBERS, (), EMPTY).raw[name]
     return [str(cell) for cell in as_names(raw).unique()]
 
 

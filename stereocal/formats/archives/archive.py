@@ -1,6 +1,6 @@
 """What a file of another program contributes to a data set."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -49,6 +49,9 @@ class Archive:
     """For the user."""
     no_baseline: str = ""
     """Why there is none in the camera files."""
+    counted: BarPoints | None = None
+    own_frames: bool = False
+    """As of `Bars`."""
 
     @property
     def baseline_sigma_m(self) -> float | None:
@@ -69,7 +72,12 @@ class Archive:
         return [Part(what, "missing", remedy) for what, value, remedy in wanted if value is None]
 
     def dataset(self, name: str, baseline_m: float | None, distance_m: float | None) -> Pair:
-        """The data set of a complete archive; a free baseline is still to be found.
+        """The data set of two cameras in step; arguments as of `recording`."""
+        return self.recording(name, baseline_m, distance_m).pair(*CAMERAS)
+
+    def recording(self, name: str, baseline_m: float | None, distance_m: float | None) -> Recording:
+        """The data set of a complete archive; a free baseline is still to be found, and the step of
+        cameras that count their own frames.
 
         Args:
             baseline_m: as measured; infinite to leave it free; None: the nominal one, with its
@@ -92,7 +100,9 @@ class Archive:
         recording = Recording.of_two(
             name, self.primary, self.secondary, baseline, distance, sigma, notes=" ".join(notes)
         )
-        return recording.with_pairs(self.correspondences).pair(*CAMERAS)
+        if self.own_frames and self.counted is not None:
+            return replace(self.counted.put_into(recording), own_frames=True)
+        return recording.with_pairs(self.correspondences)
 
 
 def with_background(bars: BarPoints, points: BarPoints) -> tuple[BarPoints, str]:
@@ -117,7 +127,11 @@ def baseline_taken(baseline_m: float, origin: str) -> Part:
     return Part("baseline", words, origin)
 
 
-def points_taken(rows: Correspondences, origin: str) -> Part:
+def points_taken(rows: Correspondences, origin: str, own: BarPoints | None = None) -> Part:
+    """The line of the report on the bars; `own`: of cameras that count their own frames."""
+    if own is not None:
+        points = " and ".join(f"{number:,}" for number in own.seen.sum(axis=0))
+        return Part("bars", f"{points} points, with each camera's own frames", origin)
     bars, frames = count(len(rows.bars), "bar"), count(len(rows.frames), "frame")
     words = f"{count(len(rows), 'pair')} of points, {bars} in {frames}"
     return Part("bars", words, origin)

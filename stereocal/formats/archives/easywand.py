@@ -75,11 +75,11 @@ class EasyWandFile:
         ours = [origin.to_ours(table[:, :, k], h) for k, (_, h) in zip(cameras, sizes, strict=True)]
         pixels = np.stack(ours, axis=2)
         frames, ends = pixels.shape[:2]
-        return BarPoints.seen_by_two(
+        return BarPoints(
             np.tile(np.arange(1, frames + 1), ends),
             np.repeat(np.arange(ends), frames),
             pixels.swapaxes(0, 1).reshape(-1, len(sizes), 2),
-        )
+        ).seen_by_two()
 
     def seen_bars(
         self, cameras: Sequence[int], sizes: Sequence[ImageSize], origin: PixelOrigin

@@ -13,6 +13,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Archive, baseline_taken, lens_taken, points_taken
 from stereocal.formats.archives.easywand import EasyWandFile, open_easywand, read_easywand
 from stereocal.formats.archives.several_tables import layout_of_table, one_table
+from stereocal.formats.column_roles import own_count_of
 from stereocal.formats.correspondences_csv import REQUIRED, read_table
 from stereocal.formats.exchange.chosen_cameras import Wanted, chosen_pair, has_cameras, namesakes
 from stereocal.formats.exchange.exchange import camera_names, format_of, read_camera_pair
@@ -20,7 +21,13 @@ from stereocal.formats.exchange.options import Contents, ExchangeOptions
 from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab
 from stereocal.formats.point_answers import layout_by_hand, what_is_missing
-from stereocal.formats.point_files import PointLayout, read_bars, times_in, with_joined_names
+from stereocal.formats.point_files import (
+    BarPoints,
+    PointLayout,
+    read_bars,
+    times_in,
+    with_joined_names,
+)
 from stereocal.formats.point_layouts import first_rows
 from stereocal.formats.point_text import point_text
 from stereocal.formats.recognition import recognise
@@ -209,8 +216,10 @@ def _with_table(archive: Archive, name: str, content: bytes, options: ExchangeOp
         bars = bars_of(content, name, options, heights)
     return replace(
         archive,
-        taken=(points_taken(bars.rows, f"{name} ({bars.words})"), *archive.taken),
+        taken=(points_taken(bars.rows, f"{name} ({bars.words})", bars.own), *archive.taken),
         correspondences=bars.rows,
+        counted=bars.counted,
+        own_frames=bars.own_frames,
         notes=(*archive.notes, f"Points from {name}, {bars.words}."),
         remarks=(*archive.remarks, *bars.remarks),
     )
@@ -235,6 +244,15 @@ class Bars:
     words: str
     remarks: tuple[str, ...] = ()
     """For the user."""
+    counted: BarPoints | None = None
+    """All points of both cameras, where a row has those of one: its frames may be its own count."""
+    own_frames: bool = False
+    """Whether they are, so that `rows` are still to be found."""
+
+    @property
+    def own(self) -> BarPoints | None:
+        """The points of cameras that count their own frames."""
+        return self.counted if self.own_frames else None
 
 
 def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heights) -> Bars:
@@ -248,16 +266,39 @@ def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heig
             source,
             option="--image-size WxH",
         )
+    layout, own_frames = counted_as(layout, source, options)
     bars = read_bars(content, layout, chosen.names, ends, heights, source)
-    if not len(bars.frame):
+    rows, is_long = bars.correspondences, layout.camera_column is not None
+    if not (len(rows) or own_frames):
         raise StereocalError(
-            f"no end of the bar was seen by both cameras, {' and '.join(chosen.names)}. "
-            f"{' '.join(remarks)}".strip(),
+            f"no end of the bar was seen by both cameras, {' and '.join(chosen.names)}"
+            f"{', in a frame of the same number' * is_long}. {' '.join(remarks)}".strip(),
             source,
+            option="--frames own, if each camera counts its own since they were started by hand"
+            * is_long,
         )
     corner = layout.origin.corner.replace("-", " ")
     words = f"{layout.program}, {chosen.words}, counted from the {corner}"
-    return Bars(bars.correspondences, words, chosen.remarks + remarks)
+    counted = bars if is_long else None
+    return Bars(rows, words, chosen.remarks + remarks, counted, own_frames)
+
+
+def counted_as(
+    layout: PointLayout, source: str, options: ExchangeOptions
+) -> tuple[PointLayout, bool]:
+    """The layout with the column of the frames that the options mean, and whether these are each
+    camera's own count."""
+    own = own_count_of(layout)
+    own_frames = options.frames == "own" or (
+        options.frames is None and own is not None and own == layout.frame
+    )
+    if own_frames and layout.camera_column is None:
+        raise StereocalError(
+            "a row has the points of all cameras at one moment, so their frames are in step "
+            "already. Cameras that count their own need a table each, or a column camera.",
+            source,
+        )
+    return (replace(layout, frame=own) if own_frames and own is not None else layout), own_frames
 
 
 def layout_of_bars(

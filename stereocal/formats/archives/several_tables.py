@@ -16,6 +16,7 @@ from stereocal.formats.column_roles import (
     BY_ROLES,
     ONE_CAMERA,
     ends_and_cameras,
+    own_count_of,
     parse_roles,
     problem_of,
     titles_name_cameras,
@@ -24,12 +25,14 @@ from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.point_answers import (
     first_answers,
     layout_as_stated,
+    layout_by_hand,
     layout_of,
     what_is_missing,
 )
 from stereocal.formats.point_files import PointLayout, read_points, times_in, words_in
-from stereocal.formats.point_layouts import propose_layout
+from stereocal.formats.point_layouts import OURS, propose_layout
 from stereocal.matching.names import TRACKS
+from stereocal.matching.point_table import OWN_FRAME
 from stereocal.system.csv_text import csv_text
 
 OF_TRACKS = (*TRACKS, "particle", "trajectory", "object")
@@ -57,7 +60,8 @@ def layout_of_table(
 
 
 def one_table(tables: Mapping[str, bytes], options: ExchangeOptions) -> bytes:
-    """The points of several tables as one with columns frame, camera, target, x and y."""
+    """The points of several tables as one with columns frame, camera, target, x and y; and
+    camera_frame, each camera's own count, if all have it."""
     layouts: Mapping[str, PointLayout] = {
         name: _with_tracks(layout_of_table(content, name, options, False), content, name)
         for name, content in tables.items()
@@ -85,18 +89,24 @@ def one_table(tables: Mapping[str, bytes], options: ExchangeOptions) -> bytes:
             ", ".join(tables),
         )
     layouts = _at_frames(layouts, tables)
-    read = []
+    read, only_own = [], list[bool]()
     for name, (camera, end) in named.items():
         answers = first_answers(layouts[name], 0)
         layout = replace(layouts[name], least_likelihood=answers.least_likelihood)
         for column in layout.cameras:
             part = read_points(tables[name], layout, column, None, name)
             part["camera"] = camera or column
+            own = own_count_of(layout)
+            if own is not None:
+                part[OWN_FRAME] = part[layout.titles[own] if own != layout.frame else "frame"]
+            only_own.append(own is not None and own == layout.frame)
             read.append(
                 part.assign(target=end) if end else part.rename(columns={"point": "target"})
             )
     table = pd.concat(read).rename(columns={"u": "x", "v": "y"})
-    return csv_text(table[["frame", "camera", "target", "x", "y"]]).encode()
+    frames = [OWN_FRAME] * (OWN_FRAME in table and bool(table[OWN_FRAME].notna().all()))
+    frames = frames if all(only_own) else ["frame", *frames]
+    return csv_text(table[[*frames, "camera", "target", "x", "y"]]).encode()
 
 
 def _with_tracks(layout: PointLayout, content: bytes, source: str) -> PointLayout:
@@ -107,6 +117,10 @@ def _with_tracks(layout: PointLayout, content: bytes, source: str) -> PointLayou
         tracked = replace(layout, point_column=column)
         if len((names := words_in(content, tracked, source))[1]) > 1:
             return replace(tracked, names=(layout.names[0], names[1]))
+    if layout.program == OURS and layout.further:  # another column may name the ends
+        roles = layout_by_hand(content, source).roles or ""
+        by_roles = layout_as_stated(content, source, roles, False)
+        return by_roles if len(by_roles.points) > 1 else layout
     return layout
 
 

@@ -25,6 +25,7 @@ Corner = Literal["upper-left", "lower-left"]
 CORNERS: tuple[Corner, ...] = ("upper-left", "lower-left")
 Flip = Literal["h", "h-1", "h+1"]
 FLIPS: tuple[Flip, ...] = ("h", "h-1", "h+1")
+Frames = Literal["common", "own"]
 ImageSize = tuple[int, int]
 Contents = Mapping[str, bytes]
 """Files by name."""
@@ -86,6 +87,9 @@ class ExchangeOptions:
     """Layout of a table of points, by name; None: recognised."""
     roles: str | None = None
     """What each column of the table holds, as of `column_roles`; None: as its header says."""
+    frames: Frames | None = None
+    """Whether the cameras of a table have one count of frames, or each its own since they were
+    started by hand; None: own where the table calls it `camera_frame`."""
     world: Pose | None = None
     """`world_from_primary` of DLT coefficients; None: the primary's frame. Writing only."""
 
@@ -126,6 +130,17 @@ QUESTIONS: Mapping[str, Question] = {
         "the model of four distortion coefficients, if the file does not state it: brown is "
         "OpenCV's usual k1 k2 p1 p2, fisheye its k1 k2 k3 k4",
         {"brown": "k1 k2 p1 p2: the usual lens", "fisheye": "k1 k2 k3 k4: a fisheye"},
+    ),
+    "frames": Question(
+        "--frames",
+        "The cameras were",
+        "own: the cameras were started by hand, and each counts its own frames; common: frame 12 "
+        "of all is one moment (default: own of a column camera_frame, else common, unless the "
+        "points contradict that)",
+        {
+            "common": "in step: frame 12 of all is one moment",
+            "own": "started by hand: each counts its own frames",
+        },
     ),
     "corner": Question(
         "--image-origin",
