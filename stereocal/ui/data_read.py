@@ -59,7 +59,8 @@ def _show_all_cameras(files: FilesOfAll) -> None:
         rows.append((name, f"{width}x{height}", f"{len(frames):,}", f"{len({*frames.tolist()}):,}"))
     table = pd.DataFrame(rows, columns=["Camera", "Image, px", "Points", "Frames"])
     st.table(escaped_table(table).set_index("Camera"))
-    st.caption(escape_markdown(recording.describe_pairs()))
+    if not recording.own_frames:
+        st.caption(escape_markdown(recording.describe_pairs()))
     show_each(st.warning, gathered.remarks)
     offer_to_use(files)
     stated = project.recording

@@ -2,15 +2,15 @@
 they make together, and the press that uses it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import streamlit as st
 
-from stereocal.fit.timing.to_calibrate import pair_to_calibrate
+from stereocal.fit.timing.to_calibrate import in_step, pair_to_calibrate
 from stereocal.formats.archives.all_cameras import Gathered, cameras_in, gather_all, targets_in
 from stereocal.formats.archives.gather import is_table
-from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.exchange.options import ExchangeOptions, Frames
 from stereocal.frames.pairing import natural
 from stereocal.projects.application import ProjectApplication
 from stereocal.projects.given import ProjectGiven
@@ -18,7 +18,8 @@ from stereocal.projects.project import Project
 from stereocal.rig.camera import Camera
 from stereocal.system.latest import once_or_refused
 from stereocal.ui import jobs
-from stereocal.ui.fields import Field, Number, setting
+from stereocal.ui.fields import Field, Number, one_of, setting
+from stereocal.ui.in_step import ask_if_in_step
 from stereocal.ui.intake import give_pair
 from stereocal.ui.menu import PRESS_FIRST
 from stereocal.ui.messages import button, readable, show_with_button
@@ -102,11 +103,20 @@ def ask_about_files(project: Project | None) -> FilesOfAll | None:
     with st.expander("Correct or complete what the files say"):
         left, right = st.columns(2)
         lens_model, corner = questions.ask(left, "lens_model"), questions.ask(right, "corner")
-    files = FilesOfAll(project, contents, ExchangeOptions(lens_model=lens_model, corner=corner))
+        frames = _of_tables(project).ask(st.container(), "frames")
+    options = ExchangeOptions(lens_model=lens_model, corner=corner, frames=frames)
+    files = FilesOfAll(project, contents, options)
     if len(files.of_cameras) == 1:
         (name,) = files.of_cameras
         button("Use only two of these cameras", "several_two", _use_two, store, name)
     return files
+
+
+def _of_tables(project: Project) -> Questions:
+    """Questions that are asked anew of other tables."""
+    parts = ProjectGiven(project).parts.items()
+    tables = [file.sha256[:12] for name, file in parts if is_table(name, file.read_bytes())]
+    return Questions(project, "several_{}", " ".join(tables))
 
 
 def _use_two(store: ProjectGiven, name: str) -> None:
@@ -121,23 +131,37 @@ def offer_to_use(files: FilesOfAll) -> None:
     """The press that goes on with what was read."""
     if not files.contents:
         return
-    title = "Calibrate all" if len(files.gathered.recording.cameras) > 2 else "Use these points"
+    gathered, answers = files.gathered, dict[str, Frames]({"": files.options.frames or "common"})
+    title = "Calibrate all" if len(gathered.recording.cameras) > 2 else "Use these points"
     # Of what is in use already, the next thing to do is on the page Calibrate.
-    is_used = files.project.is_given(files.gathered.files)
+    is_used = files.project.is_given(gathered.files)
+    if gathered.is_long and files.options.frames is None and not is_used:
+        answers = ask_if_in_step(gathered.recording, gathered.recording.own_frames)
     st.session_state[PRESS_FIRST] = not is_used
-    button(title, "several_run", _use, files, first=not is_used)
+    with st.container(horizontal=True):
+        for number, (words, frames) in enumerate(answers.items()):
+            key, first = f"several_run{f'_{number}' * bool(number)}", not (is_used or number)
+            button(words or title, key, _use, files, frames if words else None, first=first)
 
 
-def _use(files: FilesOfAll) -> None:
-    """Store the recording and go on with it: calibrate a rig, or open a pair."""
-    project, gathered = files.project, files.gathered
+def _use(files: FilesOfAll, frames: Frames | None) -> None:
+    """Store the recording and go on with it: calibrate a rig, or open a pair.
+
+    Args:
+        frames: how they are counted, if that is answered now.
+    """
+    project = files.project
+    if frames is not None:
+        _of_tables(project).field("frames", None, one_of((None, "common", "own"))).set(frames)
+        files = replace(files, options=replace(files.options, frames=frames))
+    gathered = files.gathered
     recording = gathered.recording
     if len(recording.cameras) == 2:
         give_pair(project, pair_to_calibrate(project.inputs.applied_to(recording)))
         for name in files.contents:
             ProjectGiven(project).drop_part(name)
         return
-    project.give_recording(recording, gathered.files, same_lengths=True)
+    project.give_recording(in_step(recording), gathered.files, same_lengths=True)
     jobs.drop_pairs(project)
     press(project)
     go_to("calibrate")

@@ -10,29 +10,36 @@ import pandas as pd
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
+from stereocal.fit.timing.to_calibrate import in_step
 from stereocal.formats import point_answers
-from stereocal.formats.archives.gather import Heights, bars_of
+from stereocal.formats.archives.archive import points_taken
+from stereocal.formats.archives.gather import Bars, Heights, bars_of
+from stereocal.formats.column_roles import own_count_of
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.exchange.options import (
     ORIGIN,
     QUESTIONS,
     Corner,
     ExchangeOptions,
+    Frames,
     ImageSize,
     PixelOrigin,
 )
 from stereocal.formats.point_answers import Answers, layout_as_stated, layout_by_hand, layout_of
 from stereocal.formats.point_files import PointLayout, points_of_all
 from stereocal.formats.point_layouts import OURS
+from stereocal.matching.point_table import OWN_FRAME
 from stereocal.projects.application import Asked, ProjectApplication
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.project import Project
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.recording import Recording
 from stereocal.system.csv_text import csv_text
 from stereocal.system.numbers import count
 from stereocal.ui.columns import choose_columns, header_key
 from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
-from stereocal.ui.messages import ErrorsShown, button, refusing
+from stereocal.ui.in_step import ask_if_in_step
+from stereocal.ui.messages import ErrorsShown, button, readable, refusing
 from stereocal.ui.texts import escape_markdown, escaped_table
 
 Use = Callable[[], None]
@@ -116,24 +123,27 @@ def ask_size(
 def ask_about(
     store: ProjectApplication,
     slot: Asked,
-    form: Callable[[str, bytes], Use | None],
+    form: Callable[[str, bytes], Use | Mapping[str, Use] | None],
     title: str = "Use these points",
 ) -> None:
     """The questions about a file, if there is one, and buttons to use it or put it aside.
 
     Args:
-        form: of its name and content; returns what uses it, None if it cannot be used yet.
+        form: of its name and content; returns what uses it, by answer where one is to be given,
+            None if it cannot be used yet.
     """
     file = store.asking(slot)
     if file is None:
         return
-    use: Use | None = None
+    use: Use | Mapping[str, Use] | None = None
     with st.container(border=True):
         with ErrorsShown():
             use = form(*file)
         with st.container(horizontal=True):
-            if use is not None:
-                button(title, f"use_{slot}", refusing()(use), first=True)
+            uses = use if isinstance(use, Mapping) else {} if use is None else {title: use}
+            for number, (label, act) in enumerate(uses.items()):
+                key = f"use_{slot}{f'_{number}' * bool(number)}"
+                button(label or title, key, refusing()(act), first=not number)
             button("Put the file aside", f"aside_{slot}", store.forget_question, slot)
 
 
@@ -165,7 +175,7 @@ def ask_about_points(
 def ask_about_bars(store: ProjectApplication) -> None:
     """The questions about a file with both ends of the bar, if there is one."""
 
-    def form(label: str, content: bytes) -> Use | None:
+    def form(label: str, content: bytes) -> Mapping[str, Use] | None:
         project, of_bar = store.project, "points of the bar"
         layout, questions = _laid_out(project, "wizard_bars", label, content, of_bar, True)
         if layout is None:
@@ -176,20 +186,53 @@ def ask_about_bars(store: ProjectApplication) -> None:
         if options.corner == "lower-left" and None in heights:
             st.info("Give the image heights: the points are counted from the lower left.")
             return None
-        rows = bars_of(content, label, options, heights).rows
-        table = write_table(rows)
-        head, *lines = (line.split(",") for line in table.decode().splitlines())
-        short = [[cell[:PREVIEW_CELL] for cell in line] for line in lines[:PREVIEW_ROWS]]
-        _show_preview(pd.DataFrame(short, columns=head))
-        st.caption(f"{count(len(rows), 'pair')} of points in {count(len(rows.frames), 'frame')}.")
+        bars = bars_of(content, label, options, heights)
+        if bars.counted is None:
+            bars.refuse_unseen(label)
+        if bars.own is None:
+            _show_pairs(bars)
+        else:
+            st.caption(points_taken(bars.rows, "", bars.own).taken.capitalize() + ".")
 
-        def use() -> None:
-            store.project.give({"correspondences": (label, table)})
+        def use(frames: Frames) -> None:
+            given, more = bars.rows, dict[str, Any]()
+            if frames == "own" and (lenses := _lenses(project)) is not None:
+                own = bars_of(content, label, replace(options, frames="own"), heights)
+                pair = in_step(_counted(own, lenses, True)).pair(*CAMERAS)
+                given, notes = pair.correspondences, [*pair.recording.step_notes]
+                more = {"start_frame": pair.start_frame, "step_notes": notes}
+            store.project.give({"correspondences": (label, write_table(given))}, **more)
             store.forget_question("bars")
 
-        return use
+        if bars.counted is None:
+            return {"": partial(use, "common")}
+        lenses = _lenses(project)
+        counted = None if lenses is None else _counted(bars, lenses, False)
+        answers = ask_if_in_step(counted, bars.own_frames)
+        return {words: partial(use, frames) for words, frames in answers.items()}
 
     ask_about(store, "bars", form)
+
+
+def _show_pairs(bars: Bars) -> None:
+    rows = bars.rows
+    head, *lines = (line.split(",") for line in write_table(rows).decode().splitlines())
+    short = [[cell[:PREVIEW_CELL] for cell in line] for line in lines[:PREVIEW_ROWS]]
+    _show_preview(pd.DataFrame(short, columns=head))
+    st.caption(f"{count(len(rows), 'pair')} of points in {count(len(rows.frames), 'frame')}.")
+
+
+def _lenses(project: Project) -> tuple[Camera, Camera] | None:
+    """Both cameras of a project; None while one is missing."""
+    primary, secondary = readable(lambda: project.cameras, warn=False) or (None, None)
+    return None if primary is None or secondary is None else (primary, secondary)
+
+
+def _counted(bars: Bars, lenses: tuple[Camera, Camera], own: bool) -> Recording:
+    """All points of each camera, whose scale does not matter, by the frames as they are counted."""
+    assert bars.counted is not None
+    empty = Recording.of_two("", *lenses, None, 1.0)
+    return replace(bars.counted.put_into(empty), own_frames=own)
 
 
 def _offer_all(
@@ -205,6 +248,8 @@ def _offer_all(
     def take() -> None:
         as_stated = replace(layout, origin=options.origin(layout.origin))
         points = points_of_all(content, as_stated, heights[0], label)
+        if own_count_of(layout) == layout.frame is not None:
+            points = points.rename(columns={"frame": OWN_FRAME})
         packed = csv_text(points).encode()
         ProjectGiven(store.project).more_cameras({f"{PurePath(label).stem}.csv": packed})
         store.forget_question("bars")

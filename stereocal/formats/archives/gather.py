@@ -214,6 +214,7 @@ def _with_table(archive: Archive, name: str, content: bytes, options: ExchangeOp
         sizes = [size or (camera.image_size if camera else None) for size, camera in cameras]
         heights = [None if size is None else size[1] for size in sizes]
         bars = bars_of(content, name, options, heights)
+        bars.refuse_unseen(name)
     return replace(
         archive,
         taken=(points_taken(bars.rows, f"{name} ({bars.words})", bars.own), *archive.taken),
@@ -249,6 +250,18 @@ class Bars:
     own_frames: bool = False
     """Whether they are, so that `rows` are still to be found."""
 
+    def refuse_unseen(self, source: str) -> None:
+        """Raise an error if no end of the bar was seen by both cameras."""
+        if not (len(self.rows) or self.own_frames):
+            is_long = self.counted is not None
+            raise StereocalError(
+                f"no end of the bar was seen by both cameras{' in one frame' * is_long} "
+                f"({self.words}). {' '.join(self.remarks)}".strip(),
+                source,
+                option="--frames own, if each camera counts its own since they were started by hand"
+                * is_long,
+            )
+
     @property
     def own(self) -> BarPoints | None:
         """The points of cameras that count their own frames."""
@@ -268,19 +281,10 @@ def bars_of(content: bytes, source: str, options: ExchangeOptions, heights: Heig
         )
     layout, own_frames = counted_as(layout, source, options)
     bars = read_bars(content, layout, chosen.names, ends, heights, source)
-    rows, is_long = bars.correspondences, layout.camera_column is not None
-    if not (len(rows) or own_frames):
-        raise StereocalError(
-            f"no end of the bar was seen by both cameras, {' and '.join(chosen.names)}"
-            f"{', in a frame of the same number' * is_long}. {' '.join(remarks)}".strip(),
-            source,
-            option="--frames own, if each camera counts its own since they were started by hand"
-            * is_long,
-        )
+    counted = bars if layout.camera_column is not None else None
     corner = layout.origin.corner.replace("-", " ")
     words = f"{layout.program}, {chosen.words}, counted from the {corner}"
-    counted = bars if is_long else None
-    return Bars(rows, words, chosen.remarks + remarks, counted, own_frames)
+    return Bars(bars.correspondences, words, chosen.remarks + remarks, counted, own_frames)
 
 
 def counted_as(
