@@ -1,12 +1,18 @@
 """Two tables of cameras that were started by hand: dropped, answered, calibrated."""
 
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.frames.video.extract import VideoReport, VideoSettings
+from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.ui import videos
 from stereocal.ui.in_step import BY_HAND, IN_STEP
-from tests.pages.stored_projects import FEW, dashboard, drop, go, project_of, run_job, told
+from tests.pages.stored_projects import FEW, dashboard, drop, ended, go, project_of, run_job, told
+from tests.pages.test_pairing import png
 from tests.rigs.moving_bar import counted_by_themselves
 
 LATER = 137
@@ -90,3 +96,37 @@ def test_a_table_of_points_with_a_column_camera(home: Path) -> None:
     assert [app.button(key=f"several_run{k}").label for k in ("", "_1")] == [BY_HAND, IN_STEP]
     app.button(key="several_run").click().run()
     assert start_frame(app, home) == LATER
+
+
+def test_two_videos_are_asked_about_and_taken_anew_by_one_press(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sentence says that they are apart; the answer is above the search, and may be changed."""
+    seen = list[bool]()
+
+    def extract(
+        paths: dict[str, Path], settings: VideoSettings, keep: Callable[..., object], *_: object
+    ) -> VideoReport:
+        assert [path.read_bytes() for path in paths.values()] == [b"one", b"two"]
+        seen.append(settings.by_hand)
+        for which in paths:
+            keep(f"{which}/000001.png", png(np.zeros((48, 64), np.uint8), None))
+        apart = "" if settings.by_hand else "They are 2.31 s apart."
+        return VideoReport(("1 pair of frames was taken.", apart), 1, False, {}, apart)
+
+    monkeypatch.setattr(videos, "extract", extract)
+    app = drop(dashboard("data"), {"left.mp4": b"one", "right.mp4": b"two"})
+    project = project_of(app, home)
+    ended(project, "video")
+    app.run()
+    assert "2.31" in told(app, "warning") and "2.31" not in told(app, "success")
+    run_job(app, "videos_by_hand", project, "video")
+    assert "2.31" not in told(app)
+    assert ProjectPhotographs(project).choice.way == "motion"
+    app.segmented_control(key="video_by_hand").set_value(False).run()
+    ended(project, "video")
+    assert seen == [False, True, False]
+    assert ProjectPhotographs(project).choice.way != "motion"
+    videos._TAKEN.keep(videos._key(project), None)
+    app.segmented_control(key="video_by_hand").set_value(True).run()
+    assert "again" in told(app, "warning") and len(seen) == 3

@@ -173,10 +173,12 @@ def test_videos_of_cameras_started_by_hand(home: Path, tmp_path: Path) -> None:
     project = Project.create(home)
     project.keep_settings({"held": "balls", "held_balls": "red,yellow"})
     app = page_of(project, "data")
-    app.toggle(key="video_by_hand").set_value(True).run()
     drop(app, {path.name: path.read_bytes() for path in given.iterdir()})
     ended(project, "video")
     app.run()
+    assert "By their sound" in told(app, "warning")
+    run_job(app, "videos_by_hand", project, "video")
+    assert app.segmented_control(key="video_by_hand").value is True
     assert "Until then, the first with the first" in told(app)
     app.button(key="find_targets").click().run()
     ended(project, "photographs")

@@ -85,6 +85,8 @@ class VideoReport:
     """Whether frames are missing within a video, by its time stamps."""
     heard: Mapping[str, float] = field(default_factory=dict)
     """What the sound says of cameras started by hand, as in `ByHand`."""
+    apart: str = ""
+    """That of the sentences which says that the frames are apart by their sound."""
 
 
 def extract(
@@ -144,7 +146,8 @@ def extract(
         *([f"{lost} could not be decoded."] if lost else []),
     ]
     missing = any(gaps_of(video.seconds) for video in times)
-    return VideoReport(tuple(sentences), taken, missing, heard)
+    apart = "" if settings.by_hand else " ".join(by_sound)
+    return VideoReport(tuple(sentences), taken, missing, heard, apart)
 
 
 def _split_of(path: Path, video: VideoTimes, settings: VideoSettings) -> Split:
