@@ -110,6 +110,8 @@ def _say_how_many(pairs: int, frames: int) -> None:
 def show_in_step(project: Project | None) -> None:
     """What was found, and on demand the figure of each pair; nothing of cameras in step."""
     recording = None if project is None else readable(lambda: project.recording, warn=False)
+    if recording is None and project is not None and project.inputs.step_notes:
+        st.success(escape_markdown(" ".join(project.inputs.step_notes)))
     if recording is None or not (recording.step_notes or any(recording.start_frames.values())):
         return
     starts, notes = recording.start_frames, recording.step_notes

@@ -30,9 +30,7 @@ def ask_if_in_step(counted: Recording | None, states_own: bool) -> dict[str, Fra
     """
     if counted is None:
         st.markdown(QUESTION)
-        st.info(
-            f"If {BY_HAND.lower()}, drop the camera files of both first: the lenses are needed."
-        )
+        st.info(f"If {BY_HAND.lower()}, drop the camera files first: the lenses help to find that.")
         return {} if states_own else {IN_STEP: "common"}
     if states_own:
         return {"": "own"}

@@ -26,7 +26,7 @@ def missing_of(project: Project) -> str:
     if not has_photographs(project):
         if ProjectApplication(project).asking("bars") is None:
             return missing
-        return missing.replace("the table of points", "the points (press *Use these points*)")
+        return missing.replace("the table of points", "the points (of the table below)")
     if missing and holds_board(project):
         return "the boards in the photographs (press *Find the boards*)"
     targets = "the targets in the photographs (press *Find the targets*)"

@@ -35,7 +35,7 @@ def as_written(files: dict[str, bytes], how: str) -> Tables:
     for number, (name, table) in enumerate(tables.items()):
         if how == "tracks":
             wide = table.pivot_table(index="frame", columns="target", values=["x", "y"])
-            wide.columns = pd.Index([f"{target}_{axis}" for axis, target in wide.columns])
+            wide.columns = wide.columns.map("{0[1]}_{0[0]}".format)
             tables[name] = wide.reset_index()
         elif how != "frame":
             tables[name] = table.rename(columns=own)

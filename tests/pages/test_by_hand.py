@@ -9,6 +9,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereocal.frames.video.extract import VideoReport, VideoSettings
 from stereocal.projects.photographs import ProjectPhotographs
+from stereocal.system.latest import Latest
 from stereocal.ui import videos
 from stereocal.ui.in_step import BY_HAND, IN_STEP
 from tests.pages.stored_projects import FEW, dashboard, drop, ended, go, project_of, run_job, told
@@ -127,6 +128,6 @@ def test_two_videos_are_asked_about_and_taken_anew_by_one_press(
     ended(project, "video")
     assert seen == [False, True, False]
     assert ProjectPhotographs(project).choice.way != "motion"
-    videos._TAKEN.keep(videos._key(project), None)
+    monkeypatch.setattr(videos, "_TAKEN", Latest(1))  # as after a restart
     app.segmented_control(key="video_by_hand").set_value(True).run()
     assert "again" in told(app, "warning") and len(seen) == 3

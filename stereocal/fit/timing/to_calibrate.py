@@ -39,15 +39,16 @@ def what_frames_tell(recording: Recording) -> tuple[bool | None, str]:
         is_apart = fitting_px(two.cameras.values()) < px < math.inf
         if not is_apart and shared > FEW_IN_COMMON * fewer:
             continue
-        seen = f"{pair[0]} and {pair[1]} see the same in {count(shared, 'frame')} of that number"
+        seen = f"both see a point in {count(shared, 'frame')} of the same number"
         fit = f"their points lie {rounded(px)} px from their epipolar lines" if is_apart else seen
+        fit = f"As the frames are numbered, the points of the cameras do not fit together: {fit}."
         try:
             offset = offset_of_pair(recording, pair)
         except StereocalError:
-            doubt = f"As the frames are numbered, {fit}."
+            doubt = fit
             continue
         if abs(offset.measured.frames) > 1:
-            return False, f"As the frames are numbered, {fit}. {offset.sentence()}"
+            return False, f"{fit} {offset.sentence()}"
     return None if doubt else True, doubt
 
 
