@@ -74,9 +74,9 @@ def run(parsed: argparse.Namespace) -> None:
         every = gather_all(files_given, options, name, lengths)
         _show(every.taken)
         recording = every.recording
-        _refuse_other_count(recording if every.is_long else None, options)
+        doubt = _other_count(recording if every.is_long else None, options)
         recording = in_step(recording)
-        files, notes = pack_recording(recording), [*every.remarks, *recording.step_notes]
+        files, notes = pack_recording(recording), [*every.remarks, *recording.step_notes, *doubt]
     else:
         baseline = math.inf if parsed.baseline == FREE else parsed.baseline
         if parsed.cameras is not None:
@@ -91,26 +91,28 @@ def run(parsed: argparse.Namespace) -> None:
         stated = _not_replaced(archive, baseline, distance)
         _show([*stated, *archive.missing(baseline, distance)])
         recording = archive.recording(name, baseline, distance)
-        if archive.counted is not None:
-            _refuse_other_count(archive.counted.put_into(recording), options)
+        counted = None if archive.counted is None else archive.counted.put_into(recording)
+        doubt = _other_count(counted, options)
         dataset = with_sigmas(pair_to_calibrate(recording), parsed)
         files = pack_dataset(dataset)
-        notes = [*_notes_on(archive, dataset), *dataset.recording.step_notes]
+        notes = [*_notes_on(archive, dataset), *dataset.recording.step_notes, *doubt]
         if archive.throw is not None:
             files[THROW] = archive.throw.to_csv(index=False, lineterminator="\n").encode()
     write_all({parsed.out / name: content for name, content in files.items()})
     report(notes=notes, written=[parsed.out])
 
 
-def _refuse_other_count(recording: Recording | None, options: ExchangeOptions) -> None:
-    """Raise an error if the points say that the cameras count their own frames, and nothing else
-    says how they count.
+def _other_count(recording: Recording | None, options: ExchangeOptions) -> list[str]:
+    """A note if the points leave it open how the frames are counted, and nothing else says it.
 
     Args:
         recording: with all points of each camera; None: a row has those of all.
+
+    Raises:
+        StereocalError: the points say that each camera counts its own.
     """
     if recording is None or recording.own_frames or options.frames is not None:
-        return
+        return []
     in_step, why = what_frames_tell(recording)
     if in_step is False:
         raise StereocalError(
@@ -119,6 +121,8 @@ def _refuse_other_count(recording: Recording | None, options: ExchangeOptions) -
             option="--frames own, and they are brought into step; or common, to read them as they "
             "are numbered",
         )
+    more = " If the cameras were started by hand, give --frames own; if not, --frames common."
+    return [why + more] if why else []
 
 
 def _show(lines: Sequence[Part]) -> None:

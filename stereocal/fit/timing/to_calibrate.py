@@ -12,8 +12,9 @@ from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system.numbers import count, rounded
 
-FEW_IN_COMMON = 0.1
-"""Part of the moments of the camera with fewer that both see, below which nearly nothing pairs."""
+MANY_IN_COMMON = 0.5
+"""Part of the frames of the camera with fewer that both see, which is enough where these frames
+are too few to tell more."""
 
 
 def in_step(recording: Recording) -> Recording:
@@ -37,11 +38,12 @@ def what_frames_tell(recording: Recording) -> tuple[bool | None, str]:
         shared, px = len(two.common_frames(*pair)), px_as_numbered(two)
         fewer = min(len({*two.frame[two.camera == k].tolist()}) for k in (0, 1))
         is_apart = fitting_px(two.cameras.values()) < px < math.inf
-        if not is_apart and shared > FEW_IN_COMMON * fewer:
+        if not is_apart and (px < math.inf or shared > MANY_IN_COMMON * fewer):
             continue
-        seen = f"both see a point in {count(shared, 'frame')} of the same number"
-        fit = f"their points lie {rounded(px)} px from their epipolar lines" if is_apart else seen
-        fit = f"As the frames are numbered, the points of the cameras do not fit together: {fit}."
+        fit = f"both cameras see a point in {count(shared, 'frame')} only"
+        if is_apart:
+            fit = f"the points of the cameras lie {rounded(px)} px from their epipolar lines"
+        fit = f"As the frames are numbered, {fit}."
         try:
             offset = offset_of_pair(recording, pair)
         except StereocalError:
