@@ -7,7 +7,7 @@ Four coefficients may be OpenCV's standard lens model (k1 k2 p1 p2) or its fishe
 import json
 import re
 from codecs import BOM_UTF8
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,60 +16,49 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError, naming
-from stereocal.formats.file_storage import (
-    ForeignFile,
-    Storage,
-    find_node,
-    is_numeric,
-    matrix_of,
-    plain_name,
+from stereocal.formats.described import only_camera, several
+from stereocal.formats.file_storage import ForeignFile, Storage, find_node, matrix_of
+from stereocal.formats.lens_nodes import (
+    DISTORTION_NAMES,
+    K_NAMES,
+    as_lens,
+    cameras_among,
+    image_size_in,
+    nodes_of_all,
+    stated_lens_model,
+    what_is_in,
 )
 from stereocal.formats.other_files import refuse_other_camera
 from stereocal.rig.camera import Camera, LensModel, LensUncertainty
 from stereocal.system.arguments import checked
 from stereocal.system.array_types import FloatArray
 from stereocal.system.dialect import encoding_of
+from stereocal.system.zip_files import is_npz
 
 CAMERA_FORMAT = "stereocal-camera/1"
-K_NAMES = ("camera_matrix", "K", "M", "k", "mtx", "intrinsic_matrix")
-DISTORTION_NAMES = (
-    *("distortion_coefficients", "dist_coeffs", "dist_coeff", "dist_coefs", "distortion_coeffs"),
-    *("distortion", "dist", "D", "d"),
-)
-SIZE_NAMES = (
-    *("image_size", "camera_resolution", "resolution", "image_resolution"),
-    *("frame_size", "img_size", "size"),
-)
-WIDTH_NAMES, HEIGHT_NAMES = (
-    (f"image_{side}", f"img_{side}", f"frame_{side}", side) for side in ("width", "height")
-)
-"""Names that `find_node` looks for; `k` and `d` are of ROS 2."""
 EXPECTED = (
     "stereocal reads its own JSON, and OpenCV's YAML, XML or JSON with camera_matrix, "
     "distortion_coefficients, image_width and image_height"
 )
 BEGINS = re.compile(rb"\{|<|%YAML|---|#|[\w\"'][\w \"'.-]*:(\s|$)")
 """The first characters of a JSON, XML or YAML file."""
-USUAL = (
-    *("plumb_bob", "rational_polynomial", "rational", "thin_prism", "tilted"),
-    *("brown", "brown_conrady", "radtan", "radtan5", "radtan8", "radial_tangential"),
-    *("pinhole", "perspective", "opencv", "opencv4", "opencv5", "opencv8", "full_opencv"),
-)
-FISHEYE = (
-    *("equidistant", "equi", "kannala_brandt", "kannala_brandt4", "kb4"),
-    *("fisheye", "opencv_fisheye"),
-)
+
+
+ImageSize = tuple[int, int]
 
 
 class ImageSizeError(StereocalError):
     """A camera whose image size is not stated."""
 
-    def __init__(self, source: str, of: str = "") -> None:
+    def __init__(self, source: str, of: str = "", sizes: Sequence[ImageSize] = ()) -> None:
         self.question = f"{source}: the file does not state the size of the images{of}."
-        super().__init__(
-            f"{self.question} Write image_width and image_height into the file.",
-            option="--image-size WxH, as --image-size 1920x1080",
-        )
+        remedy, known = "Write image_width and image_height into the file.", ["1920x1080"]
+        if sizes:
+            known = [f"{width}x{height}" for width, height in sizes]
+            self.question = f"{source}: the file has lenses for images of {' or '.join(known)} px."
+            remedy = "State the size of yours."
+        option = f"--image-size WxH, as --image-size {known[0]}"
+        super().__init__(f"{self.question} {remedy}", option=option)
 
 
 class FourCoefficientsError(StereocalError):
@@ -91,22 +80,6 @@ def five_or_more(coefficients: FloatArray) -> FloatArray:
     return np.append(coefficients, np.zeros(max(5 - coefficients.size, 0)))
 
 
-def stated_lens_model(storage: Storage, source: str) -> bool | None:
-    """Whether the lens in a file is stated to be a fisheye; None if the file does not state it."""
-    for key in ("distortion_model", "model"):
-        stated = find_node(storage, [key])
-        name = plain_name(stated) if isinstance(stated, str) else ""
-        if name in map(plain_name, FISHEYE + USUAL):
-            return name in map(plain_name, FISHEYE)
-        if key != "model" and name not in ("", "none"):  # a model may be that of the camera
-            raise StereocalError(
-                f"{source}: the lens model {str(stated)[:40]} is not supported; use plumb_bob, "
-                "rational_polynomial or equidistant."
-            )
-    fisheye = find_node(storage, ["fisheye_model"])  # of OpenCV's calibration program
-    return bool(fisheye) if isinstance(fisheye, int) else None
-
-
 def lens_model_of(
     coefficients: FloatArray, is_fisheye: object, by_user: LensModel | None, source: str
 ) -> LensModel:
@@ -124,33 +97,6 @@ def lens_model_of(
     if by_user is None and coefficients.size == 4 and coefficients.any():
         raise FourCoefficientsError(source)
     return by_user or "brown"
-
-
-def image_size_in(storage: Storage, source: str, of: str = "") -> tuple[int, int] | None:
-    """Width and height in a file; None if it does not state them.
-
-    Args:
-        of: the end of the names of one camera's size, as 1 in `image_size_1`; names without it
-            are those of both.
-    """
-    for end in dict.fromkeys((of, "")):
-        names = WIDTH_NAMES, HEIGHT_NAMES, SIZE_NAMES
-        width, height, size = (find_node(storage, [name + end for name in keys]) for keys in names)
-        if width is not None and height is not None:
-            size = [width, height]
-        if isinstance(size, dict):
-            size = size.get("data") or [find_node(size, keys) for keys in names[:2]]
-        if isinstance(size, str):
-            size = [int(side) for side in re.findall(r"\d{1,9}", size)]
-        if size is None:
-            continue
-        if not isinstance(size, list) or len(size) != 2 or not all(map(is_numeric, size)):
-            raise StereocalError(
-                f"{source}: the image size, {str(size)[:60]}, is not a number for each side."
-            )
-        with naming(source):
-            return _whole(size[0]), _whole(size[1])
-    return None
 
 
 def agreed_size(
@@ -201,12 +147,19 @@ def read_camera(
         if not Path(content).is_file():
             raise StereocalError(f"{content}: there is no such file.")
         content = Path(content).read_bytes()
-    refuse_other_camera(content, source)
-    file, start = ForeignFile(source, content), content.removeprefix(BOM_UTF8).lstrip()
-    start = start if encoding_of(content) == "utf-8-sig" else file.text.lstrip().encode()
-    if start and not BEGINS.match(start):
-        raise StereocalError(f"{source}: the format of the camera file is not known; {EXPECTED}.")
-    storage = file.storage
+    file = ForeignFile(source, content)
+    storage = only_camera(file)
+    if storage is None:
+        refuse_other_camera(content, source)
+        start = content.removeprefix(BOM_UTF8).lstrip()
+        if not is_npz(content):
+            wide = encoding_of(content) != "utf-8-sig"
+            start = file.text.lstrip().encode() if wide else start
+            if start and not BEGINS.match(start):
+                raise StereocalError(
+                    f"{source}: the format of the camera file is not known; {EXPECTED}."
+                )
+        storage = _only_lens(file.storage, source)
     if str(storage.get("format", "")).startswith("stereocal-camera"):
         if storage["format"] != CAMERA_FORMAT:
             raise StereocalError(
@@ -214,8 +167,29 @@ def read_camera(
                 f'this version reads "{CAMERA_FORMAT}".'
             )
         return Camera.from_json(storage, source)
-    K = matrix_of(_node(storage, K_NAMES, source), K_NAMES[0], source)
-    distortion = matrix_of(_node(storage, DISTORTION_NAMES, source), DISTORTION_NAMES[0], source)
+    return camera_of(storage, source, lens_model, image_size)
+
+
+def _only_lens(storage: Storage, source: str) -> Storage:
+    """The nodes of the only camera in a file: the file's own, or those of a part of it."""
+    if "format" in storage or "camera_matrix" in as_lens(storage):
+        return storage
+    cameras = cameras_among(storage)
+    if len(cameras) > 1:
+        raise several(cameras, source)
+    of_all = nodes_of_all(storage)
+    return next(iter(cameras.values()), of_all if "camera_matrix" in as_lens(of_all) else storage)
+
+
+def camera_of(
+    storage: Storage, source: str, lens_model: LensModel | None, image_size: ImageSize | None
+) -> Camera:
+    """The camera that nodes of a file describe; arguments as for `read_camera`."""
+    storage = _of_size(storage, source, image_size)
+    storage, whole = as_lens(storage), storage
+    K = matrix_of(_node(storage, K_NAMES, source, whole), K_NAMES[0], source)
+    lens = _node(storage, DISTORTION_NAMES, source, whole)
+    distortion = matrix_of(lens, DISTORTION_NAMES[0], source)
     _refuse_part_of_sensor(storage, source)
     size = agreed_size(image_size_in(storage, source), image_size, source)
     stated = storage.get("uncertainty")
@@ -229,6 +203,17 @@ def read_camera(
     model = lens_model_of(camera.distortion, is_fisheye, lens_model, source)
     with naming(source):
         return replace(camera, model=model)
+
+
+def _of_size(storage: Storage, source: str, image_size: ImageSize | None) -> Storage:
+    """The nodes for images of this size, of a file that has several."""
+    modes = storage.get("modes")
+    if not isinstance(modes, dict) or not all(isinstance(size, tuple) for size in modes):
+        return storage
+    if image_size not in modes and (image_size is not None or len(modes) > 1):
+        raise ImageSizeError(source, sizes=[*modes])
+    chosen: Storage = modes[image_size or next(iter(modes))]
+    return chosen
 
 
 def write_camera(camera: Camera, about: Mapping[str, Any] | None = None) -> bytes:
@@ -265,12 +250,6 @@ def write_opencv_camera(camera: Camera) -> bytes:
     return str(storage.releaseAndGetString()).encode()
 
 
-def _whole(side: float) -> int:
-    if not abs(side) < 1e9:  # rejects NaN too
-        raise StereocalError(f"the image size has a side of {side:g} px.")
-    return int(side)
-
-
 def _refuse_part_of_sensor(storage: Storage, source: str) -> None:
     """Refuse a ROS message whose matrix is not of the images, but of the whole sensor."""
     binned = [storage.get(f"binning_{axis}") for axis in "xy"]
@@ -283,8 +262,8 @@ def _refuse_part_of_sensor(storage: Storage, source: str) -> None:
         )
 
 
-def _node(storage: Storage, names: tuple[str, ...], source: str) -> Any:
+def _node(storage: Storage, names: tuple[str, ...], source: str, whole: Storage) -> Any:
     node = find_node(storage, names)
     if node is None:
-        raise StereocalError(f"{source}: {names[0]} is missing; {EXPECTED}.")
+        raise StereocalError(f"{source}: {names[0]} is missing ({what_is_in(whole)}); {EXPECTED}.")
     return node

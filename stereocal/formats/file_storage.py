@@ -11,9 +11,11 @@ import numpy as np
 import yaml
 
 from stereocal.errors import DAMAGED, StereocalError
+from stereocal.formats.numpy_file import read_arrays
 from stereocal.system.array_types import FloatArray
 from stereocal.system.dialect import encoding_of
 from stereocal.system.json_text import DEEPEST, read_json
+from stereocal.system.zip_files import is_npz
 
 LARGEST_BYTES = 4_000_000
 Storage = Mapping[str, Any]
@@ -63,7 +65,9 @@ class ForeignFile:
 
     @cached_property
     def storage(self) -> Storage:
-        """The nodes of a YAML, XML or JSON file."""
+        """The nodes of a YAML, XML or JSON file, or of NumPy's arrays."""
+        if is_npz(self.content):
+            return with_matrices(read_arrays(self.content, self.name))
         return with_matrices(read_storage(self.text, self.name))
 
 
@@ -138,15 +142,19 @@ def is_numeric(value: object) -> bool:
     return isinstance(value, float) or (type(value) is int and abs(value) < 1 << 63)
 
 
-def _read_xml(text: str, source: str) -> Storage:
+def parse_xml(text: str, source: str) -> ElementTree.Element:
+    """The root of an XML text."""
     # Entity expansion attacks need a document type, which OpenCV does not write.
     if "<!DOCTYPE" in text:
         raise StereocalError(f"{source}: XML with a document type is not read; remove it.")
     try:
-        root = ElementTree.fromstring(text)
+        return ElementTree.fromstring(text.lstrip())
     except (ElementTree.ParseError, ValueError) as error:
         raise StereocalError(f"{source}: this is not valid XML ({error}).") from error
-    nodes = _children(root, source)
+
+
+def _read_xml(text: str, source: str) -> Storage:
+    nodes = _children(parse_xml(text, source), source)
     return nodes if isinstance(nodes, dict) else {}
 
 

@@ -19,7 +19,7 @@ from stereocal.system.names import check_path
 PIECE = 1 << 20
 LISTED_BYTES = 3_300
 """Upper limit for an entry in the central directory of a zip, except for extremely long names."""
-_LISTED = b"PK\x01\x02"
+_LISTED, _MEMBER = b"PK\x01\x02", b"PK\x03\x04"
 
 DAMAGED_ZIP = (
     *(EOFError, ValueError, OSError, OverflowError, IndexError, RuntimeError),
@@ -79,7 +79,14 @@ class OpenZip:
 
 
 def is_zip(content: bytes) -> bool:
-    return content.startswith(b"PK\x03\x04")
+    """Whether it is a zip of files, which one of NumPy's arrays is not."""
+    return content.startswith(_MEMBER) and not is_npz(content)
+
+
+def is_npz(content: bytes) -> bool:
+    """Whether it is NumPy's .npz: a zip whose first member is an array."""
+    length = int.from_bytes(content[26:28], "little")
+    return content.startswith(_MEMBER) and content[30 : 30 + length].endswith(b".npy")
 
 
 @contextmanager

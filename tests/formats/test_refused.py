@@ -95,7 +95,7 @@ UNSOUND: list[tuple[dict[str, Any], tuple[str, ...]]] = [
     ({"image_height": -5}, ("1280x-5",)),
 ]
 """Nodes of a camera file of OpenCV."""
-INI = b"# of a stereo camera\n\n[LEFT_CAM_HD]\nfx=700.8\nfy=700.7\n\n[STEREO]\nBaseline=119.9\n"
+INI = b"# of a stereo camera\n\n[left camera]\nfx=700.8\nfy=700.7\n\n[STEREO]\nBaseline=119.9\n"
 MAT = b"MATLAB 5.0 MAT-file, Platform: GLNXA64, Created on: Mon".ljust(124) + b"\x00\x01IM" * 40
 TWICE = write_camera(PRIMARY).rstrip()[:-1] + b',\n"image_size": [640, 480]\n}\n'
 YAML = b"%YAML:1.0\n---\n"
@@ -161,10 +161,10 @@ CASES: list[tuple[Any, ...]] = [
     ("camera", b"<?xml version='1.0'?>" + b"<a>" * 1000 + b"</a>" * 1000, "f: "),
     *(
         (reader, {"f": content} if "," in reader else content, "f: ", *said)
-        for content, *said in ((INI, "INI", "LEFT_CAM_HD", '"K"'), (MAT, "MATLAB", "jsonencode"))
+        for content, *said in ((INI, "INI", "left camera", '"K"'), (MAT, "MATLAB", "jsonencode"))
         for reader in ("camera", "parameters, OpenCV", "parameters, Kalibr")
     ),
-    ("parameters, MATLAB", {"f": INI}, "f: ", "LEFT_CAM_HD"),
+    ("parameters, MATLAB", {"f": INI}, "f: ", "left camera"),
     *(("points", own, "f: ") for own in (b"", b"frame,u,v\n", b"\x00\x01\x02\n\x03")),
     *(("points", own, "f: ", "DLTdv") for own in (b"name,size\nx,1\n", b"1,2,3\n4,5,6\n")),
     *(("no member", name, "f: ", name) for name in PAIR),
@@ -237,7 +237,7 @@ CASES: list[tuple[Any, ...]] = [
     ("parameters, OpenCV", {"i.yml": export_files(PLAIN, "opencv")["intrinsics.yml"]}, "R, T"),
     ("parameters, Kalibr", {"c.yaml": kalibr_chain()}, "3 (cam0, cam1, cam2)"),
     ("parameters, MATLAB", {"s.mat": mat({"s": BARE})}, "RotationOfCamera2", "PoseCamera2"),
-    ("parameters, MATLAB", {"s.mat": in_units("feet", "feet")}, "s.mat: ", "WorldUnits", "feet"),
+    ("parameters, MATLAB", {"s.mat": in_units("yard", "yard")}, "s.mat: ", "WorldUnits", "yard"),
     ("parameters, MATLAB", {"s.mat": in_units("mm", "inches")}, "WorldUnits", "inches, mm"),
     ("kalibr", ("radtan", "fov"), "camchain.yaml, cam0", "fov", "radtan"),
     ("kalibr", ("cam1:", "cam2:"), "camchain.yaml", "cam0, cam2"),

@@ -6,12 +6,20 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.linalg import rq
+from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError, naming
 from stereocal.formats.camera_file import agreed_size, lens_model_of, read_camera
 from stereocal.formats.exchange.chosen_cameras import ChosenPair
-from stereocal.formats.exchange.options import ExchangeOptions, ImageSize, Unit, metres_per_unit
-from stereocal.formats.file_storage import ForeignFile
+from stereocal.formats.exchange.options import (
+    ExchangeOptions,
+    ImageSize,
+    Unit,
+    metres_per_unit,
+    unit_called,
+)
+from stereocal.formats.file_storage import ForeignFile, Storage, find_node
+from stereocal.formats.lens_nodes import UNIT_NAMES, nodes_of_all
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import ROTATION_TOLERANCE, Pose
 from stereocal.rig.rig import Rig
@@ -21,7 +29,7 @@ from stereocal.system.numbers import rounded
 from stereocal.version import __version__
 
 ONE_LENS = "one lens for both cameras"
-STORAGES = (".yaml", ".yml", ".xml", ".json")
+STORAGES = (".yaml", ".yml", ".xml", ".json", ".npz")
 Files = Sequence[ForeignFile]
 
 
@@ -182,14 +190,46 @@ def camera_from(
 def pose_from(R: Any, T: Any, source: str) -> Pose:
     """The pose of what a file has: 3x3 and 3 numbers, or 4x4 numbers in `R` if there is no `T`.
 
-    A rotation with few decimals is replaced by the nearest, as `Pose.nearest`.
+    Three numbers of R are a rotation vector. A rotation with few decimals is replaced by the
+    nearest, as `Pose.nearest`.
     """
     if T is None:
         matrix = array_of(R, (4, 4), "the pose", source)
         R, T = matrix[:3, :3], matrix[:3, 3]
+    if np.size(R) == 3:
+        vector = array_of(R, (3,), "R", source)
+        if not (angle := float(np.linalg.norm(vector))) <= 2 * np.pi:
+            raise StereocalError(
+                f"R has three numbers, which are no rotation vector: its length is {angle:g}, and "
+                f"{2 * np.pi:.4g} rad is a whole turn.",
+                source,
+            )
+        R = Rotation.from_rotvec(vector).as_matrix()
     rotation, shift = array_of(R, (3, 3), "R", source), array_of(T, (3,), "T", source)
     with naming(source):
         return Pose.nearest(rotation, shift)
+
+
+def known_pose(
+    read: Callable[[], Pose | None], lacks: str
+) -> tuple[Pose | None, str, tuple[str, ...]]:
+    """The pose that is read, or why there is none, also as a remark if it is no pose.
+
+    Lenses are of use without it where the baseline is measured.
+
+    Args:
+        lacks: why there is none, if none is stated.
+    """
+    try:
+        return read(), lacks, ()
+    except StereocalError as error:
+        return None, str(error), (f"The pose of the cameras was not taken: {error}",)
+
+
+def stated_unit(tree: Storage) -> Unit | None:
+    """The unit of lengths that the nodes of a file state; None for no length's, as `px`."""
+    word = find_node(nodes_of_all(tree), UNIT_NAMES)
+    return unit_called(word) if isinstance(word, str) else None
 
 
 def decomposed(P: FloatArray, source: str) -> tuple[FloatArray, Pose]:

@@ -8,7 +8,6 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from stereocal.errors import StereocalError, disk_errors
-from stereocal.formats.camera_file import K_NAMES
 from stereocal.formats.exchange.camera_format import (
     OUR_UNIT,
     STORAGES,
@@ -23,16 +22,19 @@ from stereocal.formats.exchange.camera_format import (
 from stereocal.formats.exchange.dlt import DLT
 from stereocal.formats.exchange.matlab import MATLAB
 from stereocal.formats.exchange.options import Contents, ExchangeOptions, Unit
+from stereocal.formats.exchange.other_programs import DESCRIBED
 from stereocal.formats.exchange.ros import ROS, is_ros
 from stereocal.formats.exchange.text_formats import ANIPOSELIB, ARGUS, CALISCOPE, COLMAP
 from stereocal.formats.exchange.yaml_formats import KALIBR, OPENCV
 from stereocal.formats.file_storage import LARGEST_BYTES, ForeignFile, find_node
+from stereocal.formats.lens_nodes import K_NAMES, has_one_lens
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras, Rig
 from stereocal.system.arguments import checked
 from stereocal.system.atomic_files import write_all
 from stereocal.system.numbers import rounded
+from stereocal.system.zip_files import is_npz
 
 FORMATS: Mapping[str, ExchangeFormat] = {
     "opencv": OPENCV,
@@ -60,10 +62,12 @@ def our_word(content: bytes) -> str:
 
 def _is_camera(file: ForeignFile) -> bool:
     """Whether it is our camera file, or OpenCV's of a single camera."""
-    if not file.ends_with(*STORAGES) or is_ros(file):
+    if not (file.ends_with(*STORAGES) or is_npz(file.content)) or is_ros(file):
         return False
     stated = our_word(file.content)
-    return stated == "camera" or (not stated and find_node(file.storage, K_NAMES) is not None)
+    if stated:
+        return stated == "camera"
+    return find_node(file.storage, K_NAMES) is not None or has_one_lens(file.storage)
 
 
 def _read_cameras(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
@@ -81,6 +85,7 @@ def _read_parameters(files: Files, _: ExchangeOptions, source: str) -> ForeignPa
 
 
 READ: Mapping[str, CameraFormat] = {
+    **DESCRIBED,
     **FORMATS,
     "argus": ARGUS,
     "camera": CameraFormat("camera files", _read_cameras, _is_camera, one_camera=True),
@@ -108,7 +113,7 @@ def camera_names(name: str, content: bytes) -> tuple[str, ...]:
 
 def names_in_files(files: Contents, name: str) -> tuple[str, ...]:
     """Names of the cameras in the files of a format by name, to choose from; empty if none are."""
-    known = _format(name)
+    known = _read_format(name)
     if known.one_camera:
         return tuple(PurePath(file).stem for file in files)
     if known.names is None or len(files) != 1:
@@ -214,10 +219,10 @@ def import_files(
     """
     if not files:
         raise StereocalError(f"{source}: there are no files.")
-    known, options = _format(name), replace(options or ExchangeOptions(), in_order=False)
+    known, options = _read_format(name), replace(options or ExchangeOptions(), in_order=False)
     if len(files) == 1:
         ((only, content),) = files.items()
-        if known is not MATLAB or not is_matlab(content):
+        if name not in DESCRIBED and (known is not MATLAB or not is_matlab(content)):
             refuse_other_camera(content, only, may_be_toml=known in (ANIPOSELIB, CALISCOPE))
     pair = _read(files, known, options, source)
     rig = pair.rig(options, source)
@@ -236,12 +241,24 @@ def import_parameters(
     with disk_errors(f"{path} cannot be read"):
         path.stat()
         paths = sorted(path.iterdir()) if path.is_dir() else [path]
+        if name in DESCRIBED and path.is_dir():
+            paths += sorted(path.glob("*/*"))  # EuRoC's cam0/sensor.yaml
         files = {
-            file.name: file.read_bytes()
+            _name_in(path, file): file.read_bytes()
             for file in paths
             if file.is_file() and file.stat().st_size <= LARGEST_BYTES
         }
     return import_files(files, name, options, str(path))
+
+
+def _name_in(folder: Path, file: Path) -> str:
+    return (
+        file.name if file.parent in (folder, folder.parent) else f"{file.parent.name}/{file.name}"
+    )
+
+
+def _read_format(name: str) -> CameraFormat:
+    return DESCRIBED[name] if name in DESCRIBED else _format(name)
 
 
 def _format(name: str) -> ExchangeFormat:

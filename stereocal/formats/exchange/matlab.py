@@ -7,6 +7,7 @@ is the inverse of our pose. The first pixel is (1, 1).
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,11 +22,12 @@ from stereocal.formats.exchange.camera_format import (
     camera_from,
     camera_matrix,
     header,
+    known_pose,
     number,
     only_file,
     pose_from,
 )
-from stereocal.formats.exchange.options import UNITS, ExchangeOptions, Unit
+from stereocal.formats.exchange.options import UNITS, ExchangeOptions, Unit, unit_called
 from stereocal.formats.matlab_file import Fields, needed_in_field, numbers_in_field, read_structs
 from stereocal.formats.other_files import is_matlab
 from stereocal.rig.camera import CAMERAS, Camera
@@ -77,13 +79,6 @@ def write_matlab(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
     return {"stereo_parameters.m": (text + BUILD).encode()}
 
 
-WORLD_UNITS: Mapping[str, Unit] = {
-    **dict.fromkeys(("m", "meter", "metre"), "m"),
-    **dict.fromkeys(("cm", "centimeter", "centimetre"), "cm"),
-    **dict.fromkeys(("mm", "millimeter", "millimetre"), "mm"),
-    **dict.fromkeys(("in", "inch", "inche"), "inch"),
-}
-"""Units by their names in lower case, without a plural s."""
 _WORLD_UNITS = re.compile(r"WorldUnits['\"]?\s*[,=]\s*['\"]([^'\"]*)['\"]")
 _ASSIGNED = re.compile(r"^[ \t]*([A-Za-z]\w*)[ \t]*=[ \t]*\[([^\[\]]*)\]", re.MULTILINE)
 
@@ -119,7 +114,7 @@ def read_matlab(files: Files, options: ExchangeOptions, source: str) -> ForeignP
 def _unit_of(stated: Iterable[object], source: str) -> Unit | None:
     """The unit that a file states, at several places; None if at none."""
     words = {word.strip() for word in stated if isinstance(word, str) and word.strip()}
-    known = {WORLD_UNITS.get(word.lower().removesuffix("s")) for word in words}
+    known = {*map(unit_called, words)}
     if None in known or len(known) > 1:
         raise StereocalError(
             f"{source}: its WorldUnits are {', '.join(sorted(words))[:60]}; write the lengths in "
@@ -137,9 +132,9 @@ def stereo_of(structs: Mapping[str, Fields], source: str, options: ExchangeOptio
             stating = [fields, *(fields[part] for part in PARTS)]
             units = [word for part in stating for word in np.ravel(part.get("WorldUnits", ""))]
             unit = _unit_of(units, source)
-            pose = _pose(fields, source)
             lacks = f"{source}: neither RotationOfCamera2 nor PoseCamera2 is in the struct."
-            pair = ForeignPair(primary, secondary, pose, lacks, "MATLAB", stated=unit)
+            pose, no_pose, bad = known_pose(partial(_pose, fields, source), lacks)
+            pair = ForeignPair(primary, secondary, pose, no_pose, "MATLAB", stated=unit, notes=bad)
             return replace(pair, called="stereoParams")
     raise StereocalError(
         f"{source}: this .mat file has neither easyWandData nor the struct of a stereoParameters "

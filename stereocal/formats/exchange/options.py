@@ -13,9 +13,17 @@ from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import FloatArray
 from stereocal.system.numbers import POSSIBLE_PX
 
-Unit = Literal["m", "cm", "mm", "inch"]
-UNITS: Mapping[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
+Unit = Literal["m", "cm", "mm", "inch", "feet"]
+UNITS: Mapping[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "feet": 0.3048}
 """Metres per unit."""
+_UNIT_WORDS: Mapping[str, Unit] = {
+    **dict.fromkeys(("m", "meter", "metre"), "m"),
+    **dict.fromkeys(("cm", "centimeter", "centimetre"), "cm"),
+    **dict.fromkeys(("mm", "millimeter", "millimetre"), "mm"),
+    **dict.fromkeys(("in", "inch", "inche", '"'), "inch"),
+    **dict.fromkeys(("ft", "foot", "feet"), "feet"),
+}
+"""By their names in lower case, without a plural s."""
 POSSIBLE_M = (0.002, 100.0)
 """Plausible baselines: stereo laparoscopes have 4 mm; the largest still allow a portable bar."""
 USUAL_M = (0.01, 10.0)
@@ -163,6 +171,11 @@ QUESTIONS: Mapping[str, Question] = {
     ),
 }
 ORIGIN = ("corner", "first_pixel", "flip")
+
+
+def unit_called(word: str) -> Unit | None:
+    """The unit that a word of a file names; None if none is known by it."""
+    return _UNIT_WORDS.get(word.strip().lower().removesuffix("s"))
 
 
 class UnitError(StereocalError):

@@ -13,7 +13,6 @@ from pathlib import PurePath
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.camera_file import K_NAMES
 from stereocal.formats.exchange.camera_format import (
     STORAGES,
     ExchangeFormat,
@@ -31,6 +30,7 @@ from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.yaml_formats import rectification
 from stereocal.formats.file_storage import ForeignFile, find_node
+from stereocal.formats.lens_nodes import K_NAMES
 from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import FloatArray
 

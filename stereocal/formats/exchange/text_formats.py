@@ -13,8 +13,9 @@ t2, k3.
 import json
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,10 +34,12 @@ from stereocal.formats.exchange.camera_format import (
     camera_from,
     camera_matrix,
     header,
+    known_pose,
     number,
     numbers,
     only_file,
     pose_from,
+    stated_unit,
 )
 from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import ExchangeOptions
@@ -116,17 +119,21 @@ def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> Fore
             file.name,
         )
     chosen = chosen_pair(_called(sections), options.cameras, file.name, [*sections])
-    cameras, poses = [], []
+    cameras, poses = [], list[Callable[[], Pose]]()
     for k, name in enumerate(chosen.names):
         table, where = [*sections.values()][chosen.pair[k]], f"{file.name}, {name}"
         K, lens, fisheye = table.get("matrix"), table.get("distortions"), table.get("fisheye")
         cameras.append(camera_from(K, lens, table.get("size"), fisheye, options, k, where))
         if all(table.get(key) not in (None, "null") for key in ("rotation", "translation")):
-            poses.append(_toml_pose(table, where))
-    pose = poses[1] @ poses[0].inverse() if len(poses) == 2 else None
-    no_pose = f"{file.name}: a camera has no rotation and translation."
+            posed = table["rotation"], table["translation"], where
+            poses.append(partial(pose_from, *posed))
+    lacks = f"{file.name}: a camera has no rotation and translation."
+    pose, no_pose, bad = known_pose(
+        lambda: poses[1]() @ poses[0]().inverse() if len(poses) == 2 else None, lacks
+    )
     program = "Caliscope" if "cameras" in data or "charuco" in data else "aniposelib"
-    return ForeignPair(cameras[0], cameras[1], pose, no_pose, program, chosen)
+    pair = ForeignPair(cameras[0], cameras[1], pose, no_pose, program, chosen, notes=bad)
+    return replace(pair, stated=stated_unit({**data.get("metadata", {}), **data}))
 
 
 def _called(sections: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
@@ -160,15 +167,6 @@ def read_toml(text: str, name: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of too many digits is a ValueError
         raise StereocalError(f"{name}: this is not valid TOML ({error}).") from error
-
-
-def _toml_pose(data: Mapping[str, Any], source: str) -> Pose:
-    """Camera from world; a rotation vector, or Caliscope's matrix."""
-    rotation = array_of(data["rotation"], (-1,), "rotation", source)
-    if rotation.size != 9:
-        turn = Rotation.from_rotvec(array_of(rotation, (3,), "rotation", source))
-        rotation = turn.as_matrix()
-    return pose_from(rotation, data["translation"], source)
 
 
 def write_colmap(two: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:

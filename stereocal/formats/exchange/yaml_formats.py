@@ -1,20 +1,14 @@
 """Camera files in YAML: OpenCV's stereo sample, and Kalibr's camchain."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError
-from stereocal.formats.camera_file import (
-    DISTORTION_NAMES,
-    FISHEYE,
-    K_NAMES,
-    five_or_more,
-    image_size_in,
-    stated_lens_model,
-)
+from stereocal.formats.camera_file import camera_of, five_or_more
 from stereocal.formats.exchange.camera_format import (
     STORAGES,
     ExchangeFormat,
@@ -25,30 +19,29 @@ from stereocal.formats.exchange.camera_format import (
     camera_from,
     camera_matrix,
     header,
+    known_pose,
     number,
     numbers,
     only_file,
     pose_from,
+    stated_unit,
 )
 from stereocal.formats.exchange.chosen_cameras import chosen_pair
-from stereocal.formats.exchange.options import ExchangeOptions, ImageSize
-from stereocal.formats.file_storage import ForeignFile, find_node, matrix_of
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.file_storage import ForeignFile, Storage, find_node, matrix_of
+from stereocal.formats.lens_nodes import (
+    FISHEYE,
+    K_NAMES,
+    R_NAMES,
+    T_NAMES,
+    cameras_among,
+    nodes_of_all,
+    what_is_in,
+)
+from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import AT_ORIGIN, Pose
 from stereocal.system.array_types import FloatArray
-
-
-def _names_of(k: str, side: str, names: Sequence[str]) -> tuple[str, ...]:
-    """Names of a matrix of camera 1 or 2, the left or the right; we write the first."""
-    ended = (name + end for end in (k, side[0].upper(), f"_{side}") for name in names)
-    return (*ended, *(f"{side}_{name}" for name in names))
-
-
-NAMES: Mapping[str, tuple[str, ...]] = {
-    f"{key}{k}": _names_of(k, side, names)
-    for k, side in (("1", "left"), ("2", "right"))
-    for key, names in (("M", ("M", *K_NAMES, "CM")), ("D", ("D", *DISTORTION_NAMES)))
-} | {"R": ("R", "rotation", "rotation_matrix"), "T": ("T", "translation", "translation_vector")}
+from stereocal.system.zip_files import is_npz
 
 
 def write_opencv(two: Sequence[Posed], _options: ExchangeOptions) -> dict[str, bytes]:
@@ -113,44 +106,62 @@ def rectification(two: Sequence[Posed]) -> list[FloatArray]:
 
 
 def is_opencv(file: ForeignFile) -> bool:
-    """Whether it has one of the matrices of a stereo file, and not that of a single camera."""
-    if not file.ends_with(*STORAGES) or "format" in file.storage:
+    """Whether it has lenses or a pose of a pair, and not the lens of a single camera."""
+    if not file.ends_with(*STORAGES) and not is_npz(file.content):
         return False
-    if find_node(file.storage, K_NAMES) is not None:
+    if "format" in file.storage or find_node(file.storage, K_NAMES) is not None or is_kalibr(file):
         return False
-    return any(find_node(file.storage, names) is not None for names in NAMES.values())
+    posed = any(find_node(file.storage, names) is not None for names in (R_NAMES[:3], T_NAMES[:3]))
+    return posed or [*cameras_among(file.storage)] not in ([], [""])
+
+
+def _in_all(files: Files) -> Storage:
+    """The nodes of all files, as of `intrinsics.yml` and `extrinsics.yml`."""
+    nodes: dict[str, Any] = {}
+    for file in files:
+        if file.ends_with(*STORAGES) or is_npz(file.content):
+            nodes |= file.storage
+    return nodes
 
 
 def read_opencv(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
     """Two cameras from one or several files; their pose if R and T are there."""
-    matrices: dict[str, FloatArray] = {}
-    sizes: dict[int, ImageSize] = {}
-    models: list[bool] = []
-    for file in files:
-        if not file.ends_with(*STORAGES):
-            continue
-        for key, known in NAMES.items():
-            if (node := find_node(file.storage, known)) is not None:
-                matrices[key] = matrix_of(node, key, file.name)
-        if (stated := stated_lens_model(file.storage, file.name)) is not None:
-            models.append(stated)
-        for k in (0, 1):
-            if (size := image_size_in(file.storage, file.name, str(k + 1))) is not None:
-                sizes[k] = size
-    missing = [key for key in NAMES if key not in matrices]
+    tree = _in_all(files)
+    cameras = cameras_among(tree)
+    if len(cameras) < 2:
+        raise StereocalError(
+            f"two cameras are expected, and {len(cameras)} found ({what_is_in(tree)}). OpenCV's "
+            "stereo files have M1, D1, M2, D2 (intrinsics.yml) and R, T (extrinsics.yml); K_left, "
+            "dist_left and the like are read too.",
+            source,
+        )
+    chosen = chosen_pair([*cameras], options.cameras, source)
+    lenses = [
+        camera_of(cameras[name], f"{source}, {name}", options.lens_model, size)
+        for name, size in zip(chosen.names, options.image_sizes, strict=True)
+    ]
+    of_pair = nodes_of_all(tree)
+    R, T = (find_node(of_pair, names) for names in (R_NAMES, T_NAMES))
+    missing = [name for name, node in (("R", R), ("T", T)) if node is None]
     lacks = (
-        f"{source}: {', '.join(missing)} missing; OpenCV's stereo files have M1, D1, M2, D2 "
-        "(intrinsics.yml) and R, T (extrinsics.yml)."
+        f"{source}: {', '.join(missing)} missing ({what_is_in(tree)}); OpenCV's stereo files have "
+        "R, T (extrinsics.yml)."
     )
-    if set(missing) - {"R", "T"}:
-        raise StereocalError(lacks)
-    model = models[0] if models else None
-    cameras = []
-    for k, which in enumerate(CAMERAS):
-        K, lens, where = matrices[f"M{k + 1}"], matrices[f"D{k + 1}"], f"{source}, {which}"
-        cameras.append(camera_from(K, lens, sizes.get(k), model, options, k, where))
-    pose = None if missing else pose_from(matrices["R"], matrices["T"], source)
-    return ForeignPair(cameras[0], cameras[1], pose, lacks)
+    if len(cameras) > 2:
+        missing, lacks = ["R"], f"{source}: it is not said of which two cameras its R and T are."
+
+    def pose() -> Pose | None:
+        stated = None if missing else pose_from(_values(R), _values(T), source)
+        return stated.inverse() if stated and chosen.pair == (1, 0) else stated
+
+    known, no_pose, bad = known_pose(pose, lacks)
+    pair = ForeignPair(lenses[0], lenses[1], known, no_pose, notes=bad, stated=stated_unit(tree))
+    return replace(pair, chosen=chosen if len(cameras) > 2 or options.cameras else None)
+
+
+def _values(node: Any) -> Any:
+    """The numbers of a matrix, of which a wrong number is none."""
+    return matrix_of(node, "R or T", "") if isinstance(node, dict) else node
 
 
 def write_kalibr(cameras: Sequence[Posed], _: ExchangeOptions) -> dict[str, bytes]:
@@ -188,6 +199,13 @@ def kalibr_names(file: ForeignFile) -> tuple[str, ...]:
     return tuple(sorted(names, key=lambda key: int(key[3:])))
 
 
+def is_kalibr(file: ForeignFile) -> bool:
+    """Whether it is a camchain, and no script's file with a matrix of `cam0`."""
+    nodes = [file.storage[name] for name in kalibr_names(file)]
+    matrices = [find_node(node, K_NAMES) for node in nodes if isinstance(node, dict)]
+    return bool(nodes) and all(matrix is None for matrix in matrices)
+
+
 def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
     """Two cameras of a camchain; the pose is known if the chain between them is whole."""
     file = only_file(files, (".yaml", ".yml"), source)
@@ -203,15 +221,20 @@ def read_kalibr(files: Files, options: ExchangeOptions, source: str) -> ForeignP
             f"{file.name}: a chain without gaps is expected; the file has {', '.join(names)[:200]}."
         )
     first, last = sorted(chosen.pair)
-    pose: Pose | None = AT_ORIGIN
-    for key in names[first + 1 : last + 1]:
-        step = data[key].get("T_cn_cnm1") if isinstance(data[key], dict) else None
-        if pose is not None:
-            pose = None if step is None else pose_from(step, None, f"{file.name}, {key}") @ pose
-    if pose is not None and chosen.pair[0] == last:
-        pose = pose.inverse()
-    no_pose = f"{file.name}: T_cn_cnm1, the pose of a camera, is missing."
-    return ForeignPair(primary, secondary, pose, no_pose, "Kalibr", chosen)
+    lacks = f"{file.name}: T_cn_cnm1, the pose of a camera, is missing."
+
+    def along_the_chain() -> Pose | None:
+        pose = AT_ORIGIN
+        for key in names[first + 1 : last + 1]:
+            step = data[key].get("T_cn_cnm1") if isinstance(data[key], dict) else None
+            if step is None:
+                return None
+            pose = pose_from(step, None, f"{file.name}, {key}") @ pose
+        return pose.inverse() if chosen.pair[0] == last else pose
+
+    pose, no_pose, bad = known_pose(along_the_chain, lacks)
+    pair = ForeignPair(primary, secondary, pose, no_pose, "Kalibr", chosen, notes=bad)
+    return replace(pair, stated=stated_unit(data))
 
 
 def _kalibr_camera(data: Any, k: int, options: ExchangeOptions, source: str) -> Camera:
@@ -240,11 +263,12 @@ OPENCV = ExchangeFormat(
     is_opencv,
     write=write_opencv,
     skew="ignored",
+    names=lambda file: tuple(cameras_among(file.storage)),
 )
 KALIBR = ExchangeFormat(
     "Kalibr (camchain.yaml)",
     read_kalibr,
-    lambda file: bool(kalibr_names(file)),
+    is_kalibr,
     kalibr_names,
     unit="m",
     write=write_kalibr,

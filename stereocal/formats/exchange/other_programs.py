@@ -1,0 +1,126 @@
+"""Pairs of cameras in the files of `described`."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import PurePath
+
+from stereocal.errors import StereocalError
+from stereocal.formats.camera_file import camera_of
+from stereocal.formats.described import PROGRAMS, Cameras, Program, several
+from stereocal.formats.exchange.camera_format import (
+    ONE_LENS,
+    CameraFormat,
+    Files,
+    ForeignPair,
+    known_pose,
+    pose_from,
+    stated_unit,
+)
+from stereocal.formats.exchange.chosen_cameras import chosen_pair
+from stereocal.formats.exchange.options import ExchangeOptions
+from stereocal.formats.file_storage import ForeignFile, Storage
+from stereocal.rig.geometry import AT_ORIGIN, Pose
+
+
+def _read(program: Program, files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
+    """Two cameras of one file or of two, or one lens for both."""
+    files = [file for file in files if program.knows(file)] or files
+    single = program.one_camera or len(files) > 1
+    if len(files) > 1 + single or not files:
+        raise StereocalError(f"{len(files)} files of {program.title}; give one or two.", source)
+    notes: tuple[str, ...] = ()
+    if not single:
+        (file,) = files
+        named = program.cameras_of(file)
+        chosen = chosen_pair([*named], options.cameras, file.name) if len(named) > 1 else None
+        names = chosen.names if chosen else (next(iter(named)),) * 2
+        where = f"{file.name}, {names[0]}", f"{file.name}, {names[1]}"
+    else:
+        chosen, named = None, {}
+        for file in files:
+            cameras = program.cameras_of(file)
+            if len(cameras) > 1:
+                raise several(cameras, file.name)
+            named[file.name] = next(iter(cameras.values()))
+        names = (files[0].name, files[-1].name)
+        if len(files) == 2 and not options.in_order:
+            if options.cameras is not None:
+                stems = [str(PurePath(name).with_suffix("")) for name in names]
+                order = chosen_pair(stems, options.cameras, source).pair
+                names = (names[order[0]], names[order[1]])
+            notes = (f"{names[0]} was taken as the primary camera, {names[1]} as the secondary.",)
+        where = names
+    first, second = (
+        camera_of(named[name], text, options.lens_model, size)
+        for name, text, size in zip(names, where, options.image_sizes, strict=True)
+    )
+    lacks = f"{source}: {program.no_pose or 'one camera has no pose'}."
+    pose, no_pose, bad = known_pose(lambda: None, lacks)
+    if program.pose is not None and names[0] != names[1]:
+        pose, no_pose, bad = known_pose(partial(_pose, program, files[0], named, names), lacks)
+    remarks = {str(named[name]["remark"]) for name in names if "remark" in named[name]}
+    notes += (*remarks, *bad)
+    pair = ForeignPair(first, second, pose, no_pose, program.title, chosen, notes=notes)
+    unit = stated_unit(files[0].storage) if program.of_pair is not None else None
+    called = "" if chosen or len(files) > 1 else ONE_LENS
+    return replace(pair, stated=unit, called=called, files=names if len(files) > 1 else None)
+
+
+def _pose(program: Program, file: ForeignFile, named: Cameras, names: tuple[str, str]) -> Pose:
+    """The second camera from the first."""
+    source = f"{file.name} ({program.title})"
+    if program.of_pair is not None:
+        if len(named) > 2:
+            raise StereocalError("it is not said of which two cameras its R and T are.", source)
+        pose = _of_nodes(program.of_pair(file), source)
+        pose = pose.inverse() if program.pose == "primary_from_secondary" else pose
+        return pose if [*names] == [*named] else pose.inverse()
+    (first, root), (second, other_root) = (_from_root(program, named, name) for name in names)
+    if root != other_root:
+        raise StereocalError("no pose leads from one of the cameras to the other.", source)
+    return second @ first.inverse()
+
+
+def _from_root(program: Program, named: Cameras, name: str) -> tuple[Pose, str]:
+    """A camera from the world, or from the camera to which the poses of a chain lead; its name."""
+    pose, passed = AT_ORIGIN, {name}
+    while "R" in named[name] or "M" in named[name]:
+        following = str(named[name].get("to", ""))
+        if "to" in named[name] and following not in named:
+            return pose, name
+        step = _of_nodes(named[name], name)
+        pose = pose @ (step if program.pose == "camera_from_world" else step.inverse())
+        if not following:
+            return pose, ""
+        if following in passed:
+            raise StereocalError("the poses of its cameras lead in a circle.")
+        passed.add(following)
+        name = following
+    raise StereocalError(f"{name} has no pose.")
+
+
+def _of_nodes(node: Storage, source: str) -> Pose:
+    if "M" in node:
+        return pose_from(node["M"], None, source)
+    return pose_from(node.get("R"), node.get("T"), source)
+
+
+def _names(program: Program, file: ForeignFile) -> tuple[str, ...]:
+    return tuple(program.cameras_of(file))
+
+
+def _format(program: Program) -> CameraFormat:
+    return CameraFormat(
+        program.title,
+        partial(_read, program),
+        program.knows,
+        None if program.one_camera else partial(_names, program),
+        one_camera=program.one_camera,
+        unit=program.unit,
+    )
+
+
+DESCRIBED: Mapping[str, CameraFormat] = {
+    name: _format(program) for name, program in PROGRAMS.items()
+}
