@@ -13,7 +13,13 @@ from stereocal.commands.options import (
     world_from,
 )
 from stereocal.fit.rig_file import RigFile, holds_rig
-from stereocal.formats.exchange.exchange import FORMATS, export, export_notes, import_parameters
+from stereocal.formats.exchange.exchange import (
+    FORMATS,
+    READABLE,
+    export,
+    export_notes,
+    import_parameters,
+)
 from stereocal.formats.exchange.options import ORIGIN, ExchangeOptions
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
@@ -22,7 +28,7 @@ OPTIONS: Options = {
     "parameters": "a parameter file or rig.json; with --from, the other program's",
     ONE_OF: {
         "--to": {"choices": tuple(FORMATS), "help": "write this format"},
-        "--from": {"choices": tuple(FORMATS), "dest": "origin_format", "help": "read this format"},
+        "--from": {"choices": tuple(READABLE), "dest": "origin_format", "help": "read this format"},
     },
     "--out OUT": "folder to create; or a file name with its suffix, for formats of a single file",
     **questions("unit"),

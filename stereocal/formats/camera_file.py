@@ -182,11 +182,19 @@ def _only_lens(storage: Storage, source: str) -> Storage:
 
 
 def camera_of(
-    storage: Storage, source: str, lens_model: LensModel | None, image_size: ImageSize | None
+    storage: Storage,
+    source: str,
+    lens_model: LensModel | None,
+    image_size: ImageSize | None,
+    whole: Storage | None = None,
 ) -> Camera:
-    """The camera that nodes of a file describe; arguments as for `read_camera`."""
+    """The camera that nodes of a file describe; arguments as for `read_camera`.
+
+    Args:
+        whole: all nodes of the file, for errors.
+    """
     storage = _of_size(storage, source, image_size)
-    storage, whole = as_lens(storage), storage
+    storage, whole = as_lens(storage), storage if whole is None else whole
     K = matrix_of(_node(storage, K_NAMES, source, whole), K_NAMES[0], source)
     lens = _node(storage, DISTORTION_NAMES, source, whole)
     distortion = matrix_of(lens, DISTORTION_NAMES[0], source)

@@ -58,10 +58,12 @@ class Program:
 
     def cameras_of(self, file: ForeignFile) -> Cameras:
         """The nodes of each camera in a file, by its name."""
-        with damaged(
-            f"this is no camera file of {self.title} that is whole.", source=file.name, keep=True
-        ):
-            cameras = self.cameras(file)
+        broken = f"this is a camera file of {self.title} that cannot be read"
+        with damaged(f"{broken}.", source=file.name, keep=True):
+            try:
+                cameras = self.cameras(file)
+            except KeyError as error:
+                raise StereocalError(f"{broken}: {error} is missing.", file.name) from error
         if not cameras:
             raise StereocalError(f"there is no lens in this file of {self.title}.", file.name)
         return cameras
@@ -124,6 +126,8 @@ def _lens(
         fisheye = "k4" in lens and not {"p1", "k5"} & lens.keys()
         more["distortion_model"] = "fisheye" if fisheye else "rational"
         lens = [lens.get(key, 0.0) for key in (KANNALA if fisheye else BROWN)]
+    if more.get("distortion_model") == "rational":  # without zeros behind
+        lens = next(lens[:n] for n in (5, 8, 12, 14) if not any(lens[n:]))
     return {"camera_matrix": K, "distortion_coefficients": [*lens], **sized, **more}
 
 
@@ -403,7 +407,7 @@ PROGRAMS: Mapping[str, Program] = {
         unit="cm",
         note="left and right are sockets 1 and 2; the pose leads to `toCameraSocket`",
     ),
-    "calib.io": Program(
+    "calibio": Program(
         "calib.io", "project JSON", r'"ptr_wrapper"\s*:', _calib_io, "camera_from_world", unit="m"
     ),
     "viame": Program(
@@ -424,7 +428,7 @@ PROGRAMS: Mapping[str, Program] = {
         one_camera=True,
         note="cx, cy from the images' middle; P1 and P2 are p2 and p1; k4 must be 0",
     ),
-    "metashape project": Program(
+    "metashape-project": Program(
         "Metashape",
         "cameras XML",
         r"<sensors\b[^>]*>",
@@ -441,7 +445,7 @@ PROGRAMS: Mapping[str, Program] = {
         unit="m",
         one_camera=True,
     ),
-    "orb-slam3": Program(
+    "orbslam3": Program(
         "ORB-SLAM3",
         "settings YAML",
         r"^(Camera1\.fx|LEFT\.(K|width|height)) *:",
@@ -460,7 +464,7 @@ PROGRAMS: Mapping[str, Program] = {
         unit="m",
         note="`calib.txt` is of rectified images, and does not state their size",
     ),
-    "kalibr results": Program(
+    "kalibr-results": Program(
         "Kalibr",
         "`results-cam.txt`",
         r"^\s*projection: \[[^\]]*\] \+- \[",

@@ -25,6 +25,7 @@ LONGEST = 50_000
 LONG_LIST = re.compile(r"\[[^\[\]]{4000,}\]")
 """Longer than any matrix of a camera: OpenCV's calibration program writes all found corners, and
 200,000 characters would take 3 s."""
+LIST_OF_OBJECTS = re.compile(r"\[\s*\{")
 OF_LENS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 OF_FISHEYE = ("k1", "k2", "k3", "k4")
 YAML_HEAD = re.compile(r"^%YAML\b.*", re.MULTILINE)
@@ -76,10 +77,10 @@ def read_storage(text: str, source: str) -> Storage:
     start = text.lstrip()
     if start.startswith("<"):
         return _read_xml(start, source)
-    if not start.startswith("{"):
+    if not start.startswith("{") and not LIST_OF_OBJECTS.match(start):
         return read_yaml(text, source)
     data = read_json(start, source)
-    return data if isinstance(data, dict) else {}
+    return data if isinstance(data, dict) else {"cameras": data}
 
 
 def with_matrices(storage: Storage) -> Storage:

@@ -97,6 +97,14 @@ def cameras_among(tree: Storage) -> dict[str, Storage]:
     return dict(sorted(cameras.items(), key=lambda item: _rank(item[0])))
 
 
+def has_matrix(tree: Storage) -> bool:
+    """Whether a file has a matrix of its own, and not one for each camera, under K's names."""
+    node = find_node(tree, K_NAMES)
+    return (
+        bool({"data", "rows", "cols"} & node.keys()) if isinstance(node, dict) else node is not None
+    )
+
+
 def has_one_lens(tree: Storage) -> bool:
     """Whether there is the lens of one camera, of the whole file or of a part without a name."""
     return _has_lens(tree) or _has_lens(nodes_of_all(tree)) or len(cameras_among(tree)) == 1
@@ -151,7 +159,8 @@ def _placed(leaf: tuple[tuple[str, ...], Any]) -> tuple[str, str, str, Any] | No
     """The camera of a node, its name with all around it, the node's own name, and the node."""
     (*parents, key), node = leaf
     words, side = [part for part in parents if plain_name(part) not in _CONTAINERS], ""
-    if plain_name(key) not in _KNOWN:
+    # k1 is a coefficient, or all those of camera 1.
+    if plain_name(key) not in _KNOWN or (key in ONE_BY_ONE and count(node) > 1):
         base, side = _split(key)
         if not base and parents and plain_name(parents[-1]) in _KNOWN and _ALONE.fullmatch(key):
             base, side = parents[-1], key  # {"K": {"left": ...}}

@@ -13,10 +13,14 @@ from stereocal.formats.other_files import is_hdf5, is_matlab, is_workbook, no_ta
 from stereocal.formats.point_layouts import first_rows
 from stereocal.frames.video.decoding import SUFFIXES as VIDEO_SUFFIXES
 from stereocal.system.photograph import SUFFIXES as PHOTOGRAPH_SUFFIXES
+from stereocal.system.zip_files import is_npz
 
 Kind = Literal["photograph", "video", "zip", "table", "camera", "cameras", "rig", "data set"]
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".h5", ".hdf5", ".xlsx")
-CAMERA_SUFFIXES = (".json", ".yaml", ".yml", ".xml", ".toml", ".m", ".mat", ".ini", ".conf")
+CAMERA_SUFFIXES = (
+    *(".json", ".yaml", ".yml", ".xml", ".toml", ".m", ".mat", ".ini", ".conf"),
+    *(".cameramodel", ".xcp", ".npz"),
+)
 ACCEPTED = (
     "expected are photographs (PNG, JPEG, TIFF, BMP, PGM), videos (MP4, MOV, AVI, MKV), camera "
     "files, a table of points (CSV, XLSX), or a zip of them"
@@ -109,6 +113,8 @@ def _unusable(content: bytes) -> str | None:
 
 
 def _by_beginning(content: bytes) -> Kind | None:
+    if is_npz(content):
+        return None
     for start, kind in BEGINNINGS.items():
         if content.startswith(start):
             return kind

@@ -16,6 +16,7 @@ from stereocal.formats.camera_file import FourCoefficientsError, ImageSizeError,
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.exchange.exchange import (
     FORMATS,
+    READABLE,
     export_files,
     export_notes,
     import_files,
@@ -55,9 +56,12 @@ FILES: dict[Method, tuple[str, str]] = {
 PURPOSES: Mapping[Use, str] = {"matching": "Match with", "measuring": "Measure with"}
 APPLY_SETS = "apply_sets"
 """Where the page Apply keeps its choice of the two."""
-_title = {name: entry.title for name, entry in FORMATS.items()}.__getitem__
+_title = {name: entry.title for name, entry in READABLE.items()}.__getitem__
 RESULTS, GIVEN = "This project's results", "Parameter files"
-KINDS = ["json", "zip", "yml", "yaml", "xml", "toml", "m", "csv", "txt", "ini", "conf", "mat"]
+KINDS = [
+    *("json", "zip", "yml", "yaml", "xml", "toml", "m", "csv", "txt", "ini", "conf", "mat"),
+    *("cameramodel", "npz"),
+]
 
 
 @dataclass(frozen=True)
@@ -165,7 +169,7 @@ def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
         st.markdown(f"**{escape_markdown(label)}**: parameters of another program.")
         short = {"lens_model": "lens"}
         questions = Questions(project, f"set_{{}}_{use}", tabs_own=True, short=short)
-        program = questions.field("format", None, one_of(FORMATS))
+        program = questions.field("format", None, one_of(READABLE))
         name: str | None = program.menu(
             "Which program?", index=None, placeholder="choose", format_func=_title
         )

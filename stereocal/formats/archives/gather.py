@@ -16,7 +16,13 @@ from stereocal.formats.archives.several_tables import layout_of_table, one_table
 from stereocal.formats.column_roles import own_count_of
 from stereocal.formats.correspondences_csv import REQUIRED, read_table
 from stereocal.formats.exchange.chosen_cameras import Wanted, chosen_pair, has_cameras, namesakes
-from stereocal.formats.exchange.exchange import camera_names, format_of, read_camera_pair
+from stereocal.formats.exchange.exchange import (
+    camera_names,
+    format_of,
+    holds_pose_alone,
+    read_camera_pair,
+    what_it_holds,
+)
 from stereocal.formats.exchange.options import Contents, ExchangeOptions
 from stereocal.formats.matlab_file import SAVE_AGAIN
 from stereocal.formats.other_files import is_hdf5, is_matlab
@@ -87,7 +93,8 @@ def names_in(files: Contents) -> tuple[str, ...]:
     names: list[str] = []
     for name, content in files.items():
         several = camera_names(name, content)
-        names += several if len(several) > 1 else [PurePath(name).stem]
+        alone = [] if holds_pose_alone(name, content) else [PurePath(name).stem]
+        names += several if len(several) > 1 else alone
     return tuple(names)
 
 
@@ -150,7 +157,8 @@ def sorted_files(files: Contents) -> tuple[str, dict[str, bytes], EasyWandFile |
                 f"{SAVE_AGAIN}."
             )
         if format_of(name, content) is None:
-            problem = recognise(name, content).problem or f"the file is not known; {WANTED}."
+            holds = what_it_holds(name, content)
+            problem = recognise(name, content).problem or f"it is not known{holds}; {WANTED}."
             raise StereocalError(problem, name)
         if is_matlab(content) and (opened := open_easywand(content, name)) is not None:
             if len(files) > 1:

@@ -5,9 +5,10 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, TypeVar
 
 from stereocal.errors import StereocalError, disk_errors
+from stereocal.formats.described import PROGRAMS
 from stereocal.formats.exchange.camera_format import (
     OUR_UNIT,
     STORAGES,
@@ -26,8 +27,8 @@ from stereocal.formats.exchange.other_programs import DESCRIBED
 from stereocal.formats.exchange.ros import ROS, is_ros
 from stereocal.formats.exchange.text_formats import ANIPOSELIB, ARGUS, CALISCOPE, COLMAP
 from stereocal.formats.exchange.yaml_formats import KALIBR, OPENCV
-from stereocal.formats.file_storage import LARGEST_BYTES, ForeignFile, find_node
-from stereocal.formats.lens_nodes import K_NAMES, has_one_lens
+from stereocal.formats.file_storage import LARGEST_BYTES, ForeignFile
+from stereocal.formats.lens_nodes import has_matrix, has_one_lens, what_is_in
 from stereocal.formats.other_files import is_matlab, refuse_other_camera
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import PlacedCameras, Rig
@@ -46,6 +47,13 @@ FORMATS: Mapping[str, ExchangeFormat] = {
     "colmap": COLMAP,
     "dlt": DLT,
 }
+
+
+READABLE: Mapping[str, CameraFormat] = {
+    **FORMATS,
+    **{name: known for name, known in DESCRIBED.items() if PROGRAMS[name].pose is not None},
+}
+"""Those that may have a pose."""
 
 
 def our_word(content: bytes) -> str:
@@ -67,7 +75,7 @@ def _is_camera(file: ForeignFile) -> bool:
     stated = our_word(file.content)
     if stated:
         return stated == "camera"
-    return find_node(file.storage, K_NAMES) is not None or has_one_lens(file.storage)
+    return has_matrix(file.storage) or has_one_lens(file.storage)
 
 
 def _read_cameras(files: Files, options: ExchangeOptions, source: str) -> ForeignPair:
@@ -111,9 +119,25 @@ def camera_names(name: str, content: bytes) -> tuple[str, ...]:
     return () if names is None else names(ForeignFile(name, content))
 
 
+def what_it_holds(name: str, content: bytes) -> str:
+    """What a file of nodes holds that is no known camera file, in brackets; else empty."""
+    file = ForeignFile(name, content)
+    if not file.ends_with(*STORAGES):
+        return ""
+    try:
+        return f" ({what_is_in(file.storage)})"
+    except StereocalError as error:
+        return f" ({error.reason or error})"
+
+
+def holds_pose_alone(name: str, content: bytes) -> bool:
+    """Whether a file has R and T of the lenses in another, as OpenCV's `extrinsics.yml`."""
+    return format_of(name, content) == "opencv" and not camera_names(name, content)
+
+
 def names_in_files(files: Contents, name: str) -> tuple[str, ...]:
     """Names of the cameras in the files of a format by name, to choose from; empty if none are."""
-    known = _read_format(name)
+    known = _named(READABLE, name)
     if known.one_camera:
         return tuple(PurePath(file).stem for file in files)
     if known.names is None or len(files) != 1:
@@ -219,7 +243,7 @@ def import_files(
     """
     if not files:
         raise StereocalError(f"{source}: there are no files.")
-    known, options = _read_format(name), replace(options or ExchangeOptions(), in_order=False)
+    known, options = _named(READABLE, name), replace(options or ExchangeOptions(), in_order=False)
     if len(files) == 1:
         ((only, content),) = files.items()
         if name not in DESCRIBED and (known is not MATLAB or not is_matlab(content)):
@@ -257,11 +281,14 @@ def _name_in(folder: Path, file: Path) -> str:
     )
 
 
-def _read_format(name: str) -> CameraFormat:
-    return DESCRIBED[name] if name in DESCRIBED else _format(name)
-
-
 def _format(name: str) -> ExchangeFormat:
-    if name not in FORMATS:
-        raise StereocalError(f'The format "{name}" is not known; use one of {", ".join(FORMATS)}.')
-    return FORMATS[name]
+    return _named(FORMATS, name)
+
+
+F = TypeVar("F", bound=CameraFormat)
+
+
+def _named(formats: Mapping[str, F], name: str) -> F:
+    if name not in formats:
+        raise StereocalError(f'The format "{name}" is not known; use one of {", ".join(formats)}.')
+    return formats[name]

@@ -76,28 +76,30 @@ def _pose(program: Program, file: ForeignFile, named: Cameras, names: tuple[str,
         pose = _of_nodes(program.of_pair(file), source)
         pose = pose.inverse() if program.pose == "primary_from_secondary" else pose
         return pose if [*names] == [*named] else pose.inverse()
-    (first, root), (second, other_root) = (_from_root(program, named, name) for name in names)
+    (first, root), (second, other_root) = (
+        _from_root(program, named, name, source) for name in names
+    )
     if root != other_root:
         raise StereocalError("no pose leads from one of the cameras to the other.", source)
     return second @ first.inverse()
 
 
-def _from_root(program: Program, named: Cameras, name: str) -> tuple[Pose, str]:
+def _from_root(program: Program, named: Cameras, name: str, source: str) -> tuple[Pose, str]:
     """A camera from the world, or from the camera to which the poses of a chain lead; its name."""
     pose, passed = AT_ORIGIN, {name}
     while "R" in named[name] or "M" in named[name]:
         following = str(named[name].get("to", ""))
         if "to" in named[name] and following not in named:
             return pose, name
-        step = _of_nodes(named[name], name)
+        step = _of_nodes(named[name], f"{source}, {name}")
         pose = pose @ (step if program.pose == "camera_from_world" else step.inverse())
         if not following:
             return pose, ""
         if following in passed:
-            raise StereocalError("the poses of its cameras lead in a circle.")
+            raise StereocalError("the poses of its cameras lead in a circle.", source)
         passed.add(following)
         name = following
-    raise StereocalError(f"{name} has no pose.")
+    raise StereocalError(f"{name} has no pose.", source)
 
 
 def _of_nodes(node: Storage, source: str) -> Pose:

@@ -35,6 +35,7 @@ from stereocal.formats.lens_nodes import (
     R_NAMES,
     T_NAMES,
     cameras_among,
+    has_matrix,
     nodes_of_all,
     what_is_in,
 )
@@ -109,7 +110,7 @@ def is_opencv(file: ForeignFile) -> bool:
     """Whether it has lenses or a pose of a pair, and not the lens of a single camera."""
     if not file.ends_with(*STORAGES) and not is_npz(file.content):
         return False
-    if "format" in file.storage or find_node(file.storage, K_NAMES) is not None or is_kalibr(file):
+    if "format" in file.storage or has_matrix(file.storage) or is_kalibr(file):
         return False
     posed = any(find_node(file.storage, names) is not None for names in (R_NAMES[:3], T_NAMES[:3]))
     return posed or [*cameras_among(file.storage)] not in ([], [""])
@@ -137,7 +138,7 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> ForeignP
         )
     chosen = chosen_pair([*cameras], options.cameras, source)
     lenses = [
-        camera_of(cameras[name], f"{source}, {name}", options.lens_model, size)
+        camera_of(cameras[name], f"{source}, {name}", options.lens_model, size, tree)
         for name, size in zip(chosen.names, options.image_sizes, strict=True)
     ]
     of_pair = nodes_of_all(tree)
@@ -147,6 +148,8 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> ForeignP
         f"{source}: {', '.join(missing)} missing ({what_is_in(tree)}); OpenCV's stereo files have "
         "R, T (extrinsics.yml)."
     )
+    if missing and all(find_node(cameras[name], R_NAMES) is not None for name in chosen.names):
+        lacks = f"{source}: each camera has an R of its own, and it is not said from what to what."
     if len(cameras) > 2:
         missing, lacks = ["R"], f"{source}: it is not said of which two cameras its R and T are."
 
