@@ -16,6 +16,7 @@ import stereocal
 from docs.drawings.__main__ import DRAWINGS, FOLDER, draw
 from docs.screenshots import PAGES as SCREENS
 from docs.screenshots import PICTURES, STORY, THEMES, WIDTHS, keep
+from docs.tables import PAGE, written
 from stereocal.figures.story import ROWS, read_story
 from stereocal.figures.style import METHOD_COLOURS
 from tests.docs.pages import PAGES, name_of
@@ -126,3 +127,10 @@ def test_the_drawings_are_those_of_the_program(tmp_path: Path) -> None:
     draw(tmp_path)
     for path in tmp_path.iterdir():
         assert path.read_bytes() == (FOLDER / path.name).read_bytes(), f"make pictures: {path.name}"
+
+
+def test_the_tables_are_those_of_the_program() -> None:
+    """`python -m docs.tables` writes them."""
+    page = PAGE.read_text()
+    assert written(page) == page
+    assert "`mrcal`" in page

@@ -30,6 +30,7 @@ from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.formats.point_answers import answered, first_answers, layout_by_hand, layout_of
 from stereocal.formats.point_files import read_points
 from stereocal.formats.point_layouts import first_rows
+from stereocal.formats.recognition import recognise
 from stereocal.formats.sleap_analysis import analysis_table
 from stereocal.formats.world_file import read_observed, read_world
 from stereocal.matching.point_table import PointTable
@@ -41,7 +42,14 @@ from stereocal.system.limits import Limits
 from stereocal.system.photograph import read_photograph
 from stereocal.system.photograph_files import unpack_photographs
 from stereocal.ui.picker import pick_of
-from tests.archives import caliscope_files, easywand_fields, kalibr_chain, stereo_struct, wand_csv
+from tests.archives import (
+    caliscope_files,
+    case,
+    easywand_fields,
+    kalibr_chain,
+    stereo_struct,
+    wand_csv,
+)
 from tests.field.plans import FIELD as FIELD_PLAN
 from tests.field.plans import contents, plan
 from tests.files import zipped
@@ -108,6 +116,14 @@ def _descriptions() -> dict[str, tuple[str, Seeds, Read]]:
         "camera, OpenCV YAML": ("text", these(write_opencv_camera(PRIMARY)), _camera),
         "camera, OpenCV XML": ("text", these(with_storage(".xml", **opencv)), _camera),
         "archive, Kalibr": ("text", these(kalibr_chain()), partial(_archive, "c.yaml")),
+        **{
+            f"cameras, {name}": (
+                "json" if name.endswith(".json") else "text",
+                these(*case(folder, name).values()),
+                partial(_cameras, name),
+            )
+            for folder, name in DESCRIBED
+        },
         "archive, TOML": ("text", caliscope_files, partial(_archive, "c.toml")),
         "camera, ours": ("json", ours, _camera),
         "camera, OpenCV JSON": ("json", these(with_storage(".json", **opencv)), _camera),
@@ -174,6 +190,20 @@ def _others() -> dict[str, tuple[str, Seeds, Read]]:
 def _archive(name: str, content: bytes, _: Path) -> None:
     options = ExchangeOptions(cameras=("1", "3"), unit="m")
     gather({name: content, "wand.csv": wand_csv(5)}, options)
+
+
+DESCRIBED = (
+    *(("zed_conf", "SN0000.conf"), ("oak_json", "calib.json"), ("viame_json", "camera_rig.json")),
+    *(("orbslam3_yaml", "rig.yaml"), ("slam_yaml", "cam0.yaml"), ("nested_json", "b.json")),
+    *(("other_lenses", "left.cameramodel"), ("text_camera_files", "cam1.txt")),
+    *(("text_camera_files", "calib_cam_to_cam.txt"), ("text_camera_files", "results-cam.txt")),
+)
+
+
+def _cameras(name: str, content: bytes, _: Path) -> None:
+    options = ExchangeOptions(((1920, 1080), (1920, 1080)), lens_model="brown")
+    recognise(name, content)
+    gather({name: content}, options, baseline_known=True)
 
 
 def _packed_fields(fields: dict[str, Any]) -> bytes:
