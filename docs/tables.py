@@ -7,16 +7,16 @@ from pathlib import Path
 from stereocal.formats.described import PROGRAMS
 
 PAGE = Path(__file__).parent / "formats.md"
-HEADS = ("`--from`", "program", "files", "pose", "unit", "what to know")
+HEADS = ("`--from`", "files", "pose", "unit", "what to know")
 
 
 def cameras() -> list[tuple[str, ...]]:
     """A row for each program whose camera files are described."""
-    rows = [HEADS]
+    rows: list[tuple[str, ...]] = [HEADS]
     for name, program in PROGRAMS.items():
         pose = (program.pose or "not read").replace("_", " ")
         key = f"`{name}`" if program.pose else ""
-        rows.append((key, program.title, program.files, pose, program.unit or "", program.note))
+        rows.append((key, program.known_as, pose, program.unit or "", program.note))
     return rows
 
 
@@ -31,7 +31,8 @@ def written(text: str) -> str:
         table = "".join(f"| {' | '.join(cells)} |\n" for cells in lines).replace("|  |", "| |")
         begin, end = f"<!-- table: {name} -->\n", "<!-- end of the table -->"
         body = begin + re.sub(r" +", " ", table)
-        text = re.sub(f"{begin}.*?(?={end})", lambda _, body=body: body, text, flags=re.DOTALL)
+        before, _, after = text.partition(begin)
+        text = before + body + end + after.partition(end)[2]
     return text
 
 

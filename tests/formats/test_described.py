@@ -235,7 +235,7 @@ class TestPrograms:
     def test_zed_of_several_sizes(self) -> None:
         files = zed(("2K", 1.1), ("FHD", 1.0), ("VGA", 0.35))
         check(gathered(files, known=True, image_sizes=(SIZE, SIZE)))
-        for said in ({}, {"image_sizes": ((640, 480),) * 2}):
+        for said in dict[str, Any](), {"image_sizes": ((640, 480),) * 2}:
             with refused("SN1.conf", "2208x1242", "1920x1080", "672x376", by=ImageSizeError):
                 gathered(files, **said)
         check(gathered(zed(("FHD", 1.0)), known=True))

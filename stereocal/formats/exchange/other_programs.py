@@ -19,7 +19,8 @@ from stereocal.formats.exchange.camera_format import (
 )
 from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import ExchangeOptions
-from stereocal.formats.file_storage import ForeignFile, Storage
+from stereocal.formats.file_storage import ForeignFile, Storage, find_node
+from stereocal.formats.lens_nodes import R_NAMES, T_NAMES
 from stereocal.rig.geometry import AT_ORIGIN, Pose
 
 
@@ -87,7 +88,7 @@ def _pose(program: Program, file: ForeignFile, named: Cameras, names: tuple[str,
 def _from_root(program: Program, named: Cameras, name: str, source: str) -> tuple[Pose, str]:
     """A camera from the world, or from the camera to which the poses of a chain lead; its name."""
     pose, passed = AT_ORIGIN, {name}
-    while "R" in named[name] or "M" in named[name]:
+    while "M" in named[name] or find_node(named[name], R_NAMES) is not None:
         following = str(named[name].get("to", ""))
         if "to" in named[name] and following not in named:
             return pose, name
@@ -105,7 +106,7 @@ def _from_root(program: Program, named: Cameras, name: str, source: str) -> tupl
 def _of_nodes(node: Storage, source: str) -> Pose:
     if "M" in node:
         return pose_from(node["M"], None, source)
-    return pose_from(node.get("R"), node.get("T"), source)
+    return pose_from(find_node(node, R_NAMES), find_node(node, T_NAMES), source)
 
 
 def _names(program: Program, file: ForeignFile) -> tuple[str, ...]:
