@@ -32,6 +32,8 @@ MORE_D = (
     *("dists", "dst", "coeffs", "coefficients"),
 )
 """Of any other number of them."""
+_PLAIN_K = tuple(map(plain_name, (*K_NAMES, *MORE_K)))
+_PLAIN_D = tuple(map(plain_name, (*DISTORTION_NAMES, *MORE_D)))
 R_NAMES = (
     *("R", "rotation", "rotation_matrix", "Rot", "rot_mat", "rot_matrix", "om", "rvec", "R_mat"),
     *("R_stereo", "stereo_R", "stereo_rotation", "rotation_vector"),
@@ -70,7 +72,7 @@ _SIDED = tuple(
 _MIDDLE = re.compile(rf"{_BETWEEN}+({_WORD}|[lr]|\d){_BETWEEN}+", re.IGNORECASE)
 _SIDES = {"l": "left", "r": "right"}
 _ORDER = ("left", "primary", "right", "secondary")
-_DEEPEST, _MOST_NODES, _LONGEST_KEY = 10, 5_000, 80
+_DEEPEST, _MOST_NODES, _LONGEST_KEY = 10, 1_000, 80
 """Far more than files of cameras have; a key is matched in a time that grows with its square."""
 
 USUAL = (
@@ -206,13 +208,13 @@ def as_lens(nodes: Storage) -> Storage:
     """
     nodes = with_matrices(nodes)
     plain = {plain_name(key): node for key, node in nodes.items()}
-    named = [plain.get(plain_name(name)) for name in (*K_NAMES, *MORE_K)]
+    named = [plain.get(name) for name in _PLAIN_K]
     K = next((node for node in named if count(node) == 9), None)
     if K is None and (four := next((node for node in named if count(node) == 4), None)) is not None:
         values = four["data"] if isinstance(four, dict) else four
         fx, fy, cx, cy = values[0] if isinstance(values[0], list) else values
         K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
-    D = (plain.get(plain_name(name)) for name in (*DISTORTION_NAMES, *MORE_D))
+    D = (plain.get(name) for name in _PLAIN_D)
     lens = next((node for node in D if node is not None and count(node) != 9), None)
     found = {"camera_matrix": K, "distortion_coefficients": lens}
     return {**nodes, **{key: node for key, node in found.items() if node is not None}}

@@ -19,7 +19,7 @@ from stereocal.formats.exchange.options import (
     unit_called,
 )
 from stereocal.formats.file_storage import ForeignFile, Storage, find_node
-from stereocal.formats.lens_nodes import UNIT_NAMES, nodes_of_all
+from stereocal.formats.lens_nodes import UNIT_NAMES, count, nodes_of_all
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import ROTATION_TOLERANCE, Pose
 from stereocal.rig.rig import Rig
@@ -196,7 +196,7 @@ def pose_from(R: Any, T: Any, source: str) -> Pose:
     if T is None:
         matrix = array_of(R, (4, 4), "the pose", source)
         R, T = matrix[:3, :3], matrix[:3, 3]
-    if np.size(R) == 3:
+    if count(R if isinstance(R, list) else np.asarray(R).tolist()) == 3:
         vector = array_of(R, (3,), "R", source)
         if not (angle := float(np.linalg.norm(vector))) <= 2 * np.pi:
             raise StereocalError(
