@@ -18,6 +18,7 @@ from stereocal.formats.dataset_files import pack_dataset
 from stereocal.formats.exchange.exchange import FORMATS, export_files, import_files
 from stereocal.formats.exchange.options import UNITS, ExchangeOptions, Unit
 from stereocal.formats.inputs import read_input
+from stereocal.formats.world_file import read_observed
 from stereocal.matching.point_table import PointTable
 from stereocal.rig.camera import CAMERAS, LensModel
 from stereocal.rig.correspondences import PIXELS
