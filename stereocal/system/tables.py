@@ -45,7 +45,7 @@ class Column:
     """An empty cell is read as NaN, without an error."""
     is_whole: bool = False
     most: int = LARGEST_WHOLE
-    """Of a whole number; up to `LARGEST_INTEGER` the column is one of integers if it must be."""
+    """Of a whole number. With `LARGEST_INTEGER` the column is one of integers if it needs to be."""
     is_positive: bool = False
     is_pixel: bool = False
     """A coordinate in an image."""
@@ -354,8 +354,8 @@ def _reason(column: Column, cell: str, value: float, empty: frozenset[str]) -> s
         how = ": write it without a sign between thousands" if _THOUSANDS.fullmatch(cell) else ""
         return f'{column.name} is "{text}", which is not a number{how}'
     if column.is_whole and abs(value) > LARGEST_WHOLE:
-        most = f"2^{column.most.bit_length()} - 1"
-        return f"{column.name} is {text}; whole numbers are read up to {most}"
+        bits = column.most.bit_length()
+        return f"{column.name} is {text}; whole numbers are read up to 2^{bits} - 1"
     if column.is_whole:
         return f"{column.name} is {text}, which is not a whole number"
     return f"{column.name} is {value:g}; it must be above 0"
