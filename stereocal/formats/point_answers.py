@@ -6,6 +6,7 @@ layout = answered(layout, answers, content, "xypts.csv")
 table = read_points(content, layout, answers.camera, answers.image_height)
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from stereocal.errors import StereocalError
@@ -76,6 +77,12 @@ def layout_as_stated(content: bytes, source: str, roles: str, for_bars: bool) ->
         raise StereocalError(f"{source}: {len(parsed)} columns are named; the file has {width}.")
     if problem := problem_of(parsed, for_bars):
         raise StereocalError(f"{source}: {problem}")
+    with suppress(StereocalError):
+        proposed = propose_layout(content, source)
+        if (proposed.roles or "").rstrip(",-") == roles_text(parsed).rstrip(
+            ",-"
+        ):  # with what a program's table has besides
+            return proposed
     return with_names(replace(layout_of_roles(parsed, rows), dialect=dialect), content, source)
 
 

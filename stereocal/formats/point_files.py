@@ -141,6 +141,8 @@ def points_of_all(
     content: bytes, layout: PointLayout, image_height: int | None, source: str
 ) -> pd.DataFrame:
     """The points of all cameras, as the table of a data set of format 2."""
+    layout, _, _ = with_joined_names(content, layout, source)
+    layout = replace(layout, times=times_in(content, layout, source))
     rows = _Rows(_table(content, layout, source, None), layout, source)
     tables = [rows.points(name, image_height).assign(camera=name) for name in layout.cameras]
     table = pd.concat(tables).rename(columns={"point": "target"})

@@ -59,8 +59,8 @@ def propose_layout(content: bytes, source: str, name: str | None = None) -> Poin
     raise StereocalError(
         f"{source}: the layout is not known. stereocal reads frame,u,v tables, wand files of Argus "
         "and easyWand (4 columns a camera), DLTdv, Argus, DeepLabCut, SLEAP, Tracktor, TrackMate, "
-        "and tables whose header names frame, target, camera, x and y; of any other, say what each "
-        f"column holds; {first}"
+        "Caliscope, OpenLPT, and tables whose header names frame, target, camera, x and y; of any "
+        f"other, say what each column holds; {first}"
     )
 
 

@@ -42,11 +42,11 @@ CLICKED = "Click them here"
 FEWEST = 2
 """Cameras whose points are needed."""
 COLUMNS = 3
-KINDS = ["csv", "txt", "tsv", "parquet", "h5", "hdf5", "mat"]
+KINDS = ["csv", "txt", "tsv", "xlsx", "parquet", "h5", "hdf5", "mat"]
 HELP = (
-    "A table frame,u,v with further columns, or a file of Argus, easyWand, DLTdv, DeepLabCut "
-    "(CSV), SLEAP (CSV or analysis HDF5), Tracktor, TrackMate or another program. Files of several "
-    "cameras can be given here together, each named after its camera."
+    "A table frame,u,v with further columns (CSV, XLSX), or a file of Argus, easyWand, DLTdv, "
+    "DeepLabCut (CSV), SLEAP (CSV or analysis HDF5), Tracktor, TrackMate, Caliscope or another "
+    "program. Files of several cameras can be given here together, each named after its camera."
 )
 
 
