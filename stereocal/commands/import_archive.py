@@ -33,7 +33,7 @@ from stereocal.system.numbers import POSSIBLE_M, rounded
 from stereocal.system.zip_files import is_zip, unzip
 
 EVERY = "all"
-OF_BARS = ("wand", "argus", "dltdv5", "dltdv8", "table")
+OF_BARS = ("wand", "argus", "dltdv5", "dltdv8", "caliscope", "openlpt", "table")
 """Layouts of tables of the ends of bars."""
 
 OPTIONS: Options = {

@@ -78,10 +78,9 @@ def layout_as_stated(content: bytes, source: str, roles: str, for_bars: bool) ->
     if problem := problem_of(parsed, for_bars):
         raise StereocalError(f"{source}: {problem}")
     with suppress(StereocalError):
+        # With what a program's table has besides, if these are its roles.
         proposed = propose_layout(content, source)
-        if (proposed.roles or "").rstrip(",-") == roles_text(parsed).rstrip(
-            ",-"
-        ):  # with what a program's table has besides
+        if (proposed.roles or "").rstrip(",-") == roles_text(parsed).rstrip(",-"):
             return proposed
     return with_names(replace(layout_of_roles(parsed, rows), dialect=dialect), content, source)
 

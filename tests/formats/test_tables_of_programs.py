@@ -153,6 +153,10 @@ def test_openlpt_has_raw_detections_too() -> None:
     raw = rows.assign(Status="Raw", X=rows["X"] + 3.0)
     both = pd.concat([raw, rows]).sort_values("Frame", kind="stable")
     check({"wand_points.csv": both.to_csv(index=False).encode()})
+    stated = read(
+        {"wand_points.csv": both.to_csv(index=False).encode()}, roles="frame,camera,-,target,x,y"
+    )
+    assert stated.correspondences is not None and len(stated.correspondences.bars) == 25
     ends = rows["PointIdx"].map({0: "Filtered_Large", 1: "Filtered_Small"})
     both = pd.concat([raw, rows.assign(Status=ends, PointIdx=0)])
     check({"wand_points.csv": both.to_csv(index=False).encode()})
