@@ -44,7 +44,7 @@ Heights = Sequence[int | None]
 """Heights of the images of the cameras, px."""
 WANTED = (
     "expected are one easyWandData.mat, or a table of the bar's ends (Argus, easyWand or DLTdv "
-    "CSV) with camera files (Kalibr, ROS, OpenCV, MATLAB, aniposelib, Caliscope or stereocal)"
+    "CSV, or any other) with camera files (OpenCV, MATLAB, Kalibr, ROS, ZED, OAK and others)"
 )
 MIDDLES = ("middle", "mid", "centre", "center")
 """Names of points that are no end of a bar."""
