@@ -20,7 +20,9 @@ from stereocal.fit.readings.wrong_inputs import (
     find_lost_frames,
     find_wrong_input,
 )
+from stereocal.fit.refine import refine
 from stereocal.fit.rig_calibration import RigCalibration
+from stereocal.fit.screening.misplaced_target import misplaced_target
 from stereocal.fit.screening.movement import MovedError, movement
 from stereocal.fit.screening.screen import MAXIMUM_LEFT_OUT, WIDE_LENGTH_PRIOR, WIDE_LENS
 from stereocal.fit.screening.wrong_images import rows_of, wrong_images
@@ -28,6 +30,7 @@ from stereocal.fit.start.fuse import Fused, fuse
 from stereocal.fit.start.pairs import FEWEST_BARS, FURTHER_STEPS, Pairs, calibrate_pairs, reached
 from stereocal.fit.timing.time_offset import DRIFTING
 from stereocal.rig.camera import camera_in_words
+from stereocal.rig.correspondences import TARGETS
 from stereocal.rig.lengths_in_words import question_about_units
 from stereocal.rig.recording import Recording
 from stereocal.system.numbers import count
@@ -77,8 +80,23 @@ def calibrate_rig(
     if (disagree or are_many) and (wrong := find_wrong_input(recording)):
         raise StereocalError(wrong)
     possible = check_inputs(rig.fit.recording, rig.fit, [*rig.pairs.fits.values()])
-    warnings = [*possible, *rig.warnings, rig.moved, _question(rig)]
+    warnings = [_misplaced(rig), *possible, *rig.warnings, rig.moved, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, warnings)), sha256=recording.sha256)
+
+
+def _misplaced(rig: RigCalibration) -> str:
+    """Which target of the object is not where it is said to be, by the two cameras that share most
+    bars; empty if none is."""
+    if len(rig.recording.object.names) <= len(TARGETS) or rig.recording.object.board:
+        return ""
+    pair = next(iter(rig.pairs.fits))
+    with suppress(StereocalError):  # the rig fits; its pair need not by itself
+        settings = of_some(rig.recording, RefineSettings(), pair)
+        dataset, pose = rig.recording.pair(*pair), rig.pair(*pair).pose
+        if dataset.baseline_is_free:
+            dataset = dataset.changed(baseline_m=pose.baseline)
+        return misplaced_target(refine(dataset, settings, pose))
+    return ""
 
 
 def _question(rig: RigCalibration) -> str:

@@ -112,6 +112,19 @@ def test_lengths_of_another_unit_are_asked_about() -> None:
     assert "Are these lengths in metres?" in warning and "if they are in cm" in warning
 
 
+def test_a_marker_that_is_not_where_it_is_said_to_be_is_told() -> None:
+    """Real: the markers are 130.1 mm apart. It was silent, as `calibrate --pair` was not."""
+    recording = read_recording("sample_data/rig")
+    recording = recording.where(recording.frame < 150)
+    held = recording.object
+    points = held.points.copy()
+    points[held.names.index("M")] = [0.26, 0.0, 0.0]
+    wrong = replace(recording, object=replace(held, points=points))
+    (warning,) = calibrate_rig(wrong).warnings
+    assert all(figure in warning for figure in ("A-M 130.", "stated 260.0", "M-B 2"))
+    assert calibrate_rig(recording).warnings == ()
+
+
 def test_a_camera_on_its_head_is_said() -> None:
     """Its points tell it only where the centre of its lens is far from that of its images. Cameras
     that look down by 27 to 42 degrees, as recorded and with one turned by half a turn."""
