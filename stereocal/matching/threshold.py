@@ -21,10 +21,13 @@ a larger one that follows from a noise that is stated.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from stereocal.calibration.mistakes import undistorted
 from stereocal.errors import StereocalError
 from stereocal.matching.matching import ANY_DEPTH, check_depths, checked_threshold
 from stereocal.matching.pair_candidates import pairs_within
@@ -70,6 +73,9 @@ USUAL = 2.576
 """Standard deviations below which 99 % of normal errors are."""
 LEAST_RELATIVE = 0.5
 """Reprojection error over the distance; exact points do not show it. Two like cameras have 0.71."""
+UNLIKE_TARGETS = 5.0
+"""Times the targets' noise from which on points are read as of undistorted images too, and times by
+which they must fit better then."""
 SHAPES = 100
 """Pairs whose errors stand for those of all correct pairs."""
 
@@ -165,7 +171,45 @@ def choose_threshold(
         sigma_px: noise of the points, if it is known; None: by the points, if they state it, else
             estimated, else that of the calibration.
         threshold_px: the threshold, if it is given.
+
+    Raises:
+        StereocalError: no threshold can be chosen, or the points fit far better as of undistorted
+            images.
     """
+    choice = _chosen(rig, frames, depths_m, sigma_px, threshold_px)
+    noise, targets = choice.noise, choice.targets
+    if noise is None or targets is None or noise.source != "estimated":
+        return choice
+    if noise.sigma_px < UNLIKE_TARGETS * targets.sigma_px:
+        return choice
+    read = dict[str, float]()
+    for which in (CAMERAS[:1], CAMERAS[1:], CAMERAS):
+        lenses = {name: undistorted(getattr(rig, name)) for name in which}
+        if known := {name: lens for name, lens in lenses.items() if lens is not None}:
+            pinholes: dict[str, Any] = {str(name): lens for name, lens in known.items()}
+            with suppress(StereocalError):
+                other = _chosen(replace(rig, **pinholes), frames, depths_m, None, None).noise
+                if other is not None and other.source == "estimated":
+                    read[" and ".join(which)] = other.sigma_px
+    whose = min(read, key=lambda names: read[names], default="")
+    if whose and UNLIKE_TARGETS * read[whose] < noise.sigma_px:
+        raise StereocalError(
+            f"The points of the {whose} camera{'s' * (' and ' in whose)} seem to be of undistorted "
+            f"images: they scatter by {rounded(read[whose])} px then, and by "
+            f"{rounded(noise.sigma_px)} px as given (the targets: {rounded(targets.sigma_px)} px). "
+            "Give the points of the images as recorded."
+        )
+    return choice
+
+
+def _chosen(
+    rig: RigParameters,
+    frames: Sequence[FramePixels],
+    depths_m: tuple[float, float],
+    sigma_px: float | None,
+    threshold_px: float | None,
+) -> ThresholdChoice:
+    """The threshold of points as they are given."""
     if threshold_px is not None:
         checked_threshold(rig, threshold_px)
     check_sigma(sigma_px)

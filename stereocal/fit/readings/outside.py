@@ -51,7 +51,10 @@ def cause_of(recording: Recording) -> str:
     A recording that fits as it is, in images of any size, has no cause but for one that fits as
     well and brings all points inside: single points are mistyped.
     """
-    whole = _of_any_size(recording)
+    try:
+        whole = _of_any_size(recording)
+    except StereocalError:  # so far outside that no image is as large
+        return ""
     for judge in judges_of(whole):
         cameras = [*recording.cameras]
         inside = [
