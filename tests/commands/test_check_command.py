@@ -76,3 +76,33 @@ def test_a_file_without_covariance_uses_the_refined_file_beside_it(
     assert work.check(bare, work.moved) == 2
     assert "does not state the covariance" in capsys.readouterr().err
     assert not work.out.exists()
+
+
+CASES = Path(__file__).parents[1] / "cases"
+
+
+@pytest.mark.parametrize("stated", ["check_bar_data", "check_bar_inch"])
+def test_another_bar_is_no_movement(stated: str, tmp_path: Path) -> None:
+    """A bar of 0.5 m, stated as 0.4 and 0.508 m: nothing moved. Before, the baseline was 20 %
+    shorter, or both lenses refocused."""
+    folder = CASES / "check_other_bar"
+    given = [str(folder / "parameters_refined.json"), str(folder / stated)]
+    assert main(["check", *given, "--out", str(tmp_path)]) == 0
+    answer = json.loads((tmp_path / "check.json").read_text())
+    assert answer["verdict"] != "moved" and answer["repaired"] is None
+    assert answer["baseline_m"]["value"] == pytest.approx(1.2176, abs=0.01)
+    (note,) = (note for note in answer["notes"] if "The bar seems" in note)
+    assert "0.4992 m by these images" in note
+    assert [file.name for file in tmp_path.iterdir()] == ["check.json"]
+
+
+def test_a_turn_of_17_degrees_is_told_and_repaired(tmp_path: Path) -> None:
+    """With the old parameters no point is in front of both cameras: that was a warning of NumPy,
+    "none px" and no repair. True: 17.2 degrees."""
+    folder = CASES / "check_turn_17"
+    given = [str(folder / "parameters_refined.json"), str(folder / "check_zoom_turned17deg")]
+    assert main(["check", *given, "--out", str(tmp_path)]) == 0
+    answer = json.loads((tmp_path / "check.json").read_text())
+    turn = answer["rotation_rad"]
+    assert turn["low"] < np.radians(17.2) < turn["high"]
+    assert answer["repaired"] and "none" not in answer["reason"]

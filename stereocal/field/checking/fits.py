@@ -242,7 +242,10 @@ def measured_held_out(prior: Prior, images: NewImages, best: Fit) -> RepairError
         errors.append(np.stack([part.errors_with(old), part.errors_with(repaired)], axis=1))
     every_error = np.concatenate(errors, axis=2)
     known = np.isfinite(every_error[1]).any(axis=1).all()
-    (px, new_px), *lengths = np.nanmean(every_error[: 2 if known else 1], axis=2).tolist()
+    # With the old parameters no point may meet in front of the cameras, after a turn of 17 degrees.
+    is_seen = np.isfinite(every_error).any(axis=2, keepdims=True)
+    errors_or_infinite = np.where(is_seen, every_error, np.inf)
+    (px, new_px), *lengths = np.nanmean(errors_or_infinite[: 2 if known else 1], axis=2).tolist()
     return RepairErrors((px, new_px), (lengths[0][0], lengths[0][1]) if known else None)
 
 

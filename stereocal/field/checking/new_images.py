@@ -20,7 +20,7 @@ from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.rig.tracks import MeasuredOffset
 from stereocal.system.array_types import FloatArray, IntArray
-from stereocal.system.numbers import count
+from stereocal.system.numbers import count, rounded
 
 LARGEST = 1000
 """Pairs that are used; of more, as many are taken evenly."""
@@ -69,6 +69,30 @@ class NewImages:
         group, length = np.searchsorted(rows.frames, rows.frame), np.full(len(rows.frames), np.nan)
         length[group[rows.bars[:, 0]]] = errors.length
         return np.bincount(group, errors.reprojection_px) / np.bincount(group), length
+
+    @property
+    def is_of_bar(self) -> bool:
+        """Whether the lengths are those of one bar with one stated length."""
+        rows = self.dataset.correspondences
+        has_own = bool(np.isfinite(rows.distance_m).any())
+        return self.bars > 0 and rows.rigid_object is None and not has_own
+
+    def times_as_long(self, rig: Rig) -> float:
+        """How many times as long as stated the bar is with a rig, by the median."""
+        seen = self.dataset.changed(primary=rig.primary, secondary=rig.secondary)
+        lengths = seen.reconstructed_lengths_m(rig.pose) / seen.bar_distances_m
+        return float(np.nanmedian(lengths)) if np.isfinite(lengths).any() else 1.0
+
+    def with_bar(self, factor: float) -> "NewImages":
+        """These images of a bar so many times as long, which is noted."""
+        stated = self.dataset.target_distance_m
+        note = (
+            f"The bar seems to be another one than is stated: {rounded(stated * factor, 4)} m by "
+            f"these images with the parameters, {rounded(stated, 4)} m as stated. With that length "
+            "nothing else has changed. Measure it again."
+        )
+        dataset = self.dataset.changed(target_distance_m=stated * factor)
+        return replace(self, dataset=dataset, notes=(*self.notes, note))
 
     def of_groups(self, groups: IntArray) -> "NewImages":
         """Some of the groups, by their indices."""

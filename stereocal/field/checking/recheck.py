@@ -41,6 +41,8 @@ HIGHER_NOISE, LOWER_NOISE = 0.005, 1e-6
 NOISE_STEP, LARGEST_NOISE = 2.0, 30.0
 """Where more groups than a third contradict the others, the noise is assumed larger by a factor,
 up to a limit, px."""
+OTHER_BAR = 0.005
+"""Relative difference of lengths from which on a bar may be another one."""
 EFFECT_DEGREES = 24.0
 """Degrees of freedom of a design effect: of 300 simulated recordings of runs it scattered by a
 quarter."""
@@ -51,9 +53,24 @@ Part = tuple[IntArray, Change]
 def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -> Recheck:
     """Check whether a camera has moved or a lens was refocused.
 
+    Where nothing has changed if the bar is longer by a factor than is stated, it is another bar: a
+    camera that moves along the baseline alone, without the least turn, is far less likely.
+
     Args:
         smallest: the smallest movement that matters; "same" is reported only if it would be seen.
     """
+    found = _recheck(prior, images, smallest)
+    if not found.changed or not images.is_of_bar:
+        return found
+    factor = images.times_as_long(prior.rig)
+    if not abs(np.log(factor)) > OTHER_BAR:
+        return found
+    with_other = _recheck(prior, images.with_bar(factor), smallest)
+    return found if with_other.seen or not with_other.usable else with_other
+
+
+def _recheck(prior: Prior, images: NewImages, smallest: Smallest | None) -> Recheck:
+    """The check, with the bar as it is stated."""
     prior = prior.with_bar_of(images.dataset) if images.bars else prior
     prior = prior.with_lens_errors(images.dataset)
     smallest = smallest or Smallest()
