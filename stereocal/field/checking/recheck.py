@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from stereocal.errors import StereocalError
-from stereocal.field.checking.findings import Recheck
+from stereocal.field.checking.findings import CONSISTENT, Recheck
 from stereocal.field.checking.fits import (
     NOTHING,
     Change,
@@ -41,7 +41,7 @@ HIGHER_NOISE, LOWER_NOISE = 0.005, 1e-6
 NOISE_STEP, LARGEST_NOISE = 2.0, 30.0
 """Where more groups than a third contradict the others, the noise is assumed larger by a factor,
 up to a limit, px."""
-OTHER_BAR = 0.005
+OTHER_BAR = 0.01
 """Relative difference of lengths from which on a bar may be another one."""
 EFFECT_DEGREES = 24.0
 """Degrees of freedom of a design effect: of 300 simulated recordings of runs it scattered by a
@@ -60,13 +60,14 @@ def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -
         smallest: the smallest movement that matters; "same" is reported only if it would be seen.
     """
     found = _recheck(prior, images, smallest)
-    if not found.changed or not images.is_of_bar:
+    if not found.changed or found.since is not None or not images.is_of_bar:
         return found
     factor = images.times_as_long(prior.rig)
     if not abs(np.log(factor)) > OTHER_BAR:
         return found
     with_other = _recheck(prior, images.with_bar(factor), smallest)
-    return found if with_other.seen or not with_other.usable else with_other
+    explains = with_other.usable and not with_other.changed and with_other.p_pose > CONSISTENT
+    return with_other if explains else found
 
 
 def _recheck(prior: Prior, images: NewImages, smallest: Smallest | None) -> Recheck:
