@@ -208,6 +208,22 @@ class TestSurvey:
         np.testing.assert_allclose(camera.R[2], own.R[2], atol=1e-12)
         assert camera.R[0, 2] > 0.9
 
+    @pytest.mark.parametrize("latitude", [-33.9, 47.4, 69.6])
+    @pytest.mark.parametrize("columns", [(0, 1), (1, 0), (1, 2)])
+    def test_a_survey_in_degrees_is_named(
+        self, place: Place, latitude: float, columns: tuple[int, int]
+    ) -> None:
+        survey = surveyed(place, 8)
+        x, y, z = survey.world_m.T
+        degrees = np.empty_like(survey.world_m)
+        first, second = columns
+        degrees[:, first] = latitude + y / 111_320
+        degrees[:, second] = 8.5 + x / 111_320 / np.cos(np.radians(latitude))
+        degrees[:, 3 - first - second] = z + 431.0
+        names = [f"{'xyz'[column]}" for column in sorted(columns)]
+        with refused("degrees", "etres", f"{names[0]} and {names[1]}"):
+            find_world(place.rig, replace(survey, world_m=degrees))
+
     def test_mirrored_surveys_are_refused(self) -> None:
         """1,000 of 1,000 in `tests.rigs.worlds`."""
         for place in known_places(8, 14):

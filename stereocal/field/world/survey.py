@@ -27,6 +27,11 @@ CLEARLY_WORSE = 25.0
 """Difference of chi-square that tells the survey from its mirror image: five standard errors."""
 LARGEST_RESIDUAL = 0.05
 """Root mean square residual over the extent of the points; above it the input is contradictory."""
+METRES_A_DEGREE = 111_320.0
+"""Of latitude; of longitude it is less by the cosine of the latitude."""
+SUITS = (0.3, 5.0)
+"""Extent of two coordinates in degrees, as metres, over that of the measured points, which holds
+the height too; degrees of longitude are down to a fifth as long at 78 degrees."""
 MOST_TRIED = 50
 """Points that are left out one by one to find the one that contradicts the others."""
 LARGEST_SCALE = 1.2
@@ -173,6 +178,12 @@ def _scaled_fit(
 
 
 def _check_spread(surveyed: FloatArray, measured: FloatArray) -> None:
+    if names := _in_degrees(surveyed, measured):
+        raise StereocalError(
+            f"The survey's {names[0]} and {names[1]} look like latitude and longitude in degrees: "
+            "they are the right size for these points at 111 km a degree. Metres are needed: "
+            "project them first, for example to UTM, east as x, north as y, height as z."
+        )
     for points, what in ((surveyed, "surveyed"), (measured, "measured")):
         extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         if not extent[1] > 0.01 * extent[0]:
@@ -180,6 +191,19 @@ def _check_spread(surveyed: FloatArray, measured: FloatArray) -> None:
                 f"The {what} points lie on one line, so nothing fixes the turn about it: add a "
                 "point well off the line."
             )
+
+
+def _in_degrees(surveyed: FloatArray, measured: FloatArray) -> str:
+    """The two coordinates that suit the measured points as degrees, and are far too small in
+    metres; empty if none do."""
+    extent = np.ptp(surveyed, axis=0)
+    size = float(np.linalg.norm(np.ptp(measured, axis=0)))
+    for pair in ([0, 1], [1, 2], [0, 2]):
+        values = np.abs(surveyed[:, pair]).max(axis=0)
+        ratio = METRES_A_DEGREE * float(np.linalg.norm(extent[pair])) / size if size else np.inf
+        if values.max() <= 180 and values.min() <= 90 and SUITS[0] < ratio < SUITS[1]:
+            return "".join("xyz"[column] for column in pair)
+    return ""
 
 
 def fit_rigid(
