@@ -294,9 +294,15 @@ class Camera(Answer):
         limit = np.tan(LARGEST_ANGLE) if self.is_fisheye else np.finfo(np.float64).max
         return np.asarray(np.hypot(rays[:, 0], rays[:, 1]) <= limit)
 
+    def is_outside(self, pixels: FloatArray) -> BoolArray:
+        """(n,): which raw pixels (n, 2) are outside the image, which ends 0.5 px beyond the
+        outermost pixel centres."""
+        end = np.array(self.image_size) - 0.5
+        return np.asarray(((pixels < -0.5) | (pixels > end)).any(axis=1))
+
     def outside(self, pixels: FloatArray) -> list[tuple[int, str]]:
-        """The rows of raw pixels (n, 2) outside the image, which ends 0.5 px beyond the outermost
-        pixel centres, and in words: `point (-3, 20) is outside the 1280x1024 px image`.
+        """The rows of raw pixels (n, 2) that `is_outside`, and in words: `point (-3, 20) is outside
+        the 1280x1024 px image`.
 
         Raises:
             StereocalError: all points are fractions of the image, not pixels.
@@ -309,9 +315,7 @@ class Camera(Answer):
                 f"as fractions of the image: give pixels, u times {width} and v times {height}."
             )
         missing = "; leave the point out if this marks a missing one"
-        rows = np.flatnonzero(
-            ((pixels < -0.5) | (pixels > (width - 0.5, height - 0.5))).any(axis=1)
-        )
+        rows = np.flatnonzero(self.is_outside(pixels))
         return [
             (
                 row,

@@ -352,8 +352,10 @@ class Recording(TableAnswer):
     @property
     def has_all_inside(self) -> bool:
         """Whether no point is outside its image."""
-        sizes = np.array([camera.image_size for camera in self.cameras.values()])[self.camera]
-        return bool(((self.points >= -0.5) & (self.points <= sizes - 0.5)).all())
+        return not any(
+            lens.is_outside(self.points[self.camera == number]).any()
+            for number, lens in enumerate(self.cameras.values())
+        )
 
     def within_view(self) -> "Recording":
         """The recording without points that a fisheye images farther from its axis than it is used;
