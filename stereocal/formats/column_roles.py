@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
 from stereocal.errors import StereocalError
-from stereocal.formats.point_files import PointColumns, PointLayout, is_number_or_empty, words_in
+from stereocal.formats.point_files import PointColumns, PointLayout, is_number_or_empty, with_words
 
 Kind = Literal["-", "frame", "camera", "target", "x", "y"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -276,11 +276,11 @@ def with_names(layout: PointLayout, content: bytes, source: str) -> PointLayout:
     """The layout with the names in its columns of the camera and the target."""
     if layout.camera_column is None and layout.point_column is None:
         return layout
-    layout = replace(layout, names=words_in(content, layout, source))
+    layout = with_words(content, layout, source)
     if layout.only is None or len(layout.points) > 1:
         return layout
     by_only = replace(layout, point_column=layout.only[0], only=layout.only)
-    return replace(by_only, names=words_in(content, by_only, source))
+    return with_words(content, by_only, source)
 
 
 def ends_and_cameras(stems: Mapping[str, str]) -> dict[str, tuple[str, str]]:

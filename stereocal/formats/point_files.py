@@ -84,6 +84,8 @@ class PointLayout:
     """Columns with the name of the camera and of the point; None: `columns` name them."""
     names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
     """The names in these two columns."""
+    points_by_camera: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """The names of points that each camera has, where both columns are there."""
     roles: str | None = None
     """What each column holds, as of `column_roles`; None: as the program writes it."""
     titles: tuple[str, ...] = ()
@@ -141,7 +143,7 @@ def points_of_all(
     content: bytes, layout: PointLayout, image_height: int | None, source: str
 ) -> pd.DataFrame:
     """The points of all cameras, as the table of a data set of format 2."""
-    layout, _, _ = with_joined_names(content, layout, source)
+    layout, _, _ = with_joined_names(layout)
     layout = replace(layout, times=times_in(content, layout, source))
     rows = _Rows(_table(content, layout, source, None), layout, source)
     tables = [rows.points(name, image_height).assign(camera=name) for name in layout.cameras]
@@ -149,21 +151,29 @@ def points_of_all(
     return table[["frame", "camera", "target", "u", "v"]]
 
 
-def words_in(
-    content: bytes, layout: PointLayout, source: str
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The names of cameras, as they come or by number, and of points, sorted, where columns have
-    them."""
+def with_words(content: bytes, layout: PointLayout, source: str) -> PointLayout:
+    """The layout with the names of cameras, as they come or by number, and of points, sorted, where
+    columns have them."""
     raw = _table(content, layout, source, None)
+    words = [
+        None if k is None else as_names(raw[k]) for k in (layout.camera_column, layout.point_column)
+    ]
     names = [
-        () if k is None else tuple(str(name) for name in as_names(raw[k]).unique() if name)
-        for k in (layout.camera_column, layout.point_column)
+        () if column is None else tuple(str(name) for name in column.unique() if name)
+        for column in words
     ]
     if (most := max(map(len, names))) > MOST_NAMES:
         raise StereocalError(f"{source}: a column with {most} different values names no points.")
     # Numbers by which the user chooses cameras are then their names too.
     cameras = sorted(names[0], key=int) if all(map(str.isdecimal, names[0])) else names[0]
-    return tuple(cameras), tuple(sorted(names[1], key=lambda name: (len(name), name)))
+    points = tuple(sorted(names[1], key=lambda name: (len(name), name)))
+    by_camera: dict[str, list[str]] = {camera: [] for camera in cameras}
+    both = [column for column in words if column is not None]
+    if len(both) > 1:
+        for camera, point in pd.concat(both, axis=1).drop_duplicates().itertuples(index=False):
+            by_camera.get(camera, []).append(point)
+    named = {camera: tuple(own_points) for camera, own_points in by_camera.items()}
+    return replace(layout, names=(tuple(cameras), points), points_by_camera=named)
 
 
 def times_in(content: bytes, layout: PointLayout, source: str) -> tuple[float, float] | None:
@@ -185,21 +195,16 @@ def times_in(content: bytes, layout: PointLayout, source: str) -> tuple[float, f
     return float(times[0]), least if is_raster else usual
 
 
-def with_joined_names(
-    content: bytes, layout: PointLayout, source: str
-) -> tuple[PointLayout, tuple[str, ...], tuple[str, ...]]:
+def with_joined_names(layout: PointLayout) -> tuple[PointLayout, tuple[str, ...], tuple[str, ...]]:
     """The layout with one spelling of the names of points, as of `JoinedNames` for the cameras;
     those that one camera has; and remarks."""
-    by_camera: dict[str, list[str]] = {camera: [] for camera in layout.cameras}
+    by_camera = layout.points_by_camera
     if layout.point_column is None:
-        for column in layout.columns:
-            by_camera[column.camera].append(column.point)
-    elif layout.camera_column is not None:
-        raw = _table(content, layout, source, None)
-        two = [as_names(raw[k]) for k in (layout.camera_column, layout.point_column)]
-        for camera, point in pd.concat(two, axis=1).drop_duplicates().itertuples(index=False):
-            by_camera.get(camera, []).append(point)
-    else:
+        by_camera = {
+            camera: tuple(column.point for column in layout.columns if column.camera == camera)
+            for camera in layout.cameras
+        }
+    elif layout.camera_column is None:
         return layout, (), ()
     joined = JoinedNames.of([*by_camera.values()])
     points = tuple(dict.fromkeys(joined.alike.get(name, name) for name in layout.points))

@@ -335,7 +335,7 @@ def layout_of_bars(
             f"the points {', '.join(layout.points)[:60]}.",
             source,
         )
-    layout, alone, remarks = with_joined_names(content, layout, source)
+    layout, alone, remarks = with_joined_names(layout)
     outer = [point for point in layout.points if point.lower() not in MIDDLES]
     outer.sort(key=lambda point: point in alone)
     first, second, *_ = outer if len(outer) > 1 else layout.points

@@ -29,7 +29,7 @@ from stereocal.formats.point_answers import (
     layout_of,
     what_is_missing,
 )
-from stereocal.formats.point_files import PointLayout, read_points, times_in, words_in
+from stereocal.formats.point_files import PointLayout, read_points, times_in, with_words
 from stereocal.formats.point_layouts import OURS, propose_layout
 from stereocal.matching.names import TRACKS
 from stereocal.matching.point_table import OWN_FRAME
@@ -114,9 +114,9 @@ def _with_tracks(layout: PointLayout, content: bytes, source: str) -> PointLayou
     if max(len(layout.cameras), len(layout.points)) > 1:
         return layout
     for _, column in (pair for pair in layout.further if pair[0].strip().lower() in OF_TRACKS):
-        tracked = replace(layout, point_column=column)
-        if len((names := words_in(content, tracked, source))[1]) > 1:
-            return replace(tracked, names=(layout.names[0], names[1]))
+        tracked = with_words(content, replace(layout, point_column=column), source)
+        if len(tracked.points) > 1:
+            return tracked
     if layout.program == OURS and layout.further:  # another column may name the ends
         roles = layout_by_hand(content, source).roles or ""
         by_roles = layout_as_stated(content, source, roles, False)
