@@ -107,3 +107,10 @@ def scaled(camera: Camera, factor: float, with_centre: bool = True) -> Camera:
     K = camera.K.copy()
     K[:2, : 3 if with_centre else 2] *= factor
     return replace(camera, K=K)
+
+
+def undistorted(camera: Camera) -> Camera | None:
+    """The lens of images whose distortion was taken out; None where there is none."""
+    if not (camera.distortion.any() or camera.is_fisheye):
+        return None
+    return Camera(camera.K, np.zeros(4), camera.image_size)

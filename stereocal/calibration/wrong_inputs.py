@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 
 from stereocal.calibration.corrections import fitting_px, scaled, with_changed
 from stereocal.calibration.essential import calibrate_essential
-from stereocal.calibration.mistakes import Group, Reading, Row, Way
+from stereocal.calibration.reading import Group, Reading, Row, Way
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import one_file_in_words
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays

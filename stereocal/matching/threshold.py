@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from stereocal.calibration.mistakes import undistorted
+from stereocal.calibration.corrections import undistorted
 from stereocal.errors import StereocalError
 from stereocal.matching.matching import ANY_DEPTH, check_depths, checked_threshold
 from stereocal.matching.pair_candidates import pairs_within

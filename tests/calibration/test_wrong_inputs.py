@@ -15,7 +15,7 @@ from stereocal.calibration.checks import scale_is_plausible
 from stereocal.calibration.corrections import scaled, with_files, with_pixels
 from stereocal.calibration.essential import Solver, calibrate_essential
 from stereocal.calibration.methods import CalibrationSettings
-from stereocal.calibration.mistakes import words_of
+from stereocal.calibration.reading import words_of
 from stereocal.calibration.wrong_inputs import NO_FIT, pose_fit
 from stereocal.cli import main
 from stereocal.errors import PointsOutsideError, StereocalError

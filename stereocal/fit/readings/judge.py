@@ -17,7 +17,7 @@ from itertools import combinations
 
 import numpy as np
 
-from stereocal.calibration.corrections import fitting_px, scaled, with_files
+from stereocal.calibration.corrections import fitting_px, scaled, undistorted, with_files
 from stereocal.calibration.mistakes import (
     OF_CAMERAS,
     OF_FILES,
@@ -25,13 +25,8 @@ from stereocal.calibration.mistakes import (
     OF_IMAGES,
     OF_POINTS,
     UNDISTORTED,
-    Group,
-    Reading,
-    Row,
-    Way,
-    readings_of,
-    undistorted,
 )
+from stereocal.calibration.reading import Group, Reading, Row, Way, readings_of
 from stereocal.calibration.wrong_inputs import SCALED, PoseFit, suspects
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.robust import RobustFit

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from stereocal.calibration.corrections import with_files, with_frames
-from stereocal.calibration.mistakes import CORRECT_FROM, FEWEST_TO_SHIFT, SHIFTS, Group, Row, Way
+from stereocal.calibration.mistakes import CORRECT_FROM, FEWEST_TO_SHIFT, SHIFTS
+from stereocal.calibration.reading import Group, Row, Way
 from stereocal.errors import StereocalError
 from stereocal.fit.readings.noise_left import fit_of_pair
 from stereocal.rig.camera import camera_in_words

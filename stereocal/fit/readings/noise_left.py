@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from stereocal.calibration.corrections import fitting_px, some_corners
-from stereocal.calibration.mistakes import ESTIMATED_HANDICAP
+from stereocal.calibration.reading import ESTIMATED_HANDICAP
 from stereocal.calibration.wrong_inputs import PoseFit, essential_fit
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.robust import RobustFit

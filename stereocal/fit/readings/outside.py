@@ -8,7 +8,8 @@ from functools import partial
 import numpy as np
 
 from stereocal.calibration.corrections import with_files, with_pixels
-from stereocal.calibration.mistakes import OF_CAMERAS, OF_IMAGES, OF_POINTS, Reading, readings_of
+from stereocal.calibration.mistakes import OF_CAMERAS, OF_IMAGES, OF_POINTS
+from stereocal.calibration.reading import Reading, readings_of
 from stereocal.calibration.wrong_inputs import SCALED
 from stereocal.errors import PointsOutsideError, StereocalError
 from stereocal.fit.readings.judge import (

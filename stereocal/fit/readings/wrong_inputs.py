@@ -10,7 +10,7 @@ import numpy as np
 
 from stereocal.calibration.checks import LARGEST_SCALE_ERROR
 from stereocal.calibration.corrections import fitting_px
-from stereocal.calibration.mistakes import readings_of
+from stereocal.calibration.reading import readings_of
 from stereocal.calibration.wrong_inputs import MINIMUM_BARS, essential_fit, inconsistency_message
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.robust import RobustFit
