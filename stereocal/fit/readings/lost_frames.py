@@ -10,9 +10,10 @@ from stereocal.calibration.corrections import with_files, with_frames
 from stereocal.calibration.mistakes import CORRECT_FROM, FEWEST_TO_SHIFT, SHIFTS
 from stereocal.calibration.reading import Group, Row, Way
 from stereocal.errors import StereocalError
-from stereocal.fit.readings.noise_left import fit_of_pair
-from stereocal.rig.camera import camera_in_words
-from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
+from stereocal.fit.readings.noise_left import fewer_points, fit_of_pair
+from stereocal.fit.refined_result import RefinedResult
+from stereocal.rig.camera import camera_in_words, pixel_scales
+from stereocal.rig.geometry import reprojection_errors_of_rays, stack_rays
 from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import count
@@ -67,17 +68,16 @@ def _steps(
     recording: Recording, pair: CameraPair, common: IntArray, chosen: IntArray
 ) -> Iterator[_Step]:
     """Steps that explain enough, by the pose of some frames."""
+    two = recording.of_cameras(pair)
     try:
-        part = recording.where(np.isin(recording.frame, chosen))
+        part = fewer_points(two.where(np.isin(two.frame, chosen)))
         fit = fit_of_pair(part, pair, {}, {})
     except StereocalError:
         return
-    fitted = with_files(recording, dict(zip(pair, (fit.primary, fit.secondary), strict=True)))
+    fitted = with_files(two, dict(zip(pair, (fit.primary, fit.secondary), strict=True)))
+    rays = fitted.images(fitted.rays)
     limit_px = max(FITTING * fit.sigma_px.value, LEAST_FITTING_PX)
-    errors = {
-        ahead: _errors_px(fitted, pair, fit.pose, common, ahead, limit_px) / limit_px
-        for ahead in (0, *SHIFTS)
-    }
+    errors = {ahead: _errors(rays, fit, common, ahead, limit_px) for ahead in (0, *SHIFTS)}
     at_one_count = min(float(of_count.sum()) for of_count in errors.values())
     for ahead in SHIFTS:
         for is_before, before, after in (
@@ -111,23 +111,31 @@ def _best_step(before: FloatArray, after: FloatArray) -> tuple[float, int]:
     return float(sums[place]), place
 
 
-def _errors_px(
-    recording: Recording,
-    pair: CameraPair,
-    pose: Pose,
-    frames: IntArray,
+def _errors(
+    rays: tuple[IntArray, FloatArray],
+    fit: RefinedResult,
+    common: IntArray,
     ahead: int,
     limit_px: float,
 ) -> FloatArray:
-    """(f,): the largest reprojection error of a frame if the second camera's count is so many
-    frames ahead, at most `limit_px`; half of that where it is not known."""
-    errors, every = np.full(len(frames), -np.inf), np.unique(recording.frame)
-    data = with_frames(recording, pair[1], every, every - ahead).pair(*pair)
-    data = data.of_frames(frames)
-    px = reprojection_errors_of_rays(pose.R, pose.T, data.rays, data.pixel_scale).mean(axis=1)
-    known = np.where(np.isfinite(px), px, limit_px)
-    np.maximum.at(errors, np.searchsorted(frames, data.correspondences.frame), known)
-    return np.where(np.isfinite(errors), np.minimum(errors, limit_px), 0.5 * limit_px)
+    """(f,): the largest reprojection error in each common frame if the second camera's count is so
+    many frames ahead, over `limit_px` and at most 1; 0.5 where it is not known.
+
+    Args:
+        rays: frame numbers (n,), and normalised points (n, k, 2, 2) of both cameras.
+    """
+    frames, points = rays
+    first = points[np.searchsorted(frames, common), :, 0]
+    place = np.searchsorted(frames, common - ahead).clip(max=len(frames) - 1)
+    second = np.where((frames[place] == common - ahead)[:, None, None], points[place, :, 1], np.nan)
+    seen = np.isfinite(first).all(axis=2) & np.isfinite(second).all(axis=2)
+    both = stack_rays(first[seen], second[seen])
+    scales = pixel_scales((fit.primary, fit.secondary))
+    px = reprojection_errors_of_rays(fit.pose.R, fit.pose.T, both, scales).mean(axis=1)
+    errors = np.full(seen.shape, -np.inf)
+    errors[seen] = np.where(np.isfinite(px), np.minimum(px / limit_px, 1.0), 1.0)
+    largest = np.asarray(errors.max(axis=1))
+    return np.where(np.isfinite(largest), largest, 0.5)
 
 
 LOST = Row(
