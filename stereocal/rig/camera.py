@@ -301,8 +301,8 @@ class Camera(Answer):
         return np.asarray(((pixels < -0.5) | (pixels > end)).any(axis=1))
 
     def outside(self, pixels: FloatArray) -> list[tuple[int, str]]:
-        """The rows of raw pixels (n, 2) that `is_outside`, and in words: `point (-3, 20) is outside
-        the 1280x1024 px image`.
+        """The rows of raw pixels (n, 2) that `is_outside`, and in words: "point (-3, 20) is outside
+        the 1280x1024 px image".
 
         Raises:
             StereocalError: all points are fractions of the image, not pixels.
