@@ -290,13 +290,15 @@ def cameras_of(pixels: FloatArray) -> IntArray:
     return np.asarray(np.isfinite(pixels[..., 0]).sum(axis=1))
 
 
-def points_of_names(tables: Tables, cameras: Iterable[str]) -> tuple[pd.Index, FloatArray]:
-    """Frame and `TRACK` of each point that two cameras or more have, and its pixels (n, c, 2), NaN
-    where a camera has none."""
+def points_of_names(
+    tables: Tables, cameras: Iterable[str], values: Sequence[str] = POINT
+) -> tuple[pd.Index, FloatArray]:
+    """Frame and `TRACK` of each point that two cameras or more have, and its pixels (n, c, 2), or
+    what other columns hold; NaN where a camera has none."""
     rows = pd.concat([table.assign(camera=camera) for camera, table in tables.items()])
-    wide = rows.pivot_table(index=["frame", TRACK], columns="camera", values=[*POINT])
-    columns = [(axis, camera) for camera in cameras for axis in POINT]
-    pixels = wide.reindex(columns=columns).to_numpy(np.float64).reshape(len(wide), -1, 2)
+    wide = rows.pivot_table(index=["frame", TRACK], columns="camera", values=[*values])
+    columns = [(axis, camera) for camera in cameras for axis in values]
+    pixels = wide.reindex(columns=columns).to_numpy(np.float64).reshape(len(wide), -1, len(values))
     seen = cameras_of(pixels) > 1
     return wide.index[seen], pixels[seen]
 

@@ -132,7 +132,7 @@ class _Panel:
     def _propose(self, clicks: Clicks, frame: int) -> tuple[list[Click], MeasuredClicks | None]:
         """The next places of tracks that have none in a frame, where the images show them and
         agree; and what all points measure with them."""
-        proposed = []
+        proposed, origins = [], clicks.origins
         for camera, track in product(self.cameras, clicks.tracks):
             near = nearest_clicks(clicks.along(track, camera), frame)
             if (frame, camera, track) in clicks.every or not near:
@@ -140,7 +140,8 @@ class _Panel:
             if near[0].frame in self.footage.numbers:
                 earlier, later = (self.footage.grey(camera, k) for k in (near[0].frame, frame))
                 if (position := follow(earlier, later, near, frame)) is not None:
-                    proposed.append(Click(frame, camera, track, *position, "followed"))
+                    origin = origins[near[0].key]
+                    proposed.append(Click(frame, camera, track, *position, "followed", origin))
         trial = self._measured(clicks.placed(proposed))
         if trial and (beyond := trial.beyond(frame) & {click.track for click in proposed}):
             proposed = [click for click in proposed if click.track not in beyond]

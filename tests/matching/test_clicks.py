@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from itertools import product
 
 import cv2
 import numpy as np
@@ -12,7 +13,15 @@ from stereocal.fit.parameter_file import refined_parameters
 from stereocal.fit.refine import refine
 from stereocal.fit.rig_file import RigFile
 from stereocal.library.tables import match, reconstruct
-from stereocal.matching.clicks import CLICK_PX, Click, ClickMeasure, Clicks, MeasuredClicks, Place
+from stereocal.matching.clicks import (
+    CLICK_PX,
+    DRIFT_PX,
+    Click,
+    ClickMeasure,
+    Clicks,
+    MeasuredClicks,
+    Place,
+)
 from stereocal.matching.following import Image, corner_at, follow, nearest_clicks
 from stereocal.matching.settled import Settled, Stated
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
@@ -34,13 +43,13 @@ FISHEYE = Camera(EQUIDISTANT, np.zeros(4), (1280, 1024), model="fisheye")
 LENGTH_M = 0.25
 
 
-def flight(frames: int, noise_px: float = 0.0, seed: int = 0) -> Clicks:
+def flight(frames: int, noise_px: float = 0.0, seed: int = 0, length_m: float = LENGTH_M) -> Clicks:
     """Head and tail of something that flies straight on, clicked in both images."""
     rng = np.random.default_rng(seed)
     clicks = []
     for frame in range(1, frames + 1):
         head = np.array([-0.6 + 0.08 * frame, 0.2, 7.0 + 0.05 * frame])
-        for track, point in (("head", head), ("tail", head + np.array([0.0, LENGTH_M, 0.0]))):
+        for track, point in (("head", head), ("tail", head + np.array([0.0, length_m, 0.0]))):
             for camera, pixels in zip(CAMERAS, images(point[None]), strict=True):
                 u, v = pixels[0] + noise_px * rng.standard_normal(2)
                 clicks.append(Click(frame, camera, track, float(u), float(v)))
@@ -139,6 +148,85 @@ def test_a_length_and_its_error() -> None:
     far = replace(SET, volume=Volume((-1.0, 1.0), (-1.0, 1.0), (8.0, 9.0)))
     outside = ClickMeasure(SET, far).measured(clicks, found.settled).sentence(place)
     assert outside.endswith("m, outside the volume of the calibration.")
+
+
+def of_independent(found: MeasuredClicks, *ends: tuple[Place, Place]) -> float:
+    """The standard error of a mean length if all pixels are independent."""
+    one, other = np.array([[found.rows[place] for place in both] for both in ends]).T
+    apart = found.fits.xyz[one] - found.fits.xyz[other]
+    along = apart / np.linalg.norm(apart, axis=1, keepdims=True)
+    of_pixels, by_shared, shared = found.fits.errors
+    variance = np.einsum("ni,nij,nj->", along, of_pixels[one] + of_pixels[other], along)
+    sums = np.einsum("ni,niq->q", along, by_shared[one] - by_shared[other])
+    return float(np.sqrt(variance + sums @ shared @ sums)) / len(one)
+
+
+def followed(every: int, seed: int) -> Clicks:
+    """Something of 1 m in 20 frames: clicked by hand to 1 px in each image once in so many of them,
+    not in the same ones, and followed from there."""
+    rng, clicks = np.random.default_rng(seed), list[Click]()
+    errors, origins = dict[tuple[str, str], FloatArray](), dict[tuple[str, str], int]()
+    phases: dict[tuple[str, str], int] = {
+        image: number for number, image in enumerate(product(CAMERAS, ("head", "tail")))
+    }
+    for click in flight(20, length_m=1.0).every.values():
+        image = click.camera, click.track
+        by_hand = click.frame == 1 or (click.frame - 1 - phases[image] * (every < 20)) % every == 0
+        if by_hand:
+            errors[image], origins[image] = rng.normal(0.0, 1.0, 2), click.frame
+        else:
+            errors[image] = errors[image] + rng.normal(0.0, DRIFT_PX, 2)
+            click = replace(click, source="followed", origin=origins[image])
+        u, v = errors[image].tolist()
+        clicks.append(replace(click, u=click.u + u, v=click.v + v))
+    return Clicks.of(clicks)
+
+
+@pytest.mark.parametrize(("every", "before"), [(20, 4.0), (6, 2.0), (1, 0.8)])
+def test_places_followed_from_one_click_share_its_error(every: int, before: float) -> None:
+    """Errors of mean lengths and of steps over the stated ones, of 100 flights; before, those of
+    the lengths by independent pixels."""
+    how = ClickMeasure(SET, SET, Stated(1.8, sigma_px=1.0, names="track"))
+    relative, step_m = [], 5 * np.hypot(0.08, 0.05)
+    for seed in range(100):
+        found = how.measured(followed(every, seed), Settled(1.0, 1.8))
+        ends = found.common("head", "tail")
+        length, step = found.length(*ends), found.length((Place("head", 18), Place("head", 13)))
+        assert length is not None and length.frames == 20 and step is not None
+        independent, error = of_independent(found, *ends), length.metres - 1.0
+        relative.append(
+            [error / independent, error / length.sigma_m, (step.metres - step_m) / step.sigma_m]
+        )
+        if every == 1:
+            assert length.sigma_m == pytest.approx(independent, rel=0.01)
+    rms = np.sqrt(np.mean(np.square(relative), axis=0))
+    # Measured: 5.2, 0.98, 0.99 followed from one frame; 2.4, 0.98, 1.01; and 1.09, 1.09, 0.98.
+    assert rms[0] > before and (rms[1:] > 0.8).all() and (rms[1:] < 1.3).all()
+
+
+def test_the_noise_of_few_clicks_is_not_that_of_what_follows_them() -> None:
+    """Errors of the same four clicks in 40 points look small, or large, together."""
+    clicks = Clicks.of(
+        replace(click, source="followed" if click.frame > 1 else "clicked")
+        for click in flight(20).every.values()
+    )
+    assert {*clicks.origins.values()} == {1}  # as of earlier versions, which did not keep them
+    how, settled = ClickMeasure(SET, SET), Settled(0.02, 0.4)
+    assert how.measured(clicks, settled).click_px == CLICK_PX
+    assert how.measured(flight(20), settled).click_px == 0.02
+    stated = ClickMeasure(SET, SET, Stated(sigma_px=0.02, names="track"))
+    assert stated.measured(clicks, settled).click_px == 0.02
+    assert how.measured(flight(2), settled).click_px == 0.02
+
+
+@pytest.mark.parametrize(("kept", "origin"), [(1, 1), (None, 2)])
+def test_a_place_keeps_its_click_when_one_before_it_is_corrected(
+    kept: int | None, origin: int
+) -> None:
+    first, second, third = (Click(frame, "primary", "head", 9.0, 9.0) for frame in (1, 2, 3))
+    third = replace(third, source="followed", origin=kept)
+    clicks = Clicks.of([third, second, first])
+    assert [clicks.origins[e.key] for e in (first, second, third)] == [1, 2, origin]
 
 
 @pytest.mark.parametrize(("known", "mostly"), [(None, True), (0.0001, False)])

@@ -28,7 +28,7 @@ from stereocal.rig.correspondences import PIXELS
 from stereocal.rig.geometry import Pose
 from stereocal.simulation.rigs import SimulatedRig, simulated_rig
 from stereocal.system.array_types import FloatArray, IntArray
-from tests.matching.test_clicks import LENGTH_M, agrees, off
+from tests.matching.test_clicks import LENGTH_M, agrees, of_independent, off
 
 NOISE = 0.3
 
@@ -316,6 +316,8 @@ def test_a_clicked_point_of_three_cameras_needs_two_of_them(
     assert not any(found.beyond(frame) for frame in range(12))
     length = found.length(*found.common("head", "tail"))
     assert length is not None and abs(length.metres - LENGTH_M) < 3 * length.sigma_m < 0.01
+    independent = of_independent(found, *found.common("head", "tail"))
+    assert length.sigma_m == pytest.approx(independent, rel=0.01)
     two = how.measured(Clicks.of(e for e in clicks.every.values() if e.camera != "c3"), settled)
     worse = two.length(*two.common("head", "tail"))
     assert worse is not None and worse.sigma_m > 1.1 * length.sigma_m

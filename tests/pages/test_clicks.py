@@ -192,6 +192,7 @@ def test_one_key_accepts_the_proposals_of_many_frames(app: AppTest, home: Path) 
     for key, click in found.items():
         assert np.hypot(click.u - truth[key].u, click.v - truth[key].v) < 2.0
         assert click.source == ("clicked" if click.frame == 1 else "followed")
+        assert click.origin == (None if click.frame == 1 else 1)
     assert len(store.acts) == 2
     app.button(key="clicks_u").click().run()  # one act, undone at once
     assert {frame for frame, *_ in store.clicks.every} == {1}
