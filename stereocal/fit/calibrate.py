@@ -14,11 +14,12 @@ from stereocal.fit.free_distortion import better_held_out, lenses_with_distortio
 from stereocal.fit.joint_fit import NO_RIG, Start, joint_fit
 from stereocal.fit.least_squares.unknowns import RefineSettings, check_stated, of_some
 from stereocal.fit.readings.diagnosis import camera_warnings, moved_in_words, refuse_poor_fit
+from stereocal.fit.readings.moving_cameras import LEAST_PX, moving_cameras
 from stereocal.fit.readings.wrong_inputs import (
     check_inputs,
     contradicting_lengths,
-    find_lost_frames,
     find_wrong_input,
+    instead_of_movement,
 )
 from stereocal.fit.refine import refine
 from stereocal.fit.rig_calibration import RigCalibration
@@ -67,20 +68,25 @@ def calibrate_rig(
         rig = _calibrated(recording, settings or RefineSettings(), late, progress)
         refuse_poor_fit(rig)
     except MovedError as error:
-        raise MovedError(find_lost_frames(recording) or str(error)) from error
+        raise MovedError(instead_of_movement(recording) or str(error)) from error
     except (StereocalError, np.linalg.LinAlgError) as error:  # LinAlgError: no rig is near
-        named = contradicting_lengths(recording) or find_wrong_input(recording)
+        named = (
+            contradicting_lengths(recording)
+            or find_wrong_input(recording)
+            or moving_cameras(recording)
+        )
         known = str(error) if isinstance(error, StereocalError) else NO_RIG
         raise StereocalError(named or known) from error
-    if rig.moved and (lost := find_lost_frames(recording)):
-        raise MovedError(lost)
+    if rig.moved and (wrong := instead_of_movement(recording)):
+        raise MovedError(wrong)
     disagree = {name for pair in rig.pairs.failed for name in pair} & {*rig.unreached}
     contradicting = {*rig.left_out, *(image.frame for image in rig.wrong)}
     are_many = len(contradicting) > MAXIMUM_LEFT_OUT * len(np.unique(recording.frame))
-    if (disagree or are_many) and (wrong := find_wrong_input(recording)):
+    if (disagree or are_many) and not rig.moved and (wrong := find_wrong_input(recording)):
         raise StereocalError(wrong)
     possible = check_inputs(rig.fit.recording, rig.fit, [*rig.pairs.fits.values()])
-    warnings = [_misplaced(rig), *possible, *rig.warnings, rig.moved, _question(rig)]
+    swaying = moving_cameras(recording) if rig.fit.sigma_px > LEAST_PX else ""
+    warnings = [_misplaced(rig), *possible, *rig.warnings, rig.moved, swaying, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, warnings)), sha256=recording.sha256)
 
 

@@ -34,7 +34,7 @@ from stereocal.fit.readings.likely_cause import (
     offer_time_offset,
     warnings_about_fit,
 )
-from stereocal.fit.readings.wrong_inputs import check_inputs, find_lost_frames
+from stereocal.fit.readings.wrong_inputs import check_inputs, instead_of_movement
 from stereocal.fit.refine import refine
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.results import Calibration
@@ -104,7 +104,7 @@ class PairRun:
         try:
             return screened(dataset, self.settings)
         except MovedError as error:
-            raise MovedError(find_lost_frames(dataset.recording) or str(error)) from error
+            raise MovedError(instead_of_movement(dataset.recording) or str(error)) from error
 
     @step
     def calibration(self) -> Calibration:

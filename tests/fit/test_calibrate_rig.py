@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from stereocal.calibration.corrections import with_pixels
 from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.least_squares.small_steps import step_between
 from stereocal.fit.least_squares.unknowns import FIXED_LENS, RefineSettings
@@ -17,6 +18,7 @@ from stereocal.fit.least_squares.views import EACH, TRANSLATION, fit_points
 from stereocal.fit.parameter_file import of_file
 from stereocal.fit.rig_calibration import RigCalibration, third_cameras
 from stereocal.fit.rig_file import rig_file
+from stereocal.fit.screening.movement import MovedError
 from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.fit.timing import out_of_step
 from stereocal.formats.dataset_files import read_recording
@@ -26,7 +28,7 @@ from stereocal.simulation.rigs import SimulatedRig, simulated_rig
 from stereocal.system.array_types import FloatArray
 from tests.further import further
 from tests.refused import refused
-from tests.rigs.mistakes import joined
+from tests.rigs.mistakes import in_images, joined, undistorted
 
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "rig"
 
@@ -229,6 +231,14 @@ def test_the_marker_between_need_not_be_used(ewand: Recording) -> None:
     assert lengths["M", "px"] <= 0.36
     assert lengths["A", "M"] <= 0.0032
     assert lengths["M", "B"] <= 0.0016
+
+
+def test_points_of_undistorted_images_are_no_movement(ewand: Recording) -> None:
+    part = ewand.where(ewand.frame < np.unique(ewand.frame)[300])
+    wrong = in_images(with_pixels(part, ["3"], undistorted))
+    # they would fit to 0.33 px, parts of the recording in time do not fit
+    with refused("camera 3", "undistorted", by=MovedError):
+        calibrate_rig(wrong)
 
 
 @pytest.mark.soak  # it would only take longer

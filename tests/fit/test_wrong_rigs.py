@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from stereocal.calibration.corrections import with_pixels
 from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.in_words import rig_notes, rig_sentence
+from stereocal.fit.readings.moving_cameras import moving_cameras
 from stereocal.fit.readings.noise_left import fewer_points, noise_of
 from stereocal.fit.rig_file import RigFile, rig_file
 from stereocal.fit.screening.movement import MovedError
@@ -24,7 +25,7 @@ from stereocal.system.array_types import FloatArray
 from stereocal.workflow.pair_of_rig import data_of_pair
 from tests.further import further
 from tests.refused import refused
-from tests.rigs.mistakes import MISTAKES, bumped_from, from_the_right, upside_down
+from tests.rigs.mistakes import MISTAKES, bumped_from, from_the_right, in_images, upside_down
 from tests.rigs.moving_wand import wave_wand
 from tests.rigs.several_cameras import sound
 
@@ -105,6 +106,21 @@ def test_a_wrong_input_is_refused_and_its_camera_named(
     """
     with refused(*said):
         calibrate_rig(MISTAKES[mistake].of_rig(kind, 0))
+
+
+def test_cameras_that_sway_are_told() -> None:
+    """By 0.3 degrees in each frame; all errors are stated, as of 5 px of noise."""
+    (warning,) = calibrate_rig(
+        MISTAKES["cameras that sway in every frame"].of_rig("3 cameras", 0)
+    ).warnings
+    assert warning.startswith("The cameras seem to move") and "in every frame" in warning
+
+
+def test_points_that_scatter_are_no_swaying_cameras() -> None:
+    """0 of 60 such recordings, with 1, 3 and 8 px, and of a real one with up to 10 px."""
+    sound = simulated_rig(np.random.default_rng(3), 3, 60).recording
+    noise = 5.0 * np.random.default_rng(4).standard_normal(sound.points.shape)
+    assert not moving_cameras(in_images(replace(sound, points=sound.points + noise)))
 
 
 def test_lengths_of_another_unit_are_asked_about() -> None:

@@ -353,6 +353,22 @@ def sure(change: Change) -> Change:
     return changed
 
 
+def swaying(degrees: float) -> Change:
+    """Every camera turned about its centre in each frame, by angles of this standard deviation."""
+
+    def changed(recording: Recording, rng: np.random.Generator) -> Recording:
+        frames, place = np.unique(recording.frame, return_inverse=True)
+        points = recording.points.copy()
+        for number, camera in enumerate(recording.cameras.values()):
+            turns = np.radians(degrees) * rng.standard_normal((len(frames), 3))
+            seen = recording.camera == number
+            rays = homogeneous(camera.undistort(points[seen]))
+            points[seen] = camera.project(Rotation.from_rotvec(turns[place[seen]]).apply(rays))
+        return in_images(replace(recording, points=points))
+
+    return changed
+
+
 def another_bar(recording: Recording, _: np.random.Generator) -> Recording:
     """In the second half the stated length is that of another bar, 1.2 times as long."""
     later = recording.frame > np.median(np.unique(recording.frame))
@@ -520,6 +536,9 @@ MISTAKES: Mapping[str, Mistake] = {
         cropped(0.0, 0.125, below=0.125, every=True), ("image centre",), (BARS,), 40
     ),
     "a camera moved half-way": Mistake(moved(2.0), ("moved",)),
+    "cameras that sway in every frame": Mistake(
+        swaying(0.3), ("in every frame",), (BARS, RIGS), 70
+    ),
     # Frames
     "0.3 frames late": Mistake(None, ("out of step", "same moment"), (BARS, RIGS)),
     "0.3 frames late, every tenth frame kept": Mistake(None, ("out of step",), (BARS,), every=10),

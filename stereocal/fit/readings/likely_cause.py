@@ -12,6 +12,7 @@ from stereocal.calibration.checks import warnings_about_copies
 from stereocal.calibration.wrong_inputs import essential_fit, inconsistency_message
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.small_steps import largest_turn_sigma
+from stereocal.fit.readings.moving_cameras import LEAST_PX, moving_cameras
 from stereocal.fit.readings.wrong_inputs import find_wrong_input, nothing_fits
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.screening.screen import (
@@ -77,6 +78,8 @@ def explain_failure(dataset: Pair, screening: Screening, failure: str = "") -> s
         return named
     if nominal.only_scale_is_wrong:
         return inconsistency_message(dataset, nominal)
+    if moving := moving_cameras(dataset.recording):
+        return moving
     geometry = geometry_warning(fit) if fit is not None else ""
     unknown = nothing_fits(dataset) or inconsistency_message(dataset, nominal)
     return geometry or f"{failure}{unknown}"
@@ -91,7 +94,9 @@ def warnings_about_fit(dataset: Pair, screening: Screening, poor: bool, offer: s
     """
     failure = screening.failure and f"The frames could not be screened: {screening.failure}"
     fit, dataset = screening.fit, frames_to_judge(dataset, screening)
-    cause = offer or (geometry_warning(fit) if fit is not None else "")
+    is_noisy = fit is not None and fit.sigma_px.value > LEAST_PX
+    cause = offer or (moving_cameras(dataset.recording) if is_noisy else "")
+    cause = cause or (geometry_warning(fit) if fit is not None else "")
     heads = heads_in_words((AT_ORIGIN, fit.pose), CAMERAS) if fit is not None else []
     if poor and not cause:
         nominal = essential_fit(dataset)
