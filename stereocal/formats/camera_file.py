@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from stereocal.errors import StereocalError, naming
-from stereocal.formats.described import only_camera, several
+from stereocal.formats.described import only_camera, only_of
 from stereocal.formats.file_storage import ForeignFile, Storage, find_node, matrix_of
 from stereocal.formats.lens_nodes import (
     DISTORTION_NAMES,
@@ -174,11 +174,10 @@ def _only_lens(storage: Storage, source: str) -> Storage:
     """The nodes of the only camera in a file: the file's own, or those of a part of it."""
     if "format" in storage or "camera_matrix" in as_lens(storage):
         return storage
-    cameras = cameras_among(storage)
-    if len(cameras) > 1:
-        raise several(cameras, source)
+    if cameras := cameras_among(storage):
+        return only_of(cameras, source)
     of_all = nodes_of_all(storage)
-    return next(iter(cameras.values()), of_all if "camera_matrix" in as_lens(of_all) else storage)
+    return of_all if "camera_matrix" in as_lens(of_all) else storage
 
 
 def camera_of(

@@ -7,7 +7,7 @@ under the names of `lens_nodes`, here with OpenCV's pixels, whose first centre i
 
 import configparser
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -86,20 +86,18 @@ def only_camera(file: ForeignFile) -> Storage | None:
     """
     if (program := described(file)) is None:
         return None
-    cameras = program.cameras_of(file)
+    return only_of(program.cameras_of(file), f"{file.name} ({program.title})")
+
+
+def only_of(cameras: Cameras, source: str) -> Storage:
+    """The nodes of the only camera in a file, which is refused if it has several."""
     if len(cameras) > 1:
-        raise several(cameras, f"{file.name} ({program.title})")
+        raise StereocalError(
+            f"a file of one camera is expected; this has {len(cameras)} "
+            f"({', '.join(cameras)[:200]}): give it as the file of both cameras.",
+            source,
+        )
     return next(iter(cameras.values()))
-
-
-def several(cameras: Iterable[str], source: str) -> StereocalError:
-    """The error of a file of several cameras in place of one camera's."""
-    names = [*cameras]
-    return StereocalError(
-        f"a file of one camera is expected; this has {len(names)} ({', '.join(names)[:200]}): give "
-        "it as the file of both cameras.",
-        source,
-    )
 
 
 def _unread(file: ForeignFile, what: object, remedy: str) -> StereocalError:
@@ -189,15 +187,11 @@ def _oak(file: ForeignFile) -> Cameras:
     entries = _within(file.storage, "cameraData")
     cameras = {}
     for socket, camera in entries.items() if isinstance(entries, dict) else entries:
-        kind, D, moved = (
-            camera.get("cameraType", 0),
-            camera["distortionCoeff"],
-            camera["extrinsics"],
-        )
         if not camera["width"]:
             continue  # not calibrated
-        if kind not in (0, 1):
+        if (kind := camera.get("cameraType", 0)) not in (0, 1):
             raise _unread(file, f"a lens of OAK's cameraType {kind}", "0 and 1 are")
+        D, moved = camera["distortionCoeff"], camera["extrinsics"]
         cameras[_socket(socket)] = {
             "camera_matrix": camera["intrinsicMatrix"],
             "distortion_coefficients": D[:4] if kind else _without_zeros(D),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import PurePath
 from typing import Any, Literal
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError, naming
 from stereocal.formats.camera_file import agreed_size, lens_model_of, read_camera
-from stereocal.formats.exchange.chosen_cameras import ChosenPair
+from stereocal.formats.exchange.chosen_cameras import ChosenPair, chosen_pair
 from stereocal.formats.exchange.options import (
     ExchangeOptions,
     ImageSize,
@@ -126,6 +127,21 @@ def lenses_of(files: Files, options: ExchangeOptions, no_pose: str) -> ForeignPa
     pair = ForeignPair(cameras[0], cameras[-1], None, no_pose, "camera files")
     names = files[0].name, files[-1].name
     return replace(pair, called=ONE_LENS * (len(files) == 1), files=names)
+
+
+def named_as_both(
+    names: Sequence[str], options: ExchangeOptions, source: str
+) -> tuple[tuple[str, str], tuple[str, ...]]:
+    """The primary's and the secondary's of one or two files of one camera each, and a note where
+    they were not given in this order."""
+    first, second = names[0], names[-1]
+    if len(names) < 2 or options.in_order:
+        return (first, second), ()
+    if options.cameras is not None:
+        stems = [str(PurePath(name).with_suffix("")) for name in names]
+        first, second = (names[k] for k in chosen_pair(stems, options.cameras, source).pair)
+    note = f"{first} was taken as the primary camera, {second} as the secondary."
+    return (first, second), (note,)
 
 
 def only_file(files: Files, endings: tuple[str, ...], source: str) -> ForeignFile:

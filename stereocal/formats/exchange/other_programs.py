@@ -3,17 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from pathlib import PurePath
 
 from stereocal.errors import StereocalError
 from stereocal.formats.camera_file import camera_of
-from stereocal.formats.described import PROGRAMS, Cameras, Program, several
+from stereocal.formats.described import PROGRAMS, Cameras, Program, only_of
 from stereocal.formats.exchange.camera_format import (
     ONE_LENS,
     CameraFormat,
     Files,
     ForeignPair,
     known_pose,
+    named_as_both,
     pose_from,
     stated_unit,
 )
@@ -30,36 +30,26 @@ def _read(program: Program, files: Files, options: ExchangeOptions, source: str)
     single = program.one_camera or len(files) > 1
     if len(files) > 1 + single or not files:
         raise StereocalError(f"{len(files)} files of {program.title}; give one or two.", source)
-    notes: tuple[str, ...] = ()
-    if not single:
+    chosen, notes = None, tuple[str, ...]()
+    if single:
+        named: Cameras = {file.name: only_of(program.cameras_of(file), file.name) for file in files}
+        names, notes = named_as_both([*named], options, source)
+        sources = names
+    else:
         (file,) = files
         named = program.cameras_of(file)
         chosen = chosen_pair([*named], options.cameras, file.name) if len(named) > 1 else None
         names = chosen.names if chosen else (next(iter(named)),) * 2
-        where = f"{file.name}, {names[0]}", f"{file.name}, {names[1]}"
-    else:
-        chosen, named = None, {}
-        for file in files:
-            cameras = program.cameras_of(file)
-            if len(cameras) > 1:
-                raise several(cameras, file.name)
-            named[file.name] = next(iter(cameras.values()))
-        names = (files[0].name, files[-1].name)
-        if len(files) == 2 and not options.in_order:
-            if options.cameras is not None:
-                stems = [str(PurePath(name).with_suffix("")) for name in names]
-                order = chosen_pair(stems, options.cameras, source).pair
-                names = (names[order[0]], names[order[1]])
-            notes = (f"{names[0]} was taken as the primary camera, {names[1]} as the secondary.",)
-        where = names
+        sources = f"{file.name}, {names[0]}", f"{file.name}, {names[1]}"
     first, second = (
-        camera_of(named[name], text, options.lens_model, size)
-        for name, text, size in zip(names, where, options.image_sizes, strict=True)
+        camera_of(named[name], where, options.lens_model, size)
+        for name, where, size in zip(names, sources, options.image_sizes, strict=True)
     )
+    has_pose = program.pose is not None and names[0] != names[1]
     lacks = f"{source}: {program.no_pose or 'one camera has no pose'}."
-    pose, no_pose, bad = known_pose(lambda: None, lacks)
-    if program.pose is not None and names[0] != names[1]:
-        pose, no_pose, bad = known_pose(partial(_pose, program, files[0], named, names), lacks)
+    pose, no_pose, bad = known_pose(
+        lambda: _pose(program, files[0], named, names) if has_pose else None, lacks
+    )
     remarks = {str(named[name]["remark"]) for name in names if "remark" in named[name]}
     notes += (*remarks, *bad)
     pair = ForeignPair(first, second, pose, no_pose, program.title, chosen, notes=notes)
@@ -113,8 +103,8 @@ def _names(program: Program, file: ForeignFile) -> tuple[str, ...]:
     return tuple(program.cameras_of(file))
 
 
-def _format(program: Program) -> CameraFormat:
-    return CameraFormat(
+DESCRIBED: Mapping[str, CameraFormat] = {
+    name: CameraFormat(
         program.title,
         partial(_read, program),
         program.knows,
@@ -122,8 +112,5 @@ def _format(program: Program) -> CameraFormat:
         one_camera=program.one_camera,
         unit=program.unit,
     )
-
-
-DESCRIBED: Mapping[str, CameraFormat] = {
-    name: _format(program) for name, program in PROGRAMS.items()
+    for name, program in PROGRAMS.items()
 }

@@ -8,7 +8,6 @@ frame. Other programs write P = K [R | t] of the camera itself, with the rectifi
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import PurePath
 
 import numpy as np
 
@@ -23,10 +22,10 @@ from stereocal.formats.exchange.camera_format import (
     decomposed,
     header,
     lenses_of,
+    named_as_both,
     numbers,
     pose_from,
 )
-from stereocal.formats.exchange.chosen_cameras import chosen_pair
 from stereocal.formats.exchange.options import ExchangeOptions
 from stereocal.formats.exchange.yaml_formats import rectification
 from stereocal.formats.file_storage import ForeignFile, find_node
@@ -97,31 +96,17 @@ def read_ros(files: Files, options: ExchangeOptions, source: str) -> ForeignPair
         raise StereocalError(no_pose)
     pose, notes = None, list[str]()
     if len(files) == 2:
-        files = _ordered(files, options)
-        if not options.in_order:
-            primary, secondary = (file.name for file in files)
-            notes.append(
-                f"{primary} was taken as the primary camera, {secondary} as the secondary."
-            )
+        if options.cameras is None and not options.in_order:  # the left camera has no baseline
+            files.sort(key=lambda file: bool(_numbers(file, P_NAMES, (3, 4))[:, 3].any()))
+        named = {file.name: file for file in files}
+        names, order = named_as_both([*named], options, "the folder")
+        files, notes = [named[name] for name in names], [*order]
         try:
             pose = _pose_of_pair(files, source, notes)
         except StereocalError as error:  # cameras that were calibrated one by one
             no_pose = str(error)
     lenses = replace(lenses_of(files, options, no_pose), notes=tuple(notes))
     return lenses if pose is None else replace(lenses, pose=pose, program="ROS")
-
-
-def _ordered(files: Files, options: ExchangeOptions) -> Files:
-    """The primary's file and the secondary's.
-
-    Of a folder those that the user chooses, or the left camera first, whose P has no baseline.
-    """
-    if options.in_order:
-        return files
-    if options.cameras is not None:
-        names = [PurePath(file.name).stem for file in files]
-        return [files[k] for k in chosen_pair(names, options.cameras, "the folder").pair]
-    return sorted(files, key=lambda file: bool(_numbers(file, P_NAMES, (3, 4))[:, 3].any()))
 
 
 def _pose_of_pair(files: Files, source: str, notes: list[str]) -> Pose:
