@@ -102,9 +102,9 @@ def cameras_among(tree: Storage) -> dict[str, Storage]:
 def has_matrix(tree: Storage) -> bool:
     """Whether a file has a matrix of its own, and not one for each camera, under K's names."""
     node = find_node(tree, K_NAMES)
-    return (
-        bool({"data", "rows", "cols"} & node.keys()) if isinstance(node, dict) else node is not None
-    )
+    if isinstance(node, dict):
+        return bool({"data", "rows", "cols"} & node.keys())
+    return node is not None
 
 
 def has_one_lens(tree: Storage) -> bool:
@@ -245,31 +245,24 @@ def stated_lens_model(storage: Storage, source: str) -> bool | None:
     return bool(fisheye) if isinstance(fisheye, int) else None
 
 
-def image_size_in(storage: Storage, source: str, of: str = "") -> tuple[int, int] | None:
-    """Width and height in a file; None if it does not state them.
-
-    Args:
-        of: the end of the names of one camera's size, as 1 in `image_size_1`; names without it
-            are those of both.
-    """
-    for end in dict.fromkeys((of, "")):
-        names = WIDTH_NAMES, HEIGHT_NAMES, SIZE_NAMES
-        width, height, size = (find_node(storage, [name + end for name in keys]) for keys in names)
-        if width is not None and height is not None:
-            size = [width, height]
-        if isinstance(size, dict):
-            size = size.get("data") or [find_node(size, keys) for keys in names[:2]]
-        if isinstance(size, str):
-            size = [int(side) for side in re.findall(r"\d{1,9}", size)]
-        if size is None:
-            continue
-        if not isinstance(size, list) or len(size) != 2 or not all(map(is_numeric, size)):
-            raise StereocalError(
-                f"{source}: the image size, {str(size)[:60]}, is not a number for each side."
-            )
-        with naming(source):
-            return _whole(size[0]), _whole(size[1])
-    return None
+def image_size_in(storage: Storage, source: str) -> tuple[int, int] | None:
+    """Width and height in a file; None if it does not state them."""
+    names = WIDTH_NAMES, HEIGHT_NAMES, SIZE_NAMES
+    width, height, size = (find_node(storage, keys) for keys in names)
+    if width is not None and height is not None:
+        size = [width, height]
+    if isinstance(size, dict):
+        size = size.get("data") or [find_node(size, keys) for keys in names[:2]]
+    if isinstance(size, str):
+        size = [int(side) for side in re.findall(r"\d{1,9}", size)]
+    if size is None:
+        return None
+    if not isinstance(size, list) or len(size) != 2 or not all(map(is_numeric, size)):
+        raise StereocalError(
+            f"{source}: the image size, {str(size)[:60]}, is not a number for each side."
+        )
+    with naming(source):
+        return _whole(size[0]), _whole(size[1])
 
 
 def _whole(side: float) -> int:
