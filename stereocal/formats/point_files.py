@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from stereocal.errors import RefusedRowsError, RowProblem, StereocalError
+from stereocal.errors import StereocalError
 from stereocal.formats.exchange.options import PixelOrigin
 from stereocal.frames.pairing import natural
 from stereocal.rig.correspondences import TARGETS, Correspondences
@@ -29,6 +29,7 @@ from stereocal.system.tables import (
     LARGEST_INTEGER,
     MISSING,
     Column,
+    Rows,
     numbers_in,
     numbers_of,
     refuse_thousands,
@@ -208,12 +209,11 @@ def with_joined_names(layout: PointLayout) -> tuple[PointLayout, tuple[str, ...]
         return layout, (), ()
     joined = JoinedNames.of([*by_camera.values()])
     points = tuple(dict.fromkeys(joined.alike.get(name, name) for name in layout.points))
-    columns = [replace(c, point=joined.alike.get(c.point, c.point)) for c in layout.columns]
-    if layout.point_column is not None:
-        columns = [*layout.columns]
-    layout = replace(
-        layout, columns=tuple(columns), names=(layout.names[0], points), alike=joined.alike
-    )
+    columns = layout.columns
+    if layout.point_column is None:
+        columns = tuple(replace(c, point=joined.alike.get(c.point, c.point)) for c in columns)
+    names = layout.names[0], points
+    layout = replace(layout, columns=columns, names=names, alike=joined.alike)
     return layout, joined.alone, tuple(filter(None, [joined.in_words(by_camera)]))
 
 
@@ -309,8 +309,7 @@ def _table(
     named = max((len(row) for row in cells[: layout.header_rows]), default=max(below, default=0))
     named = layout.width or named
     raw, problems = rows_below(text, layout.dialect, layout.header_rows, named, source, first_rows)
-    if problems:
-        raise RefusedRowsError(f"{source}: ", problems, "cannot be used")
+    Rows(raw, {}, {}, problems).check(source)
     wanted = [layout.frame, layout.camera_column, layout.point_column]
     wanted += [index for _, index in layout.further]
     for point in layout.columns:
@@ -382,7 +381,7 @@ class _Rows:
             return np.arange(1, len(self.raw) + 1)
         if self.layout.times is not None:
             first, step = self.layout.times
-            return self._frames_at((self._numbers(self.layout.frame) - first) / step)
+            return self._frames_at((self._numbers(self.layout.frame) - first) / step, step)
         texts = self.raw[self.layout.frame].str.strip()
         is_word = pd.to_numeric(texts, errors="coerce").isna()
         has_letters = texts[is_word].str.contains(r"[^\W\d_]", regex=True).any()
@@ -405,22 +404,19 @@ class _Rows:
         known = {name: k for k, name in enumerate(sorted(texts.unique(), key=natural), 1)}
         return np.asarray(texts.map(known), dtype=np.int64)
 
-    def _frames_at(self, times: FloatArray) -> IntArray:
-        """(n,): the frames at times in frames.
+    def _frames_at(self, times: FloatArray, step: float) -> IntArray:
+        """(n,): the frames at times in frames, which are `step` apart.
 
         Raises:
             RefusedRowsError: names the times that are between two frames, or are none.
         """
-        frames = np.round(times)
-        off = np.flatnonzero(~(np.abs(times - frames) <= SAME_STEP))
-        if len(off):
-            cells = self.raw[self.layout.frame]
-            assert self.layout.times is not None
-            step = f"frames {self.layout.times[1]:.6g} apart: write the numbers of the frames"
-            reasons = (f'the time "{cells.iloc[row].strip()[:40]}" is not of {step}' for row in off)
-            lines = self.raw.index[off]
-            problems = [RowProblem(*pair) for pair in zip(map(int, lines), reasons, strict=True)]
-            raise RefusedRowsError(f"{self.source}: ", problems, "cannot be used")
+        frames, cells = np.round(times), self.raw[self.layout.frame]
+        reasons = {
+            row: f'the time "{cells.iloc[row].strip()[:40]}" is not of frames {step:.6g} apart: '
+            "write the numbers of the frames"
+            for row in np.flatnonzero(~(np.abs(times - frames) <= SAME_STEP)).tolist()
+        }
+        Rows(self.raw, {}, reasons, []).check(self.source)
         return frames.astype(np.int64)
 
     def _tells_apart(self, texts: "pd.Series[str]", numbers: IntArray) -> bool:
@@ -451,9 +447,7 @@ class _Rows:
         column = Column(name, may_be_empty=not is_whole, is_whole=is_whole, most=LARGEST_INTEGER)
         cells = self.raw[[index]].set_axis([name], axis=1)
         values, reasons = numbers_in(cells, [column], self.layout.dialect.decimal_comma, MISSING)
-        if reasons:
-            problems = [RowProblem(int(self.raw.index[row]), reasons[row]) for row in reasons]
-            raise RefusedRowsError(f"{self.source}: ", problems, "cannot be used")
+        Rows(cells, values, reasons, []).check(self.source)
         return values[name]
 
 
