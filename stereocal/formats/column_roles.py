@@ -14,6 +14,7 @@ from typing import Literal, cast, get_args
 
 from stereocal.errors import StereocalError
 from stereocal.formats.point_files import PointColumns, PointLayout, is_number_or_empty, with_words
+from stereocal.system.numbers import is_number
 
 Kind = Literal["-", "frame", "camera", "target", "x", "y"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -66,13 +67,12 @@ class Role:
 
 @dataclass(frozen=True)
 class ProgramColumns:
-    """The columns of a program's table, which has a row for each point of each camera."""
+    """The columns of a program's table, which has a row for each point of each camera. A table
+    with all of them is the program's."""
 
     program: str
     names: Mapping[Kind, tuple[str, ...]]
     """In lower case; several are of different versions, the first that is there counts."""
-    needed: str
-    """A column that tells the table from others."""
     only: tuple[str, str] | None = None
     """A column, and how its cells begin in the rows that count, if there are such. It names the
     targets if their column has one name."""
@@ -87,14 +87,12 @@ CALISCOPE = ProgramColumns(
         "x": ("img_loc_x",),
         "y": ("img_loc_y",),
     },
-    "sync_index",
 )
 """`xy_*.csv`: `sync_index` counts the instants of all cameras, `frame_index` each camera's own
 images, and `obj_loc_x` is on the board. mprib/caliscope, `ImagePoints` (`port` in older ones)."""
 OPENLPT = ProgramColumns(
     "OpenLPT",
     {"frame": ("frame",), "camera": ("camera",), "target": ("pointidx",), "x": ("x",), "y": ("y",)},
-    "pointidx",
     ("status", "filtered"),
 )
 """`Frame,Camera,Status,PointIdx,X,Y,Radius,Metric`: raw detections too, which do not count;
@@ -176,20 +174,22 @@ def problem_of(roles: Sequence[Role], for_bars: bool) -> str:
     places = [sorted((role.camera, role.target) for role in axis) for axis in (xs, ys)]
     if places[0] != places[1] or len(set(places[0])) < len(places[0]):
         return "Each point needs one column with its x and one with its y in a camera."
+    if not for_bars:
+        return ""
     kinds = {role.kind for role in roles}
-    if for_bars and "camera" in kinds and "frame" not in kinds:
+    if "camera" in kinds and "frame" not in kinds:
         return "Which column has the frame?"
-    if for_bars and "camera" not in kinds and len({role.camera for role in xs}) < 2:
+    if "camera" not in kinds and len({role.camera for role in xs}) < 2:
         return "Which columns are of the other camera, or which column names the camera?"
-    if for_bars and "target" not in kinds and len({role.target for role in xs}) < 2:
+    if "target" not in kinds and len({role.target for role in xs}) < 2:
         return "Which column says which end of the bar it is?"
     return ""
 
 
 def header_row(rows: Sequence[Sequence[str]]) -> int:
     """The row without numbers whose names explain most columns, from 0; 0 if none explains any."""
-    tried = [k for k, row in enumerate(rows[:MOST_TITLES]) if not any(map(_is_value, row))] or [0]
-    return max(tried, key=lambda k: sum(map(bool, map(UNUSED.__ne__, propose_roles(rows[k:])))))
+    tried = [k for k, row in enumerate(rows[:MOST_TITLES]) if not any(map(is_number, row))] or [0]
+    return max(tried, key=lambda k: sum(role != UNUSED for role in propose_roles(rows[k:])))
 
 
 def guess_by_roles(rows: list[list[str]]) -> PointLayout | None:
@@ -205,7 +205,7 @@ def guess_by_program(columns: ProgramColumns, rows: list[list[str]]) -> PointLay
     by_name = {
         kind: next((n for n in names if n in titles), "") for kind, names in columns.names.items()
     }
-    if columns.needed not in titles or not all(by_name.values()):
+    if not all(by_name.values()):
         return None
     only = None
     if columns.only is not None and columns.only[0] in titles:
@@ -235,7 +235,7 @@ def layout_of_roles(roles: Sequence[Role], rows: Sequence[Sequence[str]]) -> Poi
     pixels = [k for point in columns for k in (point.u, point.v)]
     header = above
     while header < len(rows) - 1 and not any(
-        _is_value(rows[header][k]) for k in pixels if k < len(rows[header])
+        is_number(rows[header][k]) for k in pixels if k < len(rows[header])
     ):
         header += 1
     titles = [name.strip() for name in rows[above]] if header > above else []
@@ -257,10 +257,6 @@ def layout_of_roles(roles: Sequence[Role], rows: Sequence[Sequence[str]]) -> Poi
         roles=roles_text(roles),
         titles=tuple(titles),
     )
-
-
-def _is_value(cell: str) -> bool:
-    return cell.strip() != "" and is_number_or_empty(cell)
 
 
 def column_titles(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -20,6 +20,7 @@ from stereocal.formats.other_files import refuse_other_points
 from stereocal.formats.point_files import PointColumns, PointLayout, is_number_or_empty
 from stereocal.system.csv_text import unquoted
 from stereocal.system.dialect import Dialect, dialect_of, encoding_of, head_of, one_line_end
+from stereocal.system.numbers import is_number
 
 HEAD_BYTES = 200_000
 OURS = "stereocal"
@@ -90,7 +91,7 @@ def _shapes(rows: list[list[str]]) -> Iterator[tuple[int, int | None, list[list[
     ):
         titles += 1
     # Rows of numbers may be titles above a header only: else they are points.
-    while titles and any(map(_is_number, rows[titles])) and not _has_words(rows[titles - 1]):
+    while titles and any(map(is_number, rows[titles])) and not _has_words(rows[titles - 1]):
         titles -= 1
     for above in range(titles + 1):
         shape = rows[above:]
@@ -100,10 +101,6 @@ def _shapes(rows: list[list[str]]) -> Iterator[tuple[int, int | None, list[list[
         last = max((k for row in shape for k, cell in enumerate(row) if cell.strip()), default=0)
         for width in range(widest, max(last, widest - MOST_EMPTY - 1), -1):
             yield above, width if width < widest else None, [row[:width] for row in shape]
-
-
-def _is_number(cell: str) -> bool:
-    return bool(cell.strip()) and is_number_or_empty(cell)
 
 
 def _has_words(row: list[str]) -> bool:
