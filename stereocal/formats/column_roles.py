@@ -120,6 +120,11 @@ def own_count_of(layout: PointLayout) -> int | None:
     return names.index(OWN_COUNT) if OWN_COUNT in names else None
 
 
+def counts_own(layout: PointLayout) -> bool:
+    """Whether the frames of a table are each camera's own count, by the name of their column."""
+    return layout.frame is not None and layout.frame == own_count_of(layout)
+
+
 def parse_roles(text: str, source: str) -> Roles:
     """The roles of a text such as `frame,target,x:left,y:left,x:right,y:right`."""
     roles = []

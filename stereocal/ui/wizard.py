@@ -14,7 +14,7 @@ from stereocal.fit.timing.to_calibrate import in_step
 from stereocal.formats import point_answers
 from stereocal.formats.archives.archive import points_taken
 from stereocal.formats.archives.gather import Bars, Heights, bars_of
-from stereocal.formats.column_roles import own_count_of
+from stereocal.formats.column_roles import counts_own
 from stereocal.formats.correspondences_csv import write_table
 from stereocal.formats.exchange.options import (
     ORIGIN,
@@ -248,7 +248,7 @@ def _offer_all(
     def take() -> None:
         as_stated = replace(layout, origin=options.origin(layout.origin))
         points = points_of_all(content, as_stated, heights[0], label)
-        if own_count_of(layout) == layout.frame is not None:
+        if counts_own(layout):
             points = points.rename(columns={"frame": OWN_FRAME})
         packed = csv_text(points).encode()
         ProjectGiven(store.project).more_cameras({f"{PurePath(label).stem}.csv": packed})

@@ -13,7 +13,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.archives.archive import Archive, baseline_taken, lens_taken, points_taken
 from stereocal.formats.archives.easywand import EasyWandFile, open_easywand, read_easywand
 from stereocal.formats.archives.several_tables import layout_of_table, one_table
-from stereocal.formats.column_roles import own_count_of
+from stereocal.formats.column_roles import counts_own, own_count_of
 from stereocal.formats.correspondences_csv import REQUIRED, read_table
 from stereocal.formats.exchange.chosen_cameras import Wanted, chosen_pair, has_cameras, namesakes
 from stereocal.formats.exchange.exchange import (
@@ -301,9 +301,7 @@ def counted_as(
     """The layout with the column of the frames that the options mean, and whether these are each
     camera's own count."""
     own = own_count_of(layout)
-    own_frames = options.frames == "own" or (
-        options.frames is None and own is not None and own == layout.frame
-    )
+    own_frames = counts_own(layout) if options.frames is None else options.frames == "own"
     if own_frames and layout.camera_column is None:
         raise StereocalError(
             "a row has the points of all cameras at one moment, so their frames are in step "

@@ -15,6 +15,7 @@ from stereocal.errors import StereocalError
 from stereocal.formats.column_roles import (
     BY_ROLES,
     ONE_CAMERA,
+    counts_own,
     ends_and_cameras,
     own_count_of,
     parse_roles,
@@ -69,17 +70,14 @@ def one_table(tables: Mapping[str, bytes], options: ExchangeOptions) -> bytes:
     stems = {name: PurePath(name).stem for name in tables}
     if not all(map(_is_of_cameras, layouts.values())):
         layouts = {name: _columns_as_points(layout) for name, layout in layouts.items()}
-    cameras, points = (
-        {len(getattr(layout, names)) > 1 for layout in layouts.values()}
-        for names in ("cameras", "points")
-    )
-    named: Mapping[str, tuple[str, str]] = {name: (stem, "") for name, stem in stems.items()}
-    if cameras == points == {False}:
+    several = {(len(layout.cameras) > 1, len(layout.points) > 1) for layout in layouts.values()}
+    named: Mapping[str, tuple[str, str]] = {}
+    if several == {(False, False)}:
         named = ends_and_cameras(stems)
-    elif (cameras, points) == ({True}, {False}):
+    elif several == {(False, True)}:
+        named = {name: (stem, "") for name, stem in stems.items()}
+    elif several == {(True, False)}:
         named = {name: ("", stem) for name, stem in stems.items()}
-    elif (cameras, points) != ({False}, {True}):
-        named = {}
     if not named:
         raise StereocalError(
             f"these are {len(tables)} tables, and it is not clear which end of the bar in which "
@@ -89,23 +87,21 @@ def one_table(tables: Mapping[str, bytes], options: ExchangeOptions) -> bytes:
             ", ".join(tables),
         )
     layouts = _at_frames(layouts, tables)
-    read, only_own = [], list[bool]()
+    parts = []
     for name, (camera, end) in named.items():
-        answers = first_answers(layouts[name], 0)
-        layout = replace(layouts[name], least_likelihood=answers.least_likelihood)
+        likely = first_answers(layouts[name], 0).least_likelihood
+        layout = replace(layouts[name], least_likelihood=likely)
+        own = own_count_of(layout)
         for column in layout.cameras:
             part = read_points(tables[name], layout, column, None, name)
-            part["camera"] = camera or column
-            own = own_count_of(layout)
             if own is not None:
-                part[OWN_FRAME] = part[layout.titles[own] if own != layout.frame else "frame"]
-            only_own.append(own is not None and own == layout.frame)
-            read.append(
-                part.assign(target=end) if end else part.rename(columns={"point": "target"})
-            )
-    table = pd.concat(read).rename(columns={"u": "x", "v": "y"})
-    frames = [OWN_FRAME] * (OWN_FRAME in table and bool(table[OWN_FRAME].notna().all()))
-    frames = frames if all(only_own) else ["frame", *frames]
+                part[OWN_FRAME] = part["frame" if counts_own(layout) else layout.titles[own]]
+            part = part.assign(target=end) if end else part.rename(columns={"point": "target"})
+            parts.append(part.assign(camera=camera or column))
+    table = pd.concat(parts).rename(columns={"u": "x", "v": "y"})
+    frames = [] if all(map(counts_own, layouts.values())) else ["frame"]
+    if OWN_FRAME in table and table[OWN_FRAME].notna().all():
+        frames.append(OWN_FRAME)
     return csv_text(table[[*frames, "camera", "target", "x", "y"]]).encode()
 
 
