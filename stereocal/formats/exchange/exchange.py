@@ -180,7 +180,7 @@ def export_files(
     Args:
         rig: as for `export`.
     """
-    known = _format(name)
+    known = _named(FORMATS, name)
     cameras: list[Posed] = [(name, *it) for name, it in rig.placed.items()]
     if len(cameras) != 2 and not known.of_rigs:
         others = ", ".join(key for key, known in FORMATS.items() if known.of_rigs)
@@ -215,7 +215,7 @@ def export(
 
 def export_notes(rig: Rig, name: str) -> list[str]:
     """Sentences on what the format does not represent."""
-    known, notes = _format(name), []
+    known, notes = _named(FORMATS, name), []
     if known.skew == "ignored" and any(c.K[0, 1] != 0 for c in (rig.primary, rig.secondary)):
         notes.append(
             "A camera has a skew. It is in the camera matrix, but the other program's functions do "
@@ -268,21 +268,11 @@ def import_parameters(
         if name in DESCRIBED and path.is_dir():
             paths += sorted(path.glob("*/*"))  # EuRoC's cam0/sensor.yaml
         files = {
-            _name_in(path, file): file.read_bytes()
+            file.relative_to(path if path.is_dir() else path.parent).as_posix(): file.read_bytes()
             for file in paths
             if file.is_file() and file.stat().st_size <= LARGEST_BYTES
         }
     return import_files(files, name, options, str(path))
-
-
-def _name_in(folder: Path, file: Path) -> str:
-    return (
-        file.name if file.parent in (folder, folder.parent) else f"{file.parent.name}/{file.name}"
-    )
-
-
-def _format(name: str) -> ExchangeFormat:
-    return _named(FORMATS, name)
 
 
 F = TypeVar("F", bound=CameraFormat)
