@@ -266,22 +266,18 @@ def _take_video(store: ProjectLens, videos: Mapping[str, bytes]) -> None:
 def _take_frames(store: ProjectLens, videos: Mapping[str, Path], job: jobs.Job) -> None:
     """The sharpest still frames of a video, or of its chapters, which become photographs in a
     folder of its name."""
-    sentences = list[str]()
+    sentences, photographs = list[str](), dict[str, StoredFile]()
+
+    def keep(frame: str, content: bytes) -> None:
+        photographs[frame] = store.keep(frame, content)
+
     for folder, path in videos.items():
-        photographs: dict[str, StoredFile] = {}
-        keep = partial(_keep_frame, store, photographs, folder)
+        photographs.clear()
         report = extract({folder: path}, VideoSettings(), keep, job.begin, job.progress)
         store.replace(folder, photographs)
         sentences += report.sentences
     _propose_board(store)
     job.note = " ".join(sentences)
-
-
-def _keep_frame(
-    store: ProjectLens, photographs: dict[str, StoredFile], folder: str, frame: str, content: bytes
-) -> None:
-    name = f"{folder}/{PurePosixPath(frame).name}"
-    photographs[name] = store.keep(name, content)
 
 
 def _propose_board(store: ProjectLens) -> None:
