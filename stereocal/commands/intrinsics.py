@@ -72,17 +72,15 @@ def run(parsed: argparse.Namespace) -> None:
                 f"lens. For all lenses give a folder, --out {out.with_suffix('')}; for one, the "
                 "photographs of one camera. If one camera took them all, state --one-camera."
             )
-        if (
-            out.suffix
-            or parsed.one_camera
-            or not _write_pairs(parsed, executor, photographs, cameras)
-        ):
-            for camera, series in cameras.items():
-                say(f"The {camera} camera: {series}.")
-                of_camera = {name: photographs[name] for name in series.names}
-                _write_lens(parsed, executor, of_camera, out / f"{camera}.json")
-            if not cameras:
-                _write_lens(parsed, executor, photographs, out)
+        may_be_pairs = not (out.suffix or parsed.one_camera)
+        if may_be_pairs and _write_pairs(parsed, executor, photographs, cameras):
+            return
+        for camera, series in cameras.items():
+            say(f"The {camera} camera: {series}.")
+            of_camera = {name: photographs[name] for name in series.names}
+            _write_lens(parsed, executor, of_camera, out / f"{camera}.json")
+        if not cameras:
+            _write_lens(parsed, executor, photographs, out)
 
 
 def _given(parsed: argparse.Namespace, store: Path) -> tuple[dict[str, Path], dict[str, Series]]:
