@@ -22,8 +22,7 @@ FEWEST = 2
 CHAPTERS = tuple(
     re.compile(rf"(?<![a-z0-9]){name}(?!\d)", re.IGNORECASE)
     for name in (
-        r"g[hxsl](?P<number>\d\d)\d{4}",
-        r"gp(?P<number>\d\d)\d{4}",
+        r"g[hxslp](?P<number>\d\d)\d{4}",
         r"(?:dji|vid|pro)_\d{4,}_(?:\d{2,}_)*(?P<number>\d{3})",
     )
 )
@@ -77,9 +76,12 @@ def chapters_of(names: Iterable[str]) -> list[list[str]]:
         path = PurePosixPath(name.replace("\\", "/"))
         stem = re.sub(r"(?<![a-z0-9])gopr(?=\d{4}(?!\d))", "GP00", path.stem, flags=re.IGNORECASE)
         hit = next((hit for pattern in CHAPTERS if (hit := pattern.search(stem))), None)
-        start, end = hit.span("number") if hit else (0, 0)
-        key = f"{path.parent}/{stem[:start]}#{stem[end:]}{path.suffix}" if hit else name
-        recordings.setdefault(key.lower(), []).append((int(hit["number"]) if hit else 0, name))
+        key, chapter = name, 0
+        if hit is not None:
+            start, end = hit.span("number")
+            key = f"{path.parent}/{stem[:start]}#{stem[end:]}{path.suffix}"
+            chapter = int(hit["number"])
+        recordings.setdefault(key.lower(), []).append((chapter, name))
     return [[name for _, name in sorted(recording)] for recording in recordings.values()]
 
 
