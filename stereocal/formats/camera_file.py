@@ -6,7 +6,6 @@ Four coefficients may be OpenCV's standard lens model (k1 k2 p1 p2) or its fishe
 
 import json
 import re
-from codecs import BOM_UTF8
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -40,7 +39,7 @@ EXPECTED = (
     "stereocal reads its own JSON, and OpenCV's YAML, XML or JSON with camera_matrix, "
     "distortion_coefficients, image_width and image_height"
 )
-BEGINS = re.compile(rb"\{|<|%YAML|---|#|[\w\"'][\w \"'.-]*:(\s|$)")
+BEGINS = re.compile(r"\{|<|%YAML|---|#|[\w\"'][\w \"'.-]*:(\s|$)", re.ASCII)
 """The first characters of a JSON, XML or YAML file."""
 
 
@@ -151,14 +150,11 @@ def read_camera(
     storage = only_camera(file)
     if storage is None:
         refuse_other_camera(content, source)
-        start = content.removeprefix(BOM_UTF8).lstrip()
-        if not is_npz(content):
-            wide = encoding_of(content) != "utf-8-sig"
-            start = file.text.lstrip().encode() if wide else start
-            if start and not BEGINS.match(start):
-                raise StereocalError(
-                    f"{source}: the format of the camera file is not known; {EXPECTED}."
-                )
+        start = content.decode(encoding_of(content), errors="replace").lstrip()
+        if start and not BEGINS.match(start) and not is_npz(content):
+            raise StereocalError(
+                f"{source}: the format of the camera file is not known; {EXPECTED}."
+            )
         storage = _only_lens(file.storage, source)
     if str(storage.get("format", "")).startswith("stereocal-camera"):
         if storage["format"] != CAMERA_FORMAT:
