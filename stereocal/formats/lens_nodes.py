@@ -66,10 +66,9 @@ _SIDED = tuple(
         rf"(?P<side>{_WORD}){_BETWEEN}*(?P<base>.+)",
         rf"(?:{_CAMERA}(?P<side>\d{{1,2}}|[ab](?={_BETWEEN})){_BETWEEN}*)(?P<base>.+)",
         rf"(?P<side>[lr]|\d{{1,2}}){_BETWEEN}+(?P<base>.+)",
-        rf"(?P<base>[a-z]+{_BETWEEN}+(?:{_WORD}|[lr]|\d){_BETWEEN}+.+)",
+        rf"(?P<base>[a-z]+){_BETWEEN}+(?P<side>{_WORD}|[lr]|\d)(?P<rest>{_BETWEEN}+.+)",
     )
 )
-_MIDDLE = re.compile(rf"{_BETWEEN}+({_WORD}|[lr]|\d){_BETWEEN}+", re.IGNORECASE)
 _SIDES = {"l": "left", "r": "right"}
 _ORDER = ("left", "primary", "right", "secondary")
 _DEEPEST, _MOST_NODES, _LONGEST_KEY = 10, 1_000, 80
@@ -182,13 +181,10 @@ def _placed(leaf: tuple[tuple[str, ...], Any]) -> tuple[str, str, str, Any] | No
 def _split(key: str) -> tuple[str, str]:
     """The known name in a key with that of a camera, and the camera's; empty if it is none."""
     for pattern in _SIDED if len(key) <= _LONGEST_KEY else ():
-        if (match := pattern.fullmatch(key)) is None:
-            continue
-        base, side = match["base"], match.groupdict().get("side")
-        if side is None and (middle := _MIDDLE.search(base)):
-            base, side = _MIDDLE.sub("_", base, count=1), middle[1]
-        if side and plain_name(base) in _KNOWN:
-            return base, side
+        if match := pattern.fullmatch(key):
+            base = match["base"] + match.groupdict().get("rest", "")
+            if plain_name(base) in _KNOWN:
+                return base, match["side"]
     return "", ""
 
 
