@@ -13,9 +13,8 @@ t2, k3.
 import json
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -119,18 +118,19 @@ def read_aniposelib(files: Files, options: ExchangeOptions, source: str) -> Fore
             file.name,
         )
     chosen = chosen_pair(_called(sections), options.cameras, file.name, [*sections])
-    cameras, poses = [], list[Callable[[], Pose]]()
+    cameras, posed = [], list[tuple[Any, Any, str]]()
     for k, name in enumerate(chosen.names):
         table, where = [*sections.values()][chosen.pair[k]], f"{file.name}, {name}"
         K, lens, fisheye = table.get("matrix"), table.get("distortions"), table.get("fisheye")
         cameras.append(camera_from(K, lens, table.get("size"), fisheye, options, k, where))
         if all(table.get(key) not in (None, "null") for key in ("rotation", "translation")):
-            posed = table["rotation"], table["translation"], where
-            poses.append(partial(pose_from, *posed))
+            posed.append((table["rotation"], table["translation"], where))
+
+    def second_from_first() -> Pose | None:
+        return pose_from(*posed[1]) @ pose_from(*posed[0]).inverse() if len(posed) == 2 else None
+
     lacks = f"{file.name}: a camera has no rotation and translation."
-    pose, no_pose, bad = known_pose(
-        lambda: poses[1]() @ poses[0]().inverse() if len(poses) == 2 else None, lacks
-    )
+    pose, no_pose, bad = known_pose(second_from_first, lacks)
     program = "Caliscope" if "cameras" in data or "charuco" in data else "aniposelib"
     pair = ForeignPair(cameras[0], cameras[1], pose, no_pose, program, chosen, notes=bad)
     return replace(pair, stated=stated_unit({**data.get("metadata", {}), **data}))
