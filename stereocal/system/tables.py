@@ -265,11 +265,9 @@ def numbers_in(
             with np.errstate(invalid="ignore"):
                 bad |= numbers != np.round(numbers)
                 large = np.abs(numbers) > LARGEST_WHOLE
-            if large.any() and column.most == LARGEST_WHOLE:
-                bad |= large
-            elif large.any():
-                values[column.name], beyond = _integers(raw[column.name], numbers, large)
-                bad |= beyond
+            if large.any() and column.most > LARGEST_WHOLE:
+                values[column.name], large = _integers(raw[column.name], numbers, large)
+            bad |= large
         if column.is_positive:
             bad |= numbers <= 0
         if column.may_be_empty and bad.any():
@@ -284,10 +282,8 @@ def _integers(
     cells: "pd.Series[Any]", numbers: npt.NDArray[np.float64], large: npt.NDArray[np.bool_]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
     """The whole numbers of a column, and which of the large ones are no integers of 64 bits."""
-    values, beyond = (
-        np.where(np.isfinite(numbers) & ~large, numbers, 0).astype(np.int64),
-        large.copy(),
-    )
+    values = np.where(np.isfinite(numbers) & ~large, numbers, 0).astype(np.int64)
+    beyond = large.copy()
     for row in np.flatnonzero(large).tolist():
         text = str(cells.iloc[row]).strip()
         if re.fullmatch(r"[-+]?[0-9]{1,19}", text) and abs(int(text)) <= LARGEST_INTEGER:
