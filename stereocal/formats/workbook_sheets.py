@@ -16,6 +16,8 @@ from stereocal.system.tables import MAXIMUM_CELLS, MAXIMUM_COLUMNS
 
 DATES = (datetime, date, time, timedelta)
 FORMULA = "f"
+AS_NUMBERS = "format the column as numbers, and write them again"
+CALCULATE = "formula without a stored value: calculate and save the file in a spreadsheet program"
 ROW_OF_DATA = 2
 """Numbers in a row from which on it is no title."""
 
@@ -51,7 +53,7 @@ def _sheet(values: Any, cells: Any, source: str) -> Sheet:
     """A sheet, of the workbook with the stored values and of that with the formulas."""
     for sheet in (values, cells):
         sheet.reset_dimensions()
-    lines, count, formulas = list[list[str]](), 0, ""
+    lines, count, formula = list[list[str]](), 0, ""
     has_numbers, dates, is_below = set[int](), dict[int, str](), False
     rows = zip_longest(values.iter_rows(), cells.iter_rows(), fillvalue=())
     for row, of_formulas in rows:
@@ -64,21 +66,16 @@ def _sheet(values: Any, cells: Any, source: str) -> Sheet:
         has_numbers |= numbers if is_below else set()
         for k, value in enumerate(found):
             if is_below and isinstance(value, DATES):
-                dates.setdefault(k, f"{row[k].coordinate} is the date {value}")
+                dates.setdefault(k, f"{row[k].coordinate} is the date {value}: {AS_NUMBERS}")
             elif value is None and k < len(of_formulas) and of_formulas[k].data_type == FORMULA:
-                formulas = formulas or of_formulas[k].coordinate
+                formula = formula or f"{of_formulas[k].coordinate} is a {CALCULATE}"
         lines.append([_text(value) for value in found])
     width = max(map(len, lines), default=0)
     text = io.StringIO()
     for line in lines:
         padded = [*line, *(width - len(line)) * [""]] if any(line) else []
         csv.writer(text, lineterminator="\n").writerow(padded)
-    problem = next((words for k, words in dates.items() if k in has_numbers), "")
-    if problem:
-        problem += ": format the column as numbers, and write them again"
-    elif formulas:
-        problem = f"{formulas} is a formula without a stored value: calculate and save the file"
-        problem += " in a spreadsheet program"
+    problem = next((words for k, words in dates.items() if k in has_numbers), formula)
     return Sheet(str(values.title), text.getvalue().encode(), problem)
 
 
