@@ -324,9 +324,8 @@ def _plain(name: str) -> tuple[str, str]:
     words = [word for word in _words(name) if word.lower() not in _FILL]
     lower = [word.lower() for word in words]
     for axis in AXES:
-        for word in lower[::-1]:
-            if word in _WORDS[axis]:
-                place = len(lower) - 1 - lower[::-1].index(word)
+        for place in reversed(range(len(words))):
+            if lower[place] in _WORDS[axis]:
                 return axis, " ".join(words[:place] + words[place + 1 :])
     if words and len(words[-1]) > 1 and lower[-1][-1] in "xyuv":  # leftx, ay
         return ("x" if lower[-1][-1] in "xu" else "y"), " ".join([*words[:-1], words[-1][:-1]])

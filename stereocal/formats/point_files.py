@@ -310,10 +310,10 @@ def _table(
     named = layout.width or named
     raw, problems = rows_below(text, layout.dialect, layout.header_rows, named, source, first_rows)
     Rows(raw, {}, {}, problems).check(source)
-    wanted = [layout.frame, layout.camera_column, layout.point_column]
+    pixels = [k for point in layout.columns for k in (point.u, point.v)]
+    wanted = [layout.frame, layout.camera_column, layout.point_column, *pixels]
+    wanted += [point.likelihood for point in layout.columns]
     wanted += [index for _, index in layout.further]
-    for point in layout.columns:
-        wanted += [point.u, point.v, point.likelihood]
     last = max(index for index in wanted if index is not None)
     width = min(named, below[0] if below else named)
     if width <= last:
@@ -324,7 +324,6 @@ def _table(
     if layout.only is not None:
         kept = raw[layout.only[0]].str.strip().str.lower().str.startswith(layout.only[1])
         raw = raw[kept] if kept.any() else raw
-    pixels = [k for point in layout.columns for k in (point.u, point.v)]
     values = [numbers_of(raw[k], layout.dialect.decimal_comma) for k in pixels]
     titles = [_named(k, layout) for k in pixels]
     refuse_thousands(raw, pixels, values, titles, source)
