@@ -39,7 +39,7 @@ R_NAMES = (
     *("R_stereo", "stereo_R", "stereo_rotation", "rotation_vector"),
 )
 T_NAMES = (
-    *("T", "translation", "translation_vector", "Trans", "trans_vec", "tvec", "T_vec", "t"),
+    *("T", "translation", "translation_vector", "Trans", "trans_vec", "tvec", "t"),
     *("T_stereo", "stereo_T", "stereo_translation", "trans_vector"),
 )
 UNIT_NAMES = ("unit", "units", "length_unit", "length_units", "world_units", "distance_units")
