@@ -147,8 +147,7 @@ def take_videos(
         settings = replace(settings, split="by shape")
     # Of three cameras and more, the motion alone tells which frames belong together.
     settings = replace(settings, by_hand=settings.by_hand or len(videos) > 2)
-    _refuse(project, "video")
-    folder, paths = _stored(videos)
+    folder, paths = _stored(project, "video", videos)
     _begin(project, _Taken(folder, paths, settings))
 
 
@@ -172,8 +171,7 @@ def start_taking(
     Raises:
         StereocalError: as of `take_videos`.
     """
-    _refuse(project, kind)
-    folder, paths = _stored(videos)
+    folder, paths = _stored(project, kind, videos)
 
     def run(job: jobs.Job) -> None:
         take(paths, job)
@@ -182,16 +180,14 @@ def start_taking(
     jobs.start(jobs.PageWork(project, kind, STAGES, run))
 
 
-def _refuse(project: Project, kind: jobs.Kind) -> None:
-    """Raise an error if no videos can be read now."""
+def _stored(
+    project: Project, kind: jobs.Kind, videos: Mapping[str, tuple[str, bytes]]
+) -> tuple[_Folder, dict[str, Path]]:
+    """A folder with videos, and their paths by camera, if videos can be read now."""
     if find_spec("av") is None:
         raise StereocalError(MISSING)
     if jobs.is_running(project, kind):
         raise StereocalError("Something else is running here: wait, or cancel it.")
-
-
-def _stored(videos: Mapping[str, tuple[str, bytes]]) -> tuple[_Folder, dict[str, Path]]:
-    """A folder with videos, and their paths by camera."""
     with disk_errors("The videos cannot be stored"):
         folder, paths = _Folder(), dict[str, Path]()
         for which, (name, content) in videos.items():
