@@ -15,6 +15,8 @@ from typing import Any, Literal
 from stereocal.errors import StereocalError, damaged
 from stereocal.formats.file_storage import (
     LARGEST_BYTES,
+    OF_FISHEYE,
+    OF_LENS,
     ForeignFile,
     Storage,
     check_text_length,
@@ -73,20 +75,16 @@ class Program:
         return cameras
 
 
-def described(file: ForeignFile) -> Program | None:
-    """The program whose camera file it is; None if it is of none of these."""
-    return next((program for program in PROGRAMS.values() if program.knows(file)), None)
-
-
 def only_camera(file: ForeignFile) -> Storage | None:
     """The nodes of the only camera in a file; None if it is of no program here.
 
     Raises:
         StereocalError: it has several.
     """
-    if (program := described(file)) is None:
-        return None
-    return only_of(program.cameras_of(file), f"{file.name} ({program.title})")
+    for program in PROGRAMS.values():
+        if program.knows(file):
+            return only_of(program.cameras_of(file), f"{file.name} ({program.title})")
+    return None
 
 
 def only_of(cameras: Cameras, source: str) -> Storage:
@@ -105,8 +103,7 @@ def _unread(file: ForeignFile, what: object, remedy: str) -> StereocalError:
     return StereocalError(f"{str(what)[:80]} is not read: {remedy}; {by_hand}.", file.name)
 
 
-BROWN = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tauX", "tauY")
-KANNALA = ("k1", "k2", "k3", "k4")
+BROWN = (*OF_LENS, "s1", "s2", "s3", "s4", "tauX", "tauY")
 
 
 def _lens(
@@ -122,7 +119,7 @@ def _lens(
     fx, fy, cx, cy, skew = map(float, (*focal, 0.0)[:5])
     if fisheye is None:
         fisheye = "k4" in lens and not {"p1", "k5"} & lens.keys()
-    D = [lens.get(key, 0.0) for key in (KANNALA if fisheye else BROWN)]
+    D = [lens.get(key, 0.0) for key in (OF_FISHEYE if fisheye else BROWN)]
     return {
         "camera_matrix": [[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]],
         "distortion_coefficients": D if fisheye else _without_zeros(D),
