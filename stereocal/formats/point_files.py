@@ -168,13 +168,11 @@ def with_words(content: bytes, layout: PointLayout, source: str) -> PointLayout:
     # Numbers by which the user chooses cameras are then their names too.
     cameras = sorted(names[0], key=int) if all(map(str.isdecimal, names[0])) else names[0]
     points = tuple(sorted(names[1], key=lambda name: (len(name), name)))
-    by_camera: dict[str, list[str]] = {camera: [] for camera in cameras}
-    both = [column for column in words if column is not None]
-    if len(both) > 1:
-        for camera, point in pd.concat(both, axis=1).drop_duplicates().itertuples(index=False):
-            by_camera.get(camera, []).append(point)
-    named = {camera: tuple(own_points) for camera, own_points in by_camera.items()}
-    return replace(layout, names=(tuple(cameras), points), points_by_camera=named)
+    by_camera = dict[str, tuple[str, ...]]()
+    if words[0] is not None and words[1] is not None:
+        points_of = words[1].groupby(words[0]).unique()
+        by_camera = {camera: tuple(points_of[camera]) for camera in cameras}
+    return replace(layout, names=(tuple(cameras), points), points_by_camera=by_camera)
 
 
 def times_in(content: bytes, layout: PointLayout, source: str) -> tuple[float, float] | None:
