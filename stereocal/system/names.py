@@ -78,19 +78,18 @@ class JoinedNames:
 
     @classmethod
     def of(cls, tables: Sequence[Iterable[str]]) -> "JoinedNames":
-        spelled: dict[str, list[set[str]]] = {}
         names = [dict.fromkeys(filter(None, table)) for table in tables]
-        for k, name in ((k, name) for k, table in enumerate(names) for name in table):
-            plain = _BETWEEN.sub("", normalize("NFKC", name).strip()).casefold()
-            spelled.setdefault(plain, [set() for _ in names])[k].add(name)
         every = dict.fromkeys(name for table in names for name in table)
+        spelled: dict[str, list[str]] = {}
+        for name in every:
+            plain = _BETWEEN.sub("", normalize("NFKC", name).strip()).casefold()
+            spelled.setdefault(plain, []).append(name)
         apart, alike = list[tuple[str, ...]](), dict[str, str]()
-        for of_tables in spelled.values():
-            both = [name for name in every if any(name in table for table in of_tables)]
-            if any(len(table) > 1 for table in of_tables):
-                apart.append(tuple(both))
+        for spellings in spelled.values():
+            if any(sum(name in table for name in spellings) > 1 for table in names):
+                apart.append(tuple(spellings))
             else:
-                alike |= dict.fromkeys(both[1:], both[0])
+                alike |= dict.fromkeys(spellings[1:], spellings[0])
         seen = Counter(alike.get(name, name) for table in names for name in table)
         alone = tuple(name for name in every if seen[name] == 1) if len(names) > 1 else ()
         return cls(alike, tuple(apart), alone)
