@@ -66,7 +66,7 @@ _SIDED = tuple(
         rf"(?P<side>{_WORD}){_BETWEEN}*(?P<base>.+)",
         rf"(?:{_CAMERA}(?P<side>\d{{1,2}}|[ab](?={_BETWEEN})){_BETWEEN}*)(?P<base>.+)",
         rf"(?P<side>[lr]|\d{{1,2}}){_BETWEEN}+(?P<base>.+)",
-        rf"(?P<base>[a-z]+){_BETWEEN}+(?P<side>{_WORD}|[lr]|\d)(?P<rest>{_BETWEEN}+.+)",
+        rf"(?P<base>[a-z]+){_BETWEEN}+(?P<side>{_WORD}|[lr]|\d){_BETWEEN}+(?P<rest>.+)",
     )
 )
 _SIDES = {"l": "left", "r": "right"}
@@ -159,17 +159,16 @@ def _name_of(item: Any, k: int) -> str:
 def _placed(leaf: tuple[tuple[str, ...], Any]) -> tuple[str, str, str, Any] | None:
     """The camera of a node, its name with all around it, the node's own name, and the node."""
     (*parents, key), node = leaf
-    words, side = [part for part in parents if plain_name(part) not in _CONTAINERS], ""
+    side = ""
     # k1 is a coefficient, or all those of camera 1.
     if plain_name(key) not in _KNOWN or (key in ONE_BY_ONE and count(node) > 1):
         base, side = _split(key)
         if not base and parents and plain_name(parents[-1]) in _KNOWN and _ALONE.fullmatch(key):
-            base, side = parents[-1], key  # {"K": {"left": ...}}
-            words = words[:-1] if words[-1:] == parents[-1:] else words
+            base, side = parents.pop(), key  # {"K": {"left": ...}}
         if not base:
             return None
         key = base
-    words = [*words, side] if side else words
+    words = [part for part in (*parents, side) if part and plain_name(part) not in _CONTAINERS]
     sides = [match[1].lower() for word in words if (match := _ALONE.fullmatch(word))]
     around = ".".join(words)
     if not sides:
@@ -182,9 +181,10 @@ def _split(key: str) -> tuple[str, str]:
     """The known name in a key with that of a camera, and the camera's; empty if it is none."""
     for pattern in _SIDED if len(key) <= _LONGEST_KEY else ():
         if match := pattern.fullmatch(key):
-            base = match["base"] + match.groupdict().get("rest", "")
+            parts = match.groupdict()
+            base = "_".join(filter(None, (parts["base"], parts.get("rest"))))
             if plain_name(base) in _KNOWN:
-                return base, match["side"]
+                return base, parts["side"]
     return "", ""
 
 
