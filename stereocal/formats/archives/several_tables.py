@@ -138,10 +138,8 @@ def _at_frames(
     layouts: Mapping[str, PointLayout], tables: Mapping[str, bytes]
 ) -> Mapping[str, PointLayout]:
     """The layouts, which count the frames of all tables alike if one has times in their place."""
-    every = [times_in(tables[name], layout, name) for name, layout in layouts.items()]
-    if not (firsts_and_steps := [times for times in every if times is not None]):
+    every = (times_in(tables[name], layout, name) for name, layout in layouts.items())
+    if not (stated := [*filter(None, every)]):
         return layouts
-    firsts, steps = zip(*firsts_and_steps, strict=True)
-    return {
-        name: replace(layout, times=(min(firsts), min(steps))) for name, layout in layouts.items()
-    }
+    first, step = map(min, zip(*stated, strict=True))
+    return {name: replace(layout, times=(first, step)) for name, layout in layouts.items()}
