@@ -65,7 +65,7 @@ def _named(number_of: Mapping[str, int]) -> dict[str, Series]:
     labels = CAMERAS if len(numbers) == 2 else [f"camera_{k + 1}" for k in numbers]
     return {
         label: Series(tuple(name for name, its in number_of.items() if its == number))
-        for number, label in zip(numbers, labels, strict=bool(numbers))
+        for number, label in zip(numbers, labels, strict=True)
     }
 
 
