@@ -14,6 +14,7 @@ from typing import Literal, cast, get_args
 
 from stereocal.errors import StereocalError
 from stereocal.formats.point_files import PointColumns, PointLayout, is_number_or_empty, with_words
+from stereocal.system.names import word_list
 from stereocal.system.numbers import is_number
 
 Kind = Literal["-", "frame", "camera", "target", "x", "y"]
@@ -28,25 +29,23 @@ ROLES_HELP = (
 )
 
 
-def _listed(words: str) -> tuple[str, ...]:
-    return tuple(words.split())
-
-
 _WORDS: dict[Kind, tuple[str, ...]] = {
-    "frame": _listed("frame frames photo foto image img picture bild shot time t index idx nr no"),
-    "camera": _listed("camera cam kamera cameras view"),
-    "target": _listed(
+    "frame": word_list(
+        "frame frames photo foto image img picture bild shot time t index idx nr no"
+    ),
+    "camera": word_list("camera cam kamera cameras view"),
+    "target": word_list(
         "target targets marker end ende ball point punkt part bodypart bodyparts node keypoint "
         "landmark label name"
     ),
-    "x": _listed("x u col column spalte cx"),
-    "y": _listed("y v row zeile cy"),
+    "x": word_list("x u col column spalte cx"),
+    "y": word_list("y v row zeile cy"),
 }
 """Words of headers, the likeliest first."""
-_STAMPS = _listed("timestamp stamp ts zeitstempel")
+_STAMPS = word_list("timestamp stamp ts zeitstempel")
 """Words of headers that are the frame in tables with a row for each point, which need one."""
-_FILL = _listed("px pixel pixels pix coord coordinate pos position centroid of the in bar raw")
-_SIDES = _listed(
+_FILL = word_list("px pixel pixels pix coord coordinate pos position centroid of the in bar raw")
+_SIDES = word_list(
     "left right primary secondary top bottom front side upper lower links rechts gauche droite "
     "oben unten l r"
 )

@@ -7,55 +7,53 @@ from typing import Any
 
 from stereocal.errors import StereocalError, naming
 from stereocal.formats.file_storage import Storage, find_node, is_numeric, plain_name, with_matrices
+from stereocal.system.names import word_list
 
-K_NAMES = ("camera_matrix", "K", "M", "k", "mtx", "intrinsic_matrix")
-DISTORTION_NAMES = (
-    *("distortion_coefficients", "dist_coeffs", "dist_coeff", "dist_coefs", "distortion_coeffs"),
-    *("distortion", "dist", "D", "d"),
+K_NAMES = word_list("camera_matrix K M k mtx intrinsic_matrix")
+DISTORTION_NAMES = word_list(
+    "distortion_coefficients dist_coeffs dist_coeff dist_coefs distortion_coeffs distortion dist D "
+    "d"
 )
-SIZE_NAMES = (
-    *("image_size", "camera_resolution", "resolution", "image_resolution"),
-    *("frame_size", "img_size", "size"),
+SIZE_NAMES = word_list(
+    "image_size camera_resolution resolution image_resolution frame_size img_size size"
 )
-WIDTH_NAMES, HEIGHT_NAMES = (
-    (f"image_{side}", f"img_{side}", f"frame_{side}", side) for side in ("width", "height")
-)
+WIDTH_NAMES = word_list("image_width img_width frame_width width")
+HEIGHT_NAMES = word_list("image_height img_height frame_height height")
 """Names that `find_node` looks for; `k` and `d` are of ROS 2."""
-MORE_K = (
-    *("CM", "A", "KK", "intrinsics", "intrinsic", "intrinsic_mat", "cam_mtx", "cam_matrix"),
-    *("camera_mat", "cam_mat", "camera_mtx", "camera_intrinsics", "matrix", "mat", "int_mat"),
+MORE_K = word_list(
+    "CM A KK intrinsics intrinsic intrinsic_mat cam_mtx cam_matrix camera_mat cam_mat camera_mtx "
+    "camera_intrinsics matrix mat int_mat"
 )
 """Of 9 numbers, or of 4: fx fy cx cy."""
-MORE_D = (
-    *("k", "kc", "distortions", "distortion_coefs", "distortion_coef", "distortion_coeff"),
-    *("distortion_params", "distortion_parameters", "distortion_vector", "dist_coef", "dist_vec"),
-    *("dists", "dst", "coeffs", "coefficients"),
+MORE_D = word_list(
+    "k kc distortions distortion_coefs distortion_coef distortion_coeff distortion_params "
+    "distortion_parameters distortion_vector dist_coef dist_vec dists dst coeffs coefficients"
 )
 """Of any other number of them."""
 _PLAIN_K = tuple(map(plain_name, (*K_NAMES, *MORE_K)))
 _PLAIN_D = tuple(map(plain_name, (*DISTORTION_NAMES, *MORE_D)))
-R_NAMES = (
-    *("R", "rotation", "rotation_matrix", "Rot", "rot_mat", "rot_matrix", "om", "rvec", "R_mat"),
-    *("R_stereo", "stereo_R", "stereo_rotation", "rotation_vector"),
+R_NAMES = word_list(
+    "R rotation rotation_matrix Rot rot_mat rot_matrix om rvec R_mat R_stereo stereo_R "
+    "stereo_rotation rotation_vector"
 )
-T_NAMES = (
-    *("T", "translation", "translation_vector", "Trans", "trans_vec", "tvec", "t"),
-    *("T_stereo", "stereo_T", "stereo_translation", "trans_vector"),
+T_NAMES = word_list(
+    "T translation translation_vector Trans trans_vec tvec t T_stereo stereo_T stereo_translation "
+    "trans_vector"
 )
-UNIT_NAMES = ("unit", "units", "length_unit", "length_units", "world_units", "distance_units")
-ONE_BY_ONE = ("fx", "fy", "cx", "cy", *(f"k{n}" for n in range(1, 7)), "p1", "p2")
-MODEL_NAMES = ("distortion_model", "model", "fisheye_model")
+UNIT_NAMES = word_list("unit units length_unit length_units world_units distance_units")
+ONE_BY_ONE = word_list("fx fy cx cy k1 k2 k3 k4 k5 k6 p1 p2")
+MODEL_NAMES = word_list("distortion_model model fisheye_model")
 OF_BOTH = {*map(plain_name, (*SIZE_NAMES, *WIDTH_NAMES, *HEIGHT_NAMES, *MODEL_NAMES))}
 _KNOWN = OF_BOTH | {
     *map(plain_name, (*K_NAMES, *DISTORTION_NAMES, *MORE_K, *MORE_D, *R_NAMES, *T_NAMES)),
     *map(plain_name, (*ONE_BY_ONE, *UNIT_NAMES)),
 }
-_CONTAINERS = {
-    *("intrinsics", "intrinsic", "distortion", "camera", "cameras", "cameraparameters", "data"),
-    *("parameters", "params", "calibration", "calib", "resolution", "imagesize", "image", "size"),
-    *("model", "extrinsics", "extrinsic", "stereo", "stereoparams", "stereocalibration", "pose"),
-    *("transform", "lens", "lenses", "result", "results", "coefficients", "stereorectifier"),
-}
+_CONTAINERS = word_list(
+    "intrinsics intrinsic distortion camera cameras cameraparameters data parameters params "
+    "calibration calib resolution imagesize image size model extrinsics extrinsic stereo "
+    "stereoparams stereocalibration pose transform lens lenses result results coefficients "
+    "stereorectifier"
+)
 """Nodes that name no camera."""
 _CAMERA, _WORD, _BETWEEN = r"cam(?:era)?[\s_.-]*", "left|right|primary|secondary", r"[\s_.-]"
 _ALONE = re.compile(rf"(?:{_CAMERA})?({_WORD}|[lrab]|\d{{1,2}})", re.IGNORECASE)
@@ -74,15 +72,11 @@ _ORDER = ("left", "primary", "right", "secondary")
 _DEEPEST, _MOST_NODES, _LONGEST_KEY = 10, 1_000, 80
 """Far more than files of cameras have; a key is matched in a time that grows with its square."""
 
-USUAL = (
-    *("plumb_bob", "rational_polynomial", "rational", "thin_prism", "tilted"),
-    *("brown", "brown_conrady", "radtan", "radtan5", "radtan8", "radial_tangential"),
-    *("pinhole", "perspective", "opencv", "opencv4", "opencv5", "opencv8", "full_opencv"),
+USUAL = word_list(
+    "plumb_bob rational_polynomial rational thin_prism tilted brown brown_conrady radtan radtan5 "
+    "radtan8 radial_tangential pinhole perspective opencv opencv4 opencv5 opencv8 full_opencv"
 )
-FISHEYE = (
-    *("equidistant", "equi", "kannala_brandt", "kannala_brandt4", "kb4"),
-    *("fisheye", "opencv_fisheye"),
-)
+FISHEYE = word_list("equidistant equi kannala_brandt kannala_brandt4 kb4 fisheye opencv_fisheye")
 
 
 def cameras_among(tree: Storage) -> dict[str, Storage]:

@@ -31,6 +31,11 @@ LETTERS, OTHERS = "LMN", " -_."
 """Characters that names of cameras may have: letters, marks on letters, numbers; and others."""
 
 
+def word_list(text: str) -> tuple[str, ...]:
+    """The words of a text: how tables of names are written."""
+    return tuple(text.split())
+
+
 def can_be_shown(text: object) -> bool:
     """Whether `text` is a string without lone surrogates, which JSON allows but UTF-8 does not."""
     return isinstance(text, str) and text == text.encode("utf-8", "replace").decode()
