@@ -26,7 +26,7 @@ from stereocal.ui.messages import button, readable, show_with_button
 from stereocal.ui.navigation import go_to
 from stereocal.ui.press import press
 from stereocal.ui.texts import escape_markdown
-from stereocal.ui.wizard import Questions
+from stereocal.ui.wizard import USE_POINTS, Questions
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def offer_to_use(files: FilesOfAll) -> None:
     if not files.contents:
         return
     gathered, answers = files.gathered, dict[str, Frames]({"": files.options.frames or "common"})
-    title = "Calibrate all" if len(gathered.recording.cameras) > 2 else "Use these points"
+    title = "Calibrate all" if len(gathered.recording.cameras) > 2 else USE_POINTS
     # Of what is in use already, the next thing to do is on the page Calibrate.
     is_used = files.project.is_given(gathered.files)
     if gathered.is_long and files.options.frames is None and not is_used:

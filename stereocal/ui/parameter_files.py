@@ -165,7 +165,7 @@ def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
     )
     take_new(uploads, lambda files: store.offer_set(use, files))
 
-    def form(label: str, content: bytes) -> Callable[[], None] | None:
+    def form(label: str, content: bytes) -> Mapping[str, Callable[[], None]]:
         st.markdown(f"**{escape_markdown(label)}**: parameters of another program.")
         short = {"lens_model": "lens"}
         questions = Questions(project, f"set_{{}}_{use}", tabs_own=True, short=short)
@@ -174,18 +174,18 @@ def upload_set(project: Project, store: ProjectApplication, use: Use) -> None:
             "Which program?", index=None, placeholder="choose", format_func=_title
         )
         if name is None:
-            return None
+            return {}
         try:
             options = _options(questions, name, read_once(_names_in, content, label, name))
             rig = _read(questions, use, content, label, name, options)
         except (FourCoefficientsError, ImageSizeError, OriginError, UnitError) as error:
             st.info(escape_markdown(error.question))
-            return None
+            return {}
         st.caption(f"The cameras are {rounded(rig.pose.baseline, 4)} m apart.")
         show_each(st.caption, rig.inputs.get("notes", ()))
-        return lambda: store.keep_set(use, label, rig.dumps().encode())
+        return {"Use these parameters": lambda: store.keep_set(use, label, rig.dumps().encode())}
 
-    ask_about(store, use, form, "Use these parameters")
+    ask_about(store, use, form)
 
 
 def _imported(content: bytes, label: str, name: str, options: ExchangeOptions) -> RigParameters:
@@ -244,7 +244,7 @@ def ask_about_archive(project: Project) -> None:
     """What an archive holds and the questions about it, if there is one."""
     store = ProjectApplication(project)
 
-    def form(label: str, content: bytes) -> Callable[[], None]:
+    def form(label: str, content: bytes) -> Mapping[str, Callable[[], None]]:
         st.markdown(f"**{escape_markdown(label)}** is a file of another program.")
         baseline_known = project.inputs.baseline_m is not None
         names = ProjectGiven(project).cameras_in(label, content)
@@ -256,9 +256,9 @@ def ask_about_archive(project: Project) -> None:
         options = ExchangeOptions((size, size), cameras, unit, lens_model)
         archive = read_once(_gathered, content, label, options, baseline_known)
         _show(archive, baseline_known)
-        return partial(_use, store, label, archive)
+        return {"Use what was found": partial(_use, store, label, archive)}
 
-    ask_about(store, "archive", form, "Use what was found")
+    ask_about(store, "archive", form)
 
 
 def _gathered(content: bytes, label: str, options: ExchangeOptions, has_baseline: bool) -> Archive:

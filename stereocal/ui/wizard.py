@@ -43,6 +43,7 @@ from stereocal.ui.messages import ErrorsShown, button, readable, refusing
 from stereocal.ui.texts import escape_markdown, escaped_table
 
 Use = Callable[[], None]
+USE_POINTS = "Use these points"
 PREVIEW_ROWS, PREVIEW_CELL = 5, 10
 STATED = "as the file says"
 IN_WORDS = {"u": "x", "v": "y"}
@@ -121,29 +122,25 @@ def ask_size(
 
 
 def ask_about(
-    store: ProjectApplication,
-    slot: Asked,
-    form: Callable[[str, bytes], Use | Mapping[str, Use] | None],
-    title: str = "Use these points",
+    store: ProjectApplication, slot: Asked, form: Callable[[str, bytes], Mapping[str, Use]]
 ) -> None:
     """The questions about a file, if there is one, and buttons to use it or put it aside.
 
     Args:
-        form: of its name and content; returns what uses it, by answer where one is to be given,
-            None if it cannot be used yet.
+        form: of its name and content; returns what uses it, by the button's label; empty if it
+            cannot be used yet.
     """
     file = store.asking(slot)
     if file is None:
         return
-    use: Use | Mapping[str, Use] | None = None
+    uses: Mapping[str, Use] = {}
     with st.container(border=True):
         with ErrorsShown():
-            use = form(*file)
+            uses = form(*file)
         with st.container(horizontal=True):
-            uses = use if isinstance(use, Mapping) else {} if use is None else {title: use}
             for number, (label, act) in enumerate(uses.items()):
                 key = f"use_{slot}{f'_{number}' * bool(number)}"
-                button(label or title, key, refusing()(act), first=not number)
+                button(label, key, refusing()(act), first=not number)
             button("Put the file aside", f"aside_{slot}", store.forget_question, slot)
 
 
@@ -157,17 +154,17 @@ def ask_about_points(
         number: of the camera in a file of several, as a first proposal.
     """
 
-    def form(label: str, content: bytes) -> Use | None:
+    def form(label: str, content: bytes) -> Mapping[str, Use]:
         layout, questions = _laid_out(store.project, f"wizard_{side}", label, content, camera)
         if layout is None:
-            return None
+            return {}
         proposed = point_answers.first_answers(layout, number, image_height)
         answers = _point_form(questions, layout, camera, proposed)
         if answers.corner == "lower-left" and answers.image_height is None:
             st.info("Give the image height: the points are counted from the lower left.")
-            return None
+            return {}
         _show_preview(store.preview(side, answers, PREVIEW_ROWS).head(PREVIEW_ROWS))
-        return partial(store.answer, side, answers)
+        return {USE_POINTS: partial(store.answer, side, answers)}
 
     ask_about(store, side, form)
 
@@ -175,17 +172,17 @@ def ask_about_points(
 def ask_about_bars(store: ProjectApplication) -> None:
     """The questions about a file with both ends of the bar, if there is one."""
 
-    def form(label: str, content: bytes) -> Mapping[str, Use] | None:
+    def form(label: str, content: bytes) -> Mapping[str, Use]:
         project, of_bar = store.project, "points of the bar"
         layout, questions = _laid_out(project, "wizard_bars", label, content, of_bar, True)
         if layout is None:
-            return None
+            return {}
         options, heights = _bar_form(questions, layout)
         if len(layout.cameras) > 2:
             _offer_all(store, label, content, layout, options, heights)
         if options.corner == "lower-left" and None in heights:
             st.info("Give the image heights: the points are counted from the lower left.")
-            return None
+            return {}
         bars = bars_of(content, label, options, heights)
         if bars.counted is None:
             bars.refuse_unseen(label)
@@ -205,11 +202,11 @@ def ask_about_bars(store: ProjectApplication) -> None:
             store.forget_question("bars")
 
         if bars.counted is None:
-            return {"": partial(use, "common")}
+            return {USE_POINTS: partial(use, "common")}
         lenses = _lenses(project)
         counted = None if lenses is None else _counted(bars, lenses, False)
         answers = ask_if_in_step(counted, bars.own_frames)
-        return {words: partial(use, frames) for words, frames in answers.items()}
+        return {words or USE_POINTS: partial(use, frames) for words, frames in answers.items()}
 
     ask_about(store, "bars", form)
 
