@@ -288,9 +288,8 @@ def _profile_rows(file: ForeignFile) -> list[list[str]]:
         return []
     lines = file.content.decode("utf-8-sig", errors="replace").splitlines()
     rows = [_SEPARATOR.split(line.strip()) for line in lines if line.strip()]
-    rows = [
-        row for k, row in enumerate(rows) if k or all(map(is_number_or_empty, row[1 : 1 + NUMBERS]))
-    ]
+    if rows and not all(map(is_number_or_empty, rows[0][1 : 1 + NUMBERS])):
+        del rows[0]  # the names of the columns
     named = len({row[0] for row in rows}) == len(rows)
     return rows if named and all(map(_is_camera, rows)) else []
 
