@@ -143,21 +143,22 @@ def read_opencv(files: Files, options: ExchangeOptions, source: str) -> ForeignP
     ]
     of_pair = nodes_of_all(tree)
     R, T = (find_node(of_pair, names) for names in (R_NAMES, T_NAMES))
-    missing = [name for name, node in (("R", R), ("T", T)) if node is None]
+    missing = ", ".join(name for name, node in (("R", R), ("T", T)) if node is None)
     lacks = (
-        f"{source}: {', '.join(missing)} missing ({what_is_in(tree)}); OpenCV's stereo files have "
-        "R, T (extrinsics.yml)."
+        f"{missing} missing ({what_is_in(tree)}); OpenCV's stereo files have R, T (extrinsics.yml)."
     )
-    if missing and all(find_node(cameras[name], R_NAMES) is not None for name in chosen.names):
-        lacks = f"{source}: each camera has an R of its own, and it is not said from what to what."
     if len(cameras) > 2:
-        missing, lacks = ["R"], f"{source}: it is not said of which two cameras its R and T are."
+        lacks = "it is not said of which two cameras its R and T are."
+    elif missing and all(find_node(cameras[name], R_NAMES) is not None for name in chosen.names):
+        lacks = "each camera has an R of its own, and it is not said from what to what."
 
     def pose() -> Pose | None:
-        stated = None if missing else pose_from(_values(R), _values(T), source)
-        return stated.inverse() if stated and chosen.pair == (1, 0) else stated
+        if missing or len(cameras) > 2:
+            return None
+        stated = pose_from(_values(R), _values(T), source)
+        return stated.inverse() if chosen.pair == (1, 0) else stated
 
-    known, no_pose, bad = known_pose(pose, lacks)
+    known, no_pose, bad = known_pose(pose, f"{source}: {lacks}")
     pair = ForeignPair(lenses[0], lenses[1], known, no_pose, notes=bad, stated=stated_unit(tree))
     return replace(pair, chosen=chosen if len(cameras) > 2 or options.cameras else None)
 
