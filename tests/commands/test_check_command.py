@@ -1,6 +1,7 @@
 """`stereocal check`: what it writes, and one sentence with exit 2 for each bad input."""
 
 import json
+import re
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,12 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stereocal.calibration.corrections import with_pixels
 from stereocal.cli import main
-from stereocal.formats.dataset_files import pack_dataset
+from stereocal.formats.dataset_files import pack_dataset, pack_recording, read_recording
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.simulate import place_bars
 from tests.files import write
+from tests.further import further
 from tests.rigs.bumps import Case, bumped, cases, seen_by
+from tests.rigs.mistakes import in_images
 from tests.rigs.refined_rigs import BAR_M, DEPTHS_M
 
 
@@ -94,6 +99,31 @@ def test_another_bar_is_no_movement(stated: str, tmp_path: Path) -> None:
     (note,) = (note for note in answer["notes"] if "The bar seems" in note)
     assert "0.4992 m by these images" in note
     assert [file.name for file in tmp_path.iterdir()] == ["check.json"]
+
+
+@pytest.mark.parametrize(
+    ("cropped", "cut_px"),
+    [
+        (["secondary"], (0.0, 100.0)),
+        *further((["secondary"], (80.0, 0.0)), ([*CAMERAS], (60.0, 40.0))),
+    ],
+)
+def test_a_crop_is_no_movement(
+    cropped: list[str], cut_px: tuple[float, float], tmp_path: Path
+) -> None:
+    """Before: a turn by 3.8 degrees and a baseline 3 % shorter, or focal lengths 2 % longer."""
+    given = read_recording(CASES / "check_other_bar" / "check_bar_data")
+    held = replace(given.object, points=given.object.points / 0.8)  # 0.5 m, as it was
+    cut = with_pixels(given, cropped, lambda points, _: points - cut_px)
+    write(pack_recording(in_images(replace(cut, object=held))), tmp_path / "new")
+    parameters = CASES / "check_other_bar" / "parameters_refined.json"
+    assert main(["check", str(parameters), str(tmp_path / "new"), "--out", str(tmp_path)]) == 0
+    answer = json.loads((tmp_path / "check.json").read_text())
+    assert answer["verdict"] != "moved" and answer["repaired"] is None
+    (note,) = (note for note in answer["notes"] if "cropped" in note)
+    found = [float(value) for value in re.findall(r"(-?\d+) px", note)]
+    assert found == pytest.approx(cut_px, abs=3.0)  # 1 and 100, 81 and 0, 62 and 39
+    assert ("both" in note) == (len(cropped) == 2)
 
 
 def test_a_turn_of_17_degrees_is_told_and_repaired(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """New images of a rig: a few bars, or matched points alone."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,6 +93,24 @@ class NewImages:
             "nothing else has changed. Measure it again."
         )
         dataset = self.dataset.changed(target_distance_m=stated * factor)
+        return replace(self, dataset=dataset, notes=(*self.notes, note))
+
+    def uncropped(self, names: Sequence[str], cut_px: FloatArray) -> "NewImages":
+        """These images with the pixels (2,) that were cut off in front of those of some cameras,
+        which is noted.
+
+        Raises:
+            StereocalError: points would be outside the whole images.
+        """
+        rows = self.dataset.correspondences
+        whole = {name: getattr(rows, name) + cut_px for name in names}
+        whose = "both cameras" if len(names) > 1 else f"the {names[0]}"
+        note = (
+            f"The images of {whose} seem to be cropped: with {cut_px[0]:.0f} px added to u and "
+            f"{cut_px[1]:.0f} px to v nothing has changed. Give the points in pixels of the whole "
+            "images, here and for all that is measured with the parameters."
+        )
+        dataset = self.dataset.changed(correspondences=replace(rows, **whole))
         return replace(self, dataset=dataset, notes=(*self.notes, note))
 
     def of_groups(self, groups: IntArray) -> "NewImages":

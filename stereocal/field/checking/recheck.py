@@ -6,11 +6,13 @@ tests. A lens that shifted sideways cannot be distinguished from a turn, and cou
 """
 
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from scipy.special import fdtrc
 
 from stereocal.errors import StereocalError
+from stereocal.field.checking.cropped import uncropped
 from stereocal.field.checking.findings import CONSISTENT, Recheck
 from stereocal.field.checking.fits import (
     NOTHING,
@@ -43,6 +45,8 @@ NOISE_STEP, LARGEST_NOISE = 2.0, 30.0
 up to a limit, px."""
 OTHER_BAR = 0.01
 """Relative difference of lengths from which on a bar may be another one."""
+CROP_GAIN = 1.3
+"""How many times the noise of images that are no crops must be larger."""
 EFFECT_DEGREES = 24.0
 """Degrees of freedom of a design effect: of 300 simulated recordings of runs it scattered by a
 quarter."""
@@ -54,20 +58,27 @@ def recheck(prior: Prior, images: NewImages, smallest: Smallest | None = None) -
     """Check whether a camera has moved or a lens was refocused.
 
     Where nothing has changed if the bar is longer by a factor than is stated, it is another bar: a
-    camera that moves along the baseline alone, without the least turn, is far less likely.
+    camera that moves along the baseline alone, without the least turn, is far less likely. So is it
+    a crop where the points fit so much better from another corner of the images.
 
     Args:
         smallest: the smallest movement that matters; "same" is reported only if it would be seen.
     """
     found = _recheck(prior, images, smallest)
-    if not found.changed or found.since is not None or not images.is_of_bar:
+    as_before = found.usable and not found.changed
+    if as_before or found.since is not None or not images.bars:
         return found
-    factor = images.times_as_long(prior.rig)
-    if not abs(np.log(factor)) > OTHER_BAR:
-        return found
-    with_other = _recheck(prior, images.with_bar(factor), smallest)
-    explains = with_other.usable and not with_other.changed and with_other.p_pose > CONSISTENT
-    return with_other if explains else found
+    factor = images.times_as_long(prior.rig) if images.is_of_bar else 1.0
+    of_bar = [images.with_bar(factor)] if abs(np.log(factor)) > OTHER_BAR else []
+    likely = (
+        (it, _recheck(prior, it, smallest)) for it in chain(of_bar, uncropped(images, prior.rig))
+    )
+    for otherwise, checked in likely:
+        explains = checked.usable and not checked.changed and checked.p_pose > CONSISTENT
+        better = found.noise.sigma_px > CROP_GAIN * checked.noise.sigma_px
+        if explains and (otherwise in of_bar or better):
+            return checked
+    return found
 
 
 def _recheck(prior: Prior, images: NewImages, smallest: Smallest | None) -> Recheck:
