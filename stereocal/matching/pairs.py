@@ -22,7 +22,7 @@ from stereocal.matching.names import (
     match_groups,
     texts,
 )
-from stereocal.matching.point_noise import noise_of_calibration, on_far
+from stereocal.matching.point_noise import noise_of_calibration, on_far, on_repaired
 from stereocal.matching.point_table import PAIR_SIGMAS, SIGMA, pixels_of
 from stereocal.matching.settled import ERROR_DECIMALS, Matching, Stated, further_of
 from stereocal.matching.tables_by_camera import Report, TablesByCamera
@@ -173,6 +173,8 @@ class BelowThreshold(Matching):
         noise, targets = self.threshold.noise, noise_of_calibration(self.rig)
         if noise is None or noise.source != "estimated" or self.rig.purpose == "reconstruction":
             return ""
+        if targets is not None and self.rig.is_repaired:
+            return on_repaired(noise.sigma_px, targets.sigma_px)
         return on_far(noise.sigma_px, targets.sigma_px if targets else None)
 
     def _on_names(self, reported: pd.DataFrame) -> str:

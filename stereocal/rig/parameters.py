@@ -164,11 +164,15 @@ class RigParameters(Answer, Rig, ResultFile):
         return {"method": self.method, "inputs_sha256": self.inputs.get("sha256")}
 
     @property
+    def is_repaired(self) -> bool:
+        """Whether a check has repaired them after a movement."""
+        return "repaired_from" in self.inputs
+
+    @property
     def set_name(self) -> str:
         """In sentences, such as `2D set`."""
         short = {"2d": "2D", "3d": "3D"}
-        is_repaired = "repaired_from" in self.inputs
-        return f"{'repaired' if is_repaired else short.get(self.method, self.method)} set"
+        return f"{'repaired' if self.is_repaired else short.get(self.method, self.method)} set"
 
     @property
     def purpose(self) -> str:

@@ -11,7 +11,15 @@ import pytest
 
 from stereocal.calibration.corrections import with_pixels
 from stereocal.cli import main
-from stereocal.formats.dataset_files import pack_dataset, pack_recording, read_recording
+from stereocal.fit.parameter_file import refined_parameters
+from stereocal.fit.refine import refine
+from stereocal.fit.screening.screen import screen
+from stereocal.formats.dataset_files import (
+    pack_dataset,
+    pack_recording,
+    read_dataset,
+    read_recording,
+)
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.simulation.simulate import place_bars
@@ -124,6 +132,27 @@ def test_a_crop_is_no_movement(
     found = [float(value) for value in re.findall(r"(-?\d+) px", note)]
     assert found == pytest.approx(cut_px, abs=3.0)  # 1 and 100, 81 and 0, 62 and 39
     assert ("both" in note) == (len(cropped) == 2)
+
+
+def test_points_of_before_do_not_belong_to_repaired_parameters(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They scatter by 1.5 px, the bars of the repair by 0.23, and are matched below 20 px."""
+    folder, out = CASES.parents[1] / "sample_data" / "recording", str(tmp_path / "pairs.csv")
+    points = [str(folder / f"points_{name}.csv") for name in CAMERAS]
+    before = tmp_path / "parameters_refined.json"
+    refined = refined_parameters(refine(screen(read_dataset(folder)).dataset))
+    replace(refined, matching_threshold_px=0.91).save(before)
+    bump = CASES.parents[1] / "sample_data" / "bump"
+    assert main(["check", str(before), str(bump), "--out", str(tmp_path)]) == 0
+    capsys.readouterr()
+    repaired = str(tmp_path / "parameters_repaired.json")
+    assert main(["match", *points, "--parameters", repaired, "--out", out]) == 0
+    printed = capsys.readouterr().out
+    assert "With the repaired parameters your points scatter by 1.5 px, the images of" in printed
+    assert "by 0.23 px. Match points recorded before the movement with the param" in printed
+    assert main(["match", *points, "--parameters", str(before), "--out", out]) == 0
+    assert "repaired" not in capsys.readouterr().out
 
 
 def test_a_turn_of_17_degrees_is_told_and_repaired(tmp_path: Path) -> None:
