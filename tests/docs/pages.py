@@ -12,6 +12,11 @@ PAGES = (
     *sorted((ROOT / "sample_data").glob("**/README.md")),
     *sorted(path for path in (ROOT / "docs").glob("**/*.md") if "_build" not in path.parts),
 )
+CANNOT_TELL = (
+    "Cannot tell with 407 matched points whether one camera turned by less than 0.14°: a larger "
+    "movement would be found (with a probability of 80 %), and none is seen."
+)
+"""What a check answers of the tutorial's points: page, command and tutorial."""
 _CODE = re.compile(r"^```(\w*)\n(.*?)^```$|((?:^(?: {4}[^\n]*)?\n)*^ {4}[^\n]*\n)", re.M | re.S)
 """A fenced block, or one that is indented."""
 _FILE = re.compile(r"`([\w.]+\.json)`")

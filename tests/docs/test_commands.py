@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from stereocal.cli import COMMANDS, _parser, main
-from tests.docs.pages import PAGES, code_of, name_of
+from tests.docs.pages import CANNOT_TELL, PAGES, code_of, name_of
 from tests.docs.prepared import thin, videos
 from tests.further import OF_A_WHOLE_SOAK
 from tests.terminal import ROOT
@@ -44,7 +44,7 @@ QUOTED = {
         "0.91 px": "match below 0.91 px",
         "407 of 409 points": "407 pairs in 409 frames",
         "1.8 px": "threshold of 1.84 px",
-        "a turn of 0.14 degrees or more": "a turn of one camera by 0.14° or more",
+        CANNOT_TELL: CANNOT_TELL,
     }
 }
 """Sentences of a page with figures, and those with the same figures that its commands print."""

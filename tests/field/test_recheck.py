@@ -59,7 +59,8 @@ def test_an_unmoved_rig_is_the_same_where_it_can_be_told(case: Case) -> None:
     strict = recheck(case.prior, images)
     assert strict.verdict == "cannot tell"
     assert strict.power.baseline is not None and strict.power.baseline < 0.8
-    assert "only a turn of" in sentence(strict)
+    assert sentence(strict).startswith("Cannot tell with 5 bars whether one camera turned by less ")
+    assert "and none is seen" in sentence(strict)
 
 
 @pytest.mark.soak
@@ -242,6 +243,14 @@ def test_a_recording_has_not_moved_against_itself_and_says_how_its_frames_count(
     written = repaired_parameters(check, None).uncertainties
     assert written is not None
     assert written["design_effect"] == check.noise.design_effect
+
+
+def test_bars_that_tell_as_much_as_one_are_no_number_of_independent_ones(case: Case) -> None:
+    """`186 bars tell as much as about 0 independent ones`."""
+    found = recheck(case.prior, new_bars(case, case.truth))
+    for effect, words in ((12.0, "the 5 bars tell hardly more than one"), (2.5, "about 2 indep")):
+        noise = replace(found.noise, design_effect=effect)
+        assert any(words in note for note in notes(replace(found, noise=noise)))
 
 
 @pytest.mark.parametrize("seed", [2, 4])

@@ -22,6 +22,7 @@ from stereocal.rig.parameters import RigParameters
 from stereocal.rig.rig import Rig
 from stereocal.simulation.simulate import place_bars
 from stereocal.system.zip_files import pack_zip
+from tests.docs.pages import CANNOT_TELL
 from tests.pages.stored_projects import again, drop, go, project_of, told
 from tests.pages.test_once import counted
 from tests.rigs.bumps import Case, bumped, cases, seen_by
@@ -140,3 +141,4 @@ def test_the_results_of_the_project_are_checked(pressed: AppTest, home: Path) ->
     assert "Cannot tell with 5 bars" in told(app, "info")
     app.selectbox(key="check_images").set_value("The pairs of Apply").run()
     assert "matched points alone do not show" in told(app, "caption").lower()
+    assert CANNOT_TELL.split("°")[1] in told(app, "info")

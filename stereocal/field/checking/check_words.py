@@ -16,6 +16,8 @@ AXES = ("horizontal", "vertical", "optical")
 CERTAIN = 0.99
 ALIKE = 1.5
 """Design effect from which on it is reported."""
+FEW = 1.5
+"""Independent bars or points that are as good as one."""
 NEAR_AXIS, MOSTLY = 0.94, 0.8
 """Cosines of 20 and 37 degrees."""
 
@@ -90,11 +92,15 @@ def notes(check: Recheck) -> list[str]:
         )
     if check.noise.design_effect >= ALIKE:
         groups = int((~check.noise.outlying).sum())
-        messages.append(
-            f"Errors of neighbouring frames are alike: {groups} "
-            f"{'bars' if check.scale else 'points'} tell as much as about "
-            f"{groups / check.noise.design_effect:.0f} independent ones."
-        )
+        what, independent = "bars" if check.scale else "points", groups / check.noise.design_effect
+        as_few = f"{groups} {what} tell as much as about {independent:.0f} independent ones."
+        if independent < FEW:
+            as_few = (
+                f"the {groups} {what} tell hardly more than one. Take more of them, near and far "
+                "and all over the images; if the calibration says that its lenses do not fit, "
+                "calibrate them first."
+            )
+        messages.append(f"Errors of neighbouring frames are alike: {as_few}")
     if not check.scale:
         messages.append(
             "Matched points alone do not show the baseline: that of the file was kept. To check "
@@ -210,15 +216,15 @@ def _unchanged(check: Recheck) -> str:
             f"Same: no movement is seen; a turn of one camera by {turn}{also} would have been "
             f"found with a probability of {chance}."
         )
-    sizes = f"a turn of one camera by {rounded(np.degrees(power.detectable_turn_rad))}° or more"
+    less = f"one camera turned by less than {rounded(np.degrees(power.detectable_turn_rad))}°"
     if power.detectable_baseline is not None:
         percent = digits(100 * power.detectable_baseline, 2)
-        sizes += f", or a change of the baseline of {percent} % or more"
+        less += f", or the baseline changed by less than {percent} %"
         turn += f" and {baseline}"
     return (
-        f"Cannot tell with {check.images.described}: no movement is seen, but only {sizes} would "
-        f"be found (with a probability of 80 %). What matters is {turn}: more of them, near and "
-        "far and all over the images, show smaller movements."
+        f"Cannot tell with {check.images.described} whether {less}: a larger movement would be "
+        f"found (with a probability of 80 %), and none is seen. What matters is {turn}: more of "
+        "them, near and far and all over the images, show smaller movements."
     )
 
 
