@@ -44,6 +44,15 @@ def test_nothing_has_moved_and_points_left_out_of_the_new_images_are_told_once(
     assert sum("Left out: 3 points of camera c2," in note for note in found.notes) == 1
 
 
+def test_the_recording_of_the_calibration_shows_no_movement_since(
+    truth: SimulatedRig, rig: RigFile
+) -> None:
+    own = truth.recording.where(truth.recording.frame < 160)
+    found = check_rig(rig, own)
+    assert found.verdict == "cannot tell"
+    assert found.sentence.startswith("Cannot tell with these: the parameters come from these")
+
+
 @pytest.mark.parametrize("name", further("c3", "c1"))  # the command names one below
 def test_a_turned_camera_is_named(truth: SimulatedRig, rig: RigFile, name: str) -> None:
     # 0.1 degree is 2 px in the image, against 0.3 px of noise

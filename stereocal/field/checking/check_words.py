@@ -31,6 +31,11 @@ def sentence(check: Recheck) -> str:
             f"({digits(check.noise.sigma_px, 2)} px instead of {digits(check.prior.sigma_px, 2)} "
             "px). Check that the pairs are right, and of the same cameras."
         )
+    if check.images.own:
+        return (
+            "Cannot tell with these: the parameters come from these images, which do not show what "
+            "has changed since. Check with new ones."
+        )
     if not check.changed:
         return _unchanged(check)
     text, since = what_changed(check), check.since
@@ -171,11 +176,6 @@ def _refocused(check: Recheck) -> str:
 
 
 def _repair(check: Recheck) -> str:
-    if check.images.own:
-        return (
-            "These are the images that the parameters come from, so no repaired parameters are "
-            "offered: they would hold no better for others. Check with new images."
-        )
     if not check.offers_repair:
         was, now = check.held_out.length or check.held_out.px
         what, unit, per = ("bars", " %", 100.0) if check.held_out.length else ("points", " px", 1.0)

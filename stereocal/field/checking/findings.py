@@ -67,7 +67,8 @@ class Recheck:
     power: fits.Power
     smallest: fits.Smallest
     p_pose: float
-    """Probability of such a cost difference by chance, with nothing changed."""
+    """Probability of such a cost difference by chance, with nothing changed; since a movement, also
+    of that of the images after it alone."""
     p_focal: float
     """The same for the focal lengths, beside a change of the pose."""
 
@@ -82,10 +83,17 @@ class Recheck:
         expected = max(self.prior.sigma_px, self.images.stated_px)
         return self.noise.sigma_px <= LARGEST_NOISE_RATIO * expected
 
-    @property
+    @cached_property
     def seen(self) -> bool:
-        """Whether something has changed, be it ever so small."""
-        return self.usable and (self.p_pose < POSE_LEVEL or self.p_focal < FOCAL_LEVEL)
+        """Whether something has changed, be it ever so small, and the likeliest cause by itself
+        explains the images; otherwise none is to be named. The images that the parameters come from
+        show no change since: what does not fit there are the lenses."""
+        is_likely = self.p_pose < POSE_LEVEL or self.p_focal < FOCAL_LEVEL
+        if not (self.usable and is_likely) or self.images.own:
+            return False
+        cause = self.explanations[0].fit
+        gain = self.same.cost - cause.cost
+        return self.noise.probability(gain, len(cause.change)) < POSE_LEVEL
 
     @cached_property
     def negligible(self) -> bool:
@@ -109,7 +117,7 @@ class Recheck:
     def verdict(self) -> Verdict:
         if self.changed:
             return "moved"
-        would_be_seen = self.usable and self.power.is_enough
+        would_be_seen = self.usable and self.power.is_enough and not self.images.own
         return "same" if self.negligible or would_be_seen else "cannot tell"
 
     @cached_property
@@ -191,9 +199,9 @@ class Recheck:
 
     @cached_property
     def offers_repair(self) -> bool:
-        """Whether the repaired parameters are to be used: never for the images that the parameters
-        come from, nor where held-out groups are measured no better with them."""
-        return self.changed and not self.images.own and self.held_out.better
+        """Whether the repaired parameters are to be used: not where held-out groups are measured no
+        better with them."""
+        return self.changed and self.held_out.better
 
     @property
     def repaired(self) -> Rig:

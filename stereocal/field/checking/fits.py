@@ -192,6 +192,8 @@ class ImageNoise:
     """(f,)."""
     design_effect: float = 1.0
     """Variance over that with independent groups."""
+    least_effect: float = 1.0
+    """By what neighbours lack of the file's noise."""
 
     @property
     def counted_px(self) -> float:

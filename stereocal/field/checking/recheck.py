@@ -97,14 +97,17 @@ def _recheck(prior: Prior, images: NewImages, smallest: Smallest | None) -> Rech
     if len(blocks) == 1:
         noise, since = check.with_design_effect(noise, check.parts(None)), None
     else:
-        noise, since = check.settled(replace(noise, design_effect=prior.design_effect))
+        noise, since = check.settled(check.with_least_effect(noise))
     after, outlying = images, noise.outlying
     if since is None:
         p_whole = check.p_of_movement(noise)
     else:
         later = np.arange(since.at, len(images.numbers))
         after, outlying = images.of_groups(later), noise.outlying[later]
-        p_whole = since.candidates * noise.probability(since.gain, len(check.moved))
+        # Before and after, a bar is at other places: lenses that are off look like a movement then.
+        p_after = _Check(prior, after).p_of_movement(replace(noise, outlying=outlying))
+        p_since = since.candidates * noise.probability(since.gain, len(check.moved))
+        p_whole = max(p_since, p_after)
     pose = _Check(prior, after).pose_fit(noise.counted_px, outlying)
     both = Fit(prior, after, check.moved + focal, noise.counted_px)
     both.minimise(outlying, pose_at(pose.at))
@@ -157,9 +160,9 @@ class _Check:
         """The noise by fits with everything free that may have changed, part by part: a movement
         between parts then neither counts as noise nor makes groups outlying.
 
-        The residuals and the file's noise are pooled unless they differ. A few residuals that are
-        small by chance are no lower noise: taken for it, they gave 1.35 % false alarms instead of
-        1 %.
+        The residuals and the file's noise are pooled unless theirs is larger. It is never smaller
+        than the file's, which holds what the lenses do not explain. In neighbours, which are in one
+        part of the images, that is alike: what their residuals lack is an error of whole blocks.
         """
         sigma, known = self.prior.sigma_px, self.prior.degrees
         total, degrees, outlying = self._robust(parts, sigma)
@@ -170,9 +173,11 @@ class _Check:
         if degrees < 1:
             return ImageNoise(sigma, known, as_before, outlying)
         above = float(fdtrc(degrees, known, total / degrees))
-        if as_before and HIGHER_NOISE < above < 1 - LOWER_NOISE:
-            pooled = sigma * np.sqrt((known + total) / (known + degrees))
-            return ImageNoise(float(pooled), known + degrees, True, outlying)
+        if as_before and above > HIGHER_NOISE:
+            pooled = float(sigma * np.sqrt(max((known + total) / (known + degrees), 1.0)))
+            lacking = (above > 1 - LOWER_NOISE) * (1.0 - total / degrees)
+            alike = 1.0 + (BLOCK[self.images.bars > 0] - 1) * lacking
+            return ImageNoise(pooled, known + degrees, True, outlying, least_effect=alike)
         for _ in range(5):
             sigma *= float(np.sqrt(max(total / degrees, 1e-4)))
             total, degrees, outlying = self._robust(parts, sigma)
@@ -202,11 +207,14 @@ class _Check:
                 outlying[groups] = best.outlying
         return total, degrees, outlying
 
+    def with_least_effect(self, noise: ImageNoise) -> ImageNoise:
+        """The noise with the least design effect that it may have."""
+        return replace(noise, design_effect=max(self.prior.design_effect, noise.least_effect))
+
     def with_design_effect(self, noise: ImageNoise, parts: list[Part]) -> ImageNoise:
         """The noise with the design effect: the file's or, if larger, that of a part of the images.
         Errors of a lens or of a detector are alike in bars that lie close together."""
-        of_file = self.prior.design_effect
-        widened = replace(noise, design_effect=of_file)
+        of_file, widened = self.prior.design_effect, self.with_least_effect(noise)
         for groups, change in parts:
             fit = Fit(self.prior, self.images.of_groups(groups), change, noise.sigma_px)
             fit.minimise(noise.outlying[groups])

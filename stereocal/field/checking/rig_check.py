@@ -6,7 +6,7 @@ it cannot be told which.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Any
@@ -83,6 +83,9 @@ class RigCheck:
         if self.verdict == "same":
             return f"Same: no camera has moved, of {listed(self.cameras)}."
         if self.verdict == "cannot tell":
+            own = [check for check in self.pairs.values() if check.images.own]
+            if own:
+                return check_words.sentence(own[0])
             return "Cannot tell: no movement is seen, but it would not be found in all cameras."
         if self.moved:
             return f"Moved or refocused: {camera_in_words(*self.moved)}."
@@ -129,10 +132,11 @@ def check_rig(rig: RigFile, recording: Recording, smallest: Smallest | None = No
     """Check whether cameras have moved since a rig was calibrated, by new images of two or more."""
     pairs: dict[CameraPair, Recheck] = {}
     unchecked: dict[CameraPair, str] = {}
+    is_own = rig.about.inputs.get("sha256") == recording.sha256
     for pair in combinations([name for name in rig.names if name in recording.cameras], 2):
         try:
             parameters = rig.pair(*pair)
-            images = images_of_bars(recording.pair(*pair), parameters)
+            images = replace(images_of_bars(recording.pair(*pair), parameters), own=is_own)
             pairs[pair] = recheck(prior_of(parameters), images, smallest)
         except StereocalError as error:
             unchecked[pair] = str(error)
