@@ -36,6 +36,9 @@ MAXIMUM_K = 1e9
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
 SMALLEST_EIGENVALUE = 1e-9
 """The least one of a correlation; a smaller one would make a combination of values exact."""
+CENTRED, OFF_CENTRE = 0.1, 0.2
+"""Largest distance of a principal point from the centre of its image that is usual, over the size of
+the image, and the least of one that is not."""
 SIZE_FACTOR_TOLERANCE = 1.3
 """The principal point may be this many times the image centre, or one over it, before K counts as
 that of another image size."""
@@ -258,6 +261,16 @@ class Camera(Answer):
         principal = np.maximum(self.K[:2, 2], 1e-9)  # px; a factor above 0, so that it has a log
         factor = float(np.mean(principal / centre))
         return factor if abs(np.log(factor)) > np.log(SIZE_FACTOR_TOLERANCE) else None
+
+    @property
+    def is_height_first(self) -> bool:
+        """Whether the principal point is near the centre of an image that is as wide as this one is
+        high, and far from the centre of this one."""
+        size = np.array(self.image_size)
+        off, off_turned = (
+            float(np.abs(self.K[:2, 2] / (way - 1.0) - 0.5).max()) for way in (size, size[::-1])
+        )
+        return off_turned < CENTRED < OFF_CENTRE < off
 
     def local_focal_px(self, normalised: FloatArray) -> FloatArray:
         """(n,): pixels per unit of the plane z = 1 at some of its points (n, 2), in the mean."""

@@ -17,6 +17,7 @@ from stereocal.formats.exchange.exchange import (
     export_files,
     export_notes,
     import_files,
+    import_parameters,
 )
 from stereocal.formats.exchange.options import ExchangeOptions, Flip
 from stereocal.rig.camera import CAMERAS, Camera
@@ -287,3 +288,10 @@ class TestFisheye:
         with refused("OpenCV", "fisheye"):
             export_files(mixed, "opencv")
         assert import_files(export_files(mixed, "ros"), "ros").primary.model == "brown"
+
+
+def test_a_size_with_the_height_first_is_told() -> None:
+    """The centre (965, 531) is that of 1920x1080 px; it was written as 1080x1920 px, silently."""
+    path = Path(__file__).parents[1] / "cases" / "size_height_width" / "stereo.yml"
+    (note,) = import_parameters(path, "opencv", ExchangeOptions(unit="m")).inputs["notes"]
+    assert "height and width" in note and "1920x1080" in note

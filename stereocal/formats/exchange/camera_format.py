@@ -68,6 +68,12 @@ class ForeignPair:
         """What the user is told."""
         error = 0.0 if self.pose is None else self.pose.rounding
         remarks = self.notes + (self.chosen.remarks if self.chosen else ())
+        width, height = self.primary.image_size
+        if self.primary.is_height_first and self.secondary.is_height_first:
+            remarks += (
+                "The image size seems to be given as height and width: the image centres are those "
+                f"of {height}x{width} px. Write the width first.",
+            )
         if error <= ROTATION_TOLERANCE:
             return remarks
         return (
