@@ -37,8 +37,8 @@ DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
 SMALLEST_EIGENVALUE = 1e-9
 """The least one of a correlation; a smaller one would make a combination of values exact."""
 CENTRED, OFF_CENTRE = 0.1, 0.2
-"""Largest distance of a principal point from the centre of its image that is usual, over the size of
-the image, and the least of one that is not."""
+"""Usual distance of a principal point from the centre of its image, over the size of the image, and
+the least of one that is not."""
 SIZE_FACTOR_TOLERANCE = 1.3
 """The principal point may be this many times the image centre, or one over it, before K counts as
 that of another image size."""
