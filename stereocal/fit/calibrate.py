@@ -13,6 +13,7 @@ from stereocal.fit.errors.held_out import fitted_to
 from stereocal.fit.free_distortion import better_held_out, lenses_with_distortion
 from stereocal.fit.joint_fit import NO_RIG, Start, joint_fit
 from stereocal.fit.least_squares.unknowns import RefineSettings, check_stated, of_some
+from stereocal.fit.readings.changing_focal import changing_focal
 from stereocal.fit.readings.diagnosis import camera_warnings, moved_in_words, refuse_poor_fit
 from stereocal.fit.readings.moving_cameras import LEAST_PX, moving_cameras
 from stereocal.fit.readings.wrong_inputs import (
@@ -86,7 +87,9 @@ def calibrate_rig(
         raise StereocalError(wrong)
     possible = check_inputs(rig.fit.recording, rig.fit, [*rig.pairs.fits.values()])
     swaying = moving_cameras(recording) if rig.fit.sigma_px > LEAST_PX else ""
-    warnings = [_misplaced(rig), *possible, *rig.warnings, rig.moved, swaying, _question(rig)]
+    focal = changing_focal(rig.fit, rig.fit.points.reshape(-1, 2, 3), lambda: rig.design_effect)
+    of_cameras = [focal, *camera_warnings(rig.fit, only_views=True)] if focal else rig.warnings
+    warnings = [_misplaced(rig), *possible, *of_cameras, rig.moved, swaying, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, warnings)), sha256=recording.sha256)
 
 

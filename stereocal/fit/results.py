@@ -1,7 +1,7 @@
 """The results of all methods on a data set, with the frames that were left out."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -40,6 +40,8 @@ class Calibration:
     """None if the refined method was not requested or failed."""
     out_of_step: bool = False
     """Whether a warning offers to solve for a time offset."""
+    focal_changes: bool = False
+    """Whether a warning says that a focal length changes with the distance: no input is accused."""
 
     @cached_property
     def held_out_frames(self) -> IntArray:
@@ -75,7 +77,8 @@ class Calibration:
     @property
     def inputs(self) -> list[Input]:
         """Which input values the images contradict; empty without a refined set."""
-        return [] if self.comparison is None else self.comparison.inputs
+        inputs = [] if self.comparison is None else self.comparison.inputs
+        return [replace(item, accused=False) for item in inputs] if self.focal_changes else inputs
 
     @property
     def noise_px(self) -> float | None:

@@ -23,7 +23,7 @@ from stereocal.system.array_types import IntArray
 from stereocal.system.records import of_plain, pack
 
 CALIBRATION_FORMAT = "stereocal-project/1"
-STORED = ("frames", "warnings", "methods", "out_of_step")
+STORED = ("frames", "warnings", "methods", "out_of_step", "focal_changes")
 LONGEST_TRACE = 50_000
 """Longer traces of a search are not stored: 2 million moves made a file of 183 MB."""
 _NO_SCREENING = {"left_out": (), "exchanged": (), "together": ""}
@@ -103,6 +103,7 @@ def unpack_calibration(
             methods={name: _method(data["methods"][name], name) for name in METHODS},
             warnings=of_plain(data["warnings"], tuple[str, ...]),
             out_of_step=data.get("out_of_step", False) is True,
+            focal_changes=data.get("focal_changes", False) is True,
         )
         if calibration.frames.ndim != 1:
             raise ValueError(calibration.frames)

@@ -96,7 +96,8 @@ def show_recommendation(answer: PairAnswer) -> None:
         st.error(escape_markdown(f"Do not rely on this result: {recommendation.caution}"))
     dataset = answer.run.calibration.dataset
     first, *others = (escape_markdown(as_held(s, dataset)) for s in recommendation.brief)
-    accused = any(item.accused for item in answer.run.inputs)
+    calibration = answer.run.calibration
+    accused = calibration.focal_changes or any(item.accused for item in answer.run.inputs)
     sound = recommendation.forecast_holds and not recommendation.caution and not accused
     doubted = recommendation.verdict is not None and not recommendation.forecast_holds
     show = st.warning if doubted else st.success if sound else st.info

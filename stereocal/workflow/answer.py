@@ -38,7 +38,8 @@ class PairAnswer:
         """Which file to use for what, and how good they are."""
         run, note = self.run, ""
         recommended = recommend(run.calibration, run.forecast, self.validation, run.no_forecast)
-        moved = moved_lengths(run.inputs) if run.forecast else ""
+        is_asked = run.forecast is not None and not run.calibration.focal_changes
+        moved = moved_lengths(run.inputs) if is_asked else ""
         if (evaluation := self.evaluation) is not None:
             note = note_on_splits(run.screening.dataset, evaluation.settings, evaluation.summaries)
         return replace(

@@ -27,6 +27,7 @@ from stereocal.fit.errors.misfit import Misfit, misfit_of
 from stereocal.fit.errors.stated_inputs import Input
 from stereocal.fit.errors.uncertainty import AccuracyMap, Plane, accuracy_map
 from stereocal.fit.least_squares.unknowns import RefineSettings, check_stated
+from stereocal.fit.readings.changing_focal import changing_focal_of_pair
 from stereocal.fit.readings.likely_cause import (
     claimed_offset,
     explain_failure,
@@ -142,20 +143,20 @@ class PairRun:
         results = dict(zip(METHODS, [start, *searched], strict=True))
         poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
         warnings += warnings_about_fit(chosen, screening, poor, offer)
-        refined = None
+        refined, focal = None, ""
         if self.refined is not None:
             self.progress("refined")
             try:
                 # Without an initial pose, as for a stored calibration: its files are the same.
                 refined = refine(chosen, screening.solved_for(self.refined, settings))
-                warnings += filter(None, [misplaced_target(refined)])
+                focal = "" if offer else changing_focal_of_pair(refined)
+                warnings += filter(None, [misplaced_target(refined), focal])
             except StereocalError as error:
                 warnings.append(f"There is no refined set: {error}")
         if refined is not None and (stretched := stretched_board(refined)):
             warnings.append(stretched)
-        return Calibration(
-            dataset, settings, screening, frames, results, tuple(warnings), refined, bool(offer)
-        )
+        of_all = dataset, settings, screening, frames, results, tuple(warnings), refined
+        return Calibration(*of_all, out_of_step=bool(offer), focal_changes=bool(focal))
 
     @step
     def forecast_or_reason(self) -> Forecast | str:

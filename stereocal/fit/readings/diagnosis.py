@@ -49,13 +49,18 @@ def refuse_poor_fit(rig: RigCalibration) -> None:
     raise StereocalError(f"The cameras do not fit together: {seen}. {cause}")
 
 
-def camera_warnings(fit: RobustFit) -> list[str]:
-    """What to check, of a joint fit that has ended."""
+def camera_warnings(fit: RobustFit, only_views: bool = False) -> list[str]:
+    """What to check, of a joint fit that has ended.
+
+    Args:
+        only_views: without lenses and baselines that the images contradict.
+    """
     beyond = filter(None, [beyond_in_words(fit.recording.beyond_view)])
     if not fit.is_determined:
         return [*beyond]
     heads = heads_in_words(fit.poses, [*fit.recording.cameras])
-    return [*beyond, *heads, *_lens_warnings(fit), *_baseline_warnings(fit)]
+    contradicted = [] if only_views else [*_lens_warnings(fit), *_baseline_warnings(fit)]
+    return [*beyond, *heads, *contradicted]
 
 
 def _baseline_warnings(fit: RobustFit) -> list[str]:
