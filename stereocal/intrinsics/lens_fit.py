@@ -31,7 +31,9 @@ LEVEL = 0.07
 """Relative difference of the errors of two lens models below which they count as equal. Of 620
 simulated usual lenses with 8 to 20 boards, a fisheye was better by up to 5.4 % on both halves, and
 by up to 12 % on all boards together."""
-CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 1000, 1e-12)
+"""Of fits of wide lenses (100 degrees, 7 boards) 5 % had not ended after 100 steps, most of them
+with more than 1.1 times the least error; all had after 300."""
 
 
 @dataclass(frozen=True)
