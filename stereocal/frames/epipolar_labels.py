@@ -186,9 +186,11 @@ def both_ways(primary: FloatArray, secondary: FloatArray) -> FloatArray:
     return np.stack([np.concatenate([primary, way], axis=2) for way in ways])
 
 
-def fitting_poses(rays: FloatArray, rng: np.random.Generator) -> list[Pose]:
-    """Poses that fit most frames of `both_ways`, in either labelling of each."""
-    poses = (_refined(E, rays) for E in _samples(rays, rng))
+def fitting_poses(
+    rays: FloatArray, rng: np.random.Generator, samples: int = SAMPLES, most: int = REFINED
+) -> list[Pose]:
+    """At most so many poses that fit most frames of `both_ways`, in either labelling of each."""
+    poses = (refined_pose(E, rays) for E in _samples(rays, rng, samples)[:most])
     return [pose for pose in poses if pose is not None]
 
 
@@ -201,13 +203,13 @@ def frame_focal_px(cameras: Sequence[Camera], rays: Sequence[FloatArray]) -> Flo
     return np.asarray(np.concatenate(focal_px, axis=1).mean(axis=1))
 
 
-def _samples(rays: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
+def _samples(rays: FloatArray, rng: np.random.Generator, samples: int) -> list[FloatArray]:
     """Essential matrices of the samples with the least median residual, best first."""
     frames = rays.shape[1]
     scored = rays[:, rng.permutation(frames)[:MAXIMUM_SCORED]]
     matrices = []
     ways = [np.array(way) for way in itertools.product((0, 1), repeat=SAMPLED_FRAMES)]
-    for _ in range(SAMPLES):
+    for _ in range(samples):
         chosen = rng.permutation(frames)[:SAMPLED_FRAMES]
         matrices += [
             linear_essential(contiguous(rays[way, chosen].reshape(-1, 4).T)) for way in ways
@@ -215,10 +217,10 @@ def _samples(rays: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
     sampled = np.array([E for E in matrices if np.isfinite(E).all()]).reshape(-1, 3, 3)
     # All at once, which takes a tenth of the time.
     medians = np.median(distances(sampled, scored).min(axis=-2), axis=-1)
-    return list(sampled[np.argsort(medians, kind="stable")[:REFINED]])
+    return list(sampled[np.argsort(medians, kind="stable")])
 
 
-def _refined(E: FloatArray, rays: FloatArray) -> Pose | None:
+def refined_pose(E: FloatArray, rays: FloatArray) -> Pose | None:
     """The pose fitted to the best-fitting frames and labels, as in least trimmed squares until the
     selection no longer changes; None if undetermined."""
     frames = rays.shape[1]

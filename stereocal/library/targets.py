@@ -19,7 +19,7 @@ from stereocal.frames.all_cameras import Found, pair_folders
 from stereocal.frames.frame import Frame, correspondences_of, report_line
 from stereocal.frames.pairing import Pairing
 from stereocal.frames.proposal import Choice, Way, propose
-from stereocal.frames.slips import find_slip
+from stereocal.frames.slips import find_slips
 from stereocal.intrinsics.held_object import held_object
 from stereocal.intrinsics.photograph_search import PhotographSearch
 from stereocal.intrinsics.proposed_board import ProposedBoard, proposed_board
@@ -154,8 +154,8 @@ class DataSetSearch:
             targets = search.run(self.workers, begin, progress, tell=self.tell)
         if targets.frames and not targets.pairing.motion:
             first, second = targets.cameras.values()
-            if (slip := find_slip(targets.frames, (first, second))) is not None:
-                words = f"{slip} Take it out of the folder, and find the targets again."
+            if (slips := find_slips(targets.frames, (first, second))) is not None:
+                words = f"{slips} Take {slips.it} out of the folder, and find the targets again."
                 if not any(frame.use for frame in targets.frames):
                     raise StereocalError(f"{self.path}: {words}")
                 self.tell(words)

@@ -17,10 +17,10 @@ from stereocal.frames.decided_pairs import (
     with_new,
 )
 from stereocal.frames.frame import Frame, correspondences_of, pack_frames, unpack_frames
-from stereocal.frames.pairing import Alone, Pairing, moments_of
+from stereocal.frames.pairing import Pairing, moments_of
 from stereocal.frames.proposal import Choice, Proposal, propose
 from stereocal.frames.search import keep_corrections
-from stereocal.frames.slips import find_slip
+from stereocal.frames.slips import Slips, find_slips
 from stereocal.projects.contents import BAR
 from stereocal.projects.database import DamagedError, DiskFullError
 from stereocal.projects.files import StoredFile
@@ -230,9 +230,9 @@ class ProjectPhotographs(ProjectPart):
         return None if content is None else unpack_frames(content) or None
 
     @property
-    def slip(self) -> Alone | None:
-        """The photograph without a partner by the targets found, if the present pairs were
-        searched and it makes them fit to leave it out."""
+    def slips(self) -> Slips | None:
+        """The photographs without a partner by the targets found, if the present pairs were
+        searched and it makes them fit to leave these out."""
         frames, pairs = self.frames or [], [row.pair for row in self.rows if row.use]
         first, second = self.project.cameras
         by_hand = self.proposal.way == "motion"
@@ -241,7 +241,7 @@ class ProjectPhotographs(ProjectPart):
         if any(f.files != (p.primary, p.secondary) for f, p in zip(frames, pairs, strict=True)):
             return None  # paired again since
         key = repr((frames, first.to_json(), second.to_json()))
-        return once("slip of photographs", key, lambda: find_slip(frames, (first, second)))
+        return once("slips of photographs", key, lambda: find_slips(frames, (first, second)))
 
     @property
     def found_in(self) -> Parts:

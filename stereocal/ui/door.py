@@ -110,8 +110,8 @@ def _show_state(project_files: ProjectGiven, used: Sequence[str]) -> None:
     st.caption(f"In use: {escape_markdown(', '.join(used))}")
     if project_files.of_more_than_two or project_files.is_undivided:
         return
-    slip = readable(lambda: ProjectPhotographs(project).slip, warn=False)
-    if slip is None and (missing := missing_of(project)):  # else it is said with the photographs
+    slips = readable(lambda: ProjectPhotographs(project).slips, warn=False)
+    if slips is None and (missing := missing_of(project)):  # else it is said with the photographs
         st.warning(f"Still missing: {missing}.")
     if not all(readable(lambda: project.cameras) or ()) and not holds_board(project):
         st.page_link("pages/cameras.py", label="No camera files? Make them from a board")

@@ -13,6 +13,7 @@ import streamlit as st
 from stereocal.frames.decided_pairs import PairRow
 from stereocal.frames.pairing import Alone, PhotographPair, short_names
 from stereocal.frames.proposal import Proposal, Way
+from stereocal.frames.slips import Slips
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.review import thumbnail
 from stereocal.rig.camera import CAMERAS
@@ -43,8 +44,8 @@ def show_pairing(store: ProjectPhotographs, search: Callable[[], object]) -> Non
     st.session_state.setdefault(ROUND, 0)
     proposal = store.proposal
     pairing = proposal.pairing
-    if slip := readable(lambda: store.slip, warn=False):
-        _show_found_slip(store, slip, search)
+    if slips := readable(lambda: store.slips, warn=False):
+        _show_found_slips(store, slips, search)
     else:
         sentence = f"{count(len(store.photographs), 'photograph')}. {pairing.sentence}"
         (st.success if pairing.complete else st.warning)(escape_markdown(sentence))
@@ -126,18 +127,20 @@ def _show_slips(store: ProjectPhotographs, proposal: Proposal) -> None:
                 button(label, f"pair_back_{name}", _change, store.choose, restored, icon="undo")
 
 
-def _show_found_slip(store: ProjectPhotographs, slip: Alone, search: Callable[[], object]) -> None:
-    """A photograph without a partner by the targets found, to be left out by one press, after which
+def _show_found_slips(
+    store: ProjectPhotographs, slips: Slips, search: Callable[[], object]
+) -> None:
+    """Photographs without a partner by the targets found, to be left out by one press, after which
     the targets are told apart again."""
     choice = store.choice
-    without = replace(choice, way="order", without=(*choice.without, slip.name))
-    label = f"Leave {escape_markdown(short_names([slip.name])[0])} out"
+    without = replace(choice, way="order", without=(*choice.without, *slips.all))
+    label = f"Leave {slips.it} out"
 
     def mend() -> None:
         _change(store.choose, without)
         search()
 
-    words = f"{count(len(store.photographs), 'photograph')}, paired in order. {slip}"
+    words = f"{count(len(store.photographs), 'photograph')}, paired in order. {slips}"
     show_with_button("warning", words, label, "pair_mend_found", mend, first=True)
 
 

@@ -107,7 +107,7 @@ def _targets(
         return
     tell_changed(store, work)
     # Those of wrong pairs all say the same.
-    if any(frame.use for frame in frames) or not readable(lambda: store.slip, warn=False):
+    if any(frame.use for frame in frames) or not readable(lambda: store.slips, warn=False):
         show_frames(store, frames, running)
 
 

@@ -157,6 +157,23 @@ def test_ordinary_names_are_paired_by_the_times_of_the_files(
     assert "4 pairs in order" in capsys.readouterr().err
 
 
+def test_photographs_without_a_partner_by_the_targets_are_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The secondary did not take the third and the tenth."""
+    bars = bar_set(16)
+    names = {f"primary/left{k}.png": f"primary/IMG_{1000 + k}.png" for k in range(1, 17)}
+    names |= {f"secondary/right{k}.png": f"secondary/DSC_{200 + k}.png" for k in range(1, 17)}
+    taken = {names[old]: content for old, content in bars.files().items()}
+    del taken["secondary/DSC_203.png"], taken["secondary/DSC_210.png"]
+    write(bars.described | taken, tmp_path)
+    out = tmp_path / "correspondences.csv"
+    assert main(["detect", str(tmp_path), "--pair-by", "order", "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    words = "The secondary camera has no photograph for IMG_1003 and IMG_1010. Without them, "
+    assert said.count(words) == 1 and "Take them out of the folder" in said and not out.exists()
+
+
 pytest.importorskip("av")
 
 

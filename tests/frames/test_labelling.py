@@ -2,6 +2,7 @@
 which photograph has no partner."""
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,7 @@ from stereocal.frames.epipolar_labels import FrameLabels, decide_labels
 from stereocal.frames.frame import Frame
 from stereocal.frames.labelling import label_frames
 from stereocal.frames.pairing import PhotographPair
-from stereocal.frames.slips import find_slip
+from stereocal.frames.slips import find_slips
 from stereocal.system.array_types import FloatArray
 from tests.further import further
 from tests.rigs import known_rig as rig
@@ -84,57 +85,88 @@ def test_a_bar_along_the_epipolar_lines_is_told_by_its_length() -> None:
 
 
 def in_order(
-    lost: tuple[int, int] | None, noise_px: float = 0.3, unseen: tuple[int, ...] = ()
+    lost: tuple[Sequence[int], Sequence[int]],
+    noise_px: float = 0.3,
+    unseen: tuple[int, ...] = (),
+    frames: int = FRAMES,
 ) -> list[Frame]:
     """The frames of photographs paired in order.
 
     Args:
-        lost: the camera and the number of the photograph that was not taken.
+        lost: of both cameras the numbers of the photographs that were not taken.
         unseen: photographs of both cameras without targets.
     """
-    names = [[f"{camera}_{i}" for i in range(FRAMES)] for camera in ("IMG", "DSC")]
+    names = [[f"{camera}_{i}" for i in range(frames)] for camera in ("IMG", "DSC")]
     found = {
         name: sighting(one)
-        for own, images in zip(names, bars(FRAMES, noise_px), strict=True)
+        for own, images in zip(names, bars(frames, noise_px), strict=True)
         for name, one in zip(own, images, strict=True)
     }
-    if lost is not None:
-        names[lost[0]].pop(lost[1])
-    pairs = [PhotographPair(i, *both) for i, both in enumerate(zip(*names, strict=False), start=1)]
-    frames = label_frames(pairs, found, CAMERAS, BAR)
+    left = [
+        [name for i, name in enumerate(own) if i not in gone]
+        for own, gone in zip(names, lost, strict=True)
+    ]
+    pairs = [PhotographPair(i, *both) for i, both in enumerate(zip(*left, strict=False), start=1)]
+    labelled_frames = label_frames(pairs, found, CAMERAS, BAR)
     none = ((None, None), (None, None))
-    return [Frame(f.frame, f.files, none, "refused") if f.frame in unseen else f for f in frames]
+    return [
+        Frame(f.frame, f.files, none, "refused") if f.frame in unseen else f
+        for f in labelled_frames
+    ]
 
 
 @pytest.mark.parametrize(
-    ("camera", "at"), [(0, 0), (1, 4), (0, 15), *further((1, 0), (0, 4), (0, 10), (1, 10), (1, 15))]
+    ("first", "second"),
+    [
+        ((), (4,)),
+        ((0,), ()),
+        ((), (5, 12)),
+        ((4,), (15,)),
+        *further(((15,), ()), ((), (0,)), ((4,), ()), ((), (15,)), ((0, 1), ()), ((), (5, 12, 16))),
+    ],
 )
-def test_the_photograph_without_a_partner_is_named(camera: int, at: int) -> None:
-    """Of 75 recordings of 14 to 30 photographs, with noise of 0.05, 0.3 or 1 px, 74 were
-    named right and one was left undecided; none of 75 sound ones was accused.
-    Of 40 in which the bar moves on by 15 cm only from frame to frame, 16 were named right, none
-    wrong."""
-    slip = find_slip(in_order((camera, at)), CAMERAS)
-    assert slip is not None
-    assert (slip.name, slip.camera) == (f"{('DSC', 'IMG')[camera]}_{at}", 1 - camera)
-    assert slip.name in str(slip)
+def test_the_photographs_without_a_partner_are_named(
+    first: tuple[int, ...], second: tuple[int, ...]
+) -> None:
+    """Of 146 recordings of 24 drawn photographs with one to three missing, 94 were named wholly, 26
+    but for those of the end, and none wrongly: what is missing there, or within five photographs in
+    both cameras, cannot be told. Of 32 in which the bar moves on by 15 cm only, 11 and 2, none
+    wrongly. A recording took 0.3 s, at most 2."""
+    slips = find_slips(in_order((first, second), frames=24), CAMERAS)
+    assert slips is not None
+    assert slips.names == (tuple(f"IMG_{i}" for i in second), tuple(f"DSC_{i}" for i in first))
+
+
+def test_photographs_without_a_partner_are_one_sentence() -> None:
+    slips = find_slips(in_order(((17,), (4, 10)), frames=30), CAMERAS)
+    assert str(slips).startswith(
+        "The secondary camera has no photograph for IMG_4 and IMG_10; the primary camera has no "
+        "photograph for DSC_17. Without them, and with the others paired in order, the targets of 2"
+    )
 
 
 def test_photographs_without_targets_do_no_harm() -> None:
-    slip = find_slip(in_order((1, 8), unseen=(3, 12, 15)), CAMERAS)
-    assert slip is not None and slip.name == "IMG_8"
+    slips = find_slips(in_order(((), (8,)), unseen=(3, 12, 15)), CAMERAS)
+    assert slips is not None and slips.all == ("IMG_8",)
+
+
+def test_a_bar_that_stands_still_names_no_photograph() -> None:
+    frames = in_order(((), (3, 9)), noise_px=0.05)
+    held = [Frame(f.frame, f.files, frames[0].centres, "doubtful") for f in frames]
+    assert find_slips(held, CAMERAS) is None
+    assert find_slips(in_order(((), (17,))), CAMERAS) is None  # two frames only would tell
 
 
 def test_sound_pairs_and_single_wrong_frames_are_no_slip() -> None:
-    frames = in_order(None)
-    assert find_slip(frames, CAMERAS) is None
+    frames = in_order(((), ()))
+    assert find_slips(frames, CAMERAS) is None
     rng = np.random.default_rng(1)
     for at in rng.permutation(FRAMES)[:5]:
         a, b = frames[at].centres[0]
         assert a is not None and b is not None
         moved = frames[at].moved(0, 0, type(a)(a.u + 90.0, a.v + 70.0))
         frames[at] = Frame(moved.frame, moved.files, moved.centres, "doubtful")
-    assert find_slip(frames, CAMERAS) is None
+    assert find_slips(frames, CAMERAS) is None
 
 
 BOARD_NOISE_PX = 0.05

@@ -49,14 +49,14 @@ def png(image: GreyImage, seconds: float | None) -> bytes:
     return packed.getvalue()
 
 
-def stored(home: Path, frames: int, lost: int, timed: bool) -> ProjectPhotographs:
-    """A project with photographs of the bar; the secondary camera did not take one."""
+def stored(home: Path, frames: int, *lost: int, timed: bool) -> ProjectPhotographs:
+    """A project with photographs of the bar; the secondary camera did not take some."""
     bars, store = bar_set(frames), ProjectPhotographs(Project.create(home))
     moments = 1.7e9 + np.cumsum(np.random.default_rng(1).lognormal(2.5, 0.7, frames))
     files = {}
     for camera, (pattern, first) in enumerate(zip(NAMES, FIRST, strict=True)):
         for i, pair in enumerate(bars.pairs):
-            if (camera, i) != (1, lost):
+            if camera == 0 or i not in lost:
                 seconds = float(moments[i]) + 12.4 * camera if timed else None
                 name = pattern.format(first + i)
                 files[name] = store.keep(name, png((pair.primary, pair.secondary)[camera], seconds))
@@ -74,8 +74,8 @@ def twos(store: ProjectPhotographs) -> list[tuple[int, int]]:
     ]
 
 
-def without(frames: int, lost: int) -> Sequence[tuple[int, int]]:
-    return [(i, i) for i in range(frames) if i != lost]
+def without(frames: int, *lost: int) -> Sequence[tuple[int, int]]:
+    return [(i, i) for i in range(frames) if i not in lost]
 
 
 def test_by_time_and_a_slip_in_order_is_mended_by_one_press(home: Path) -> None:
@@ -104,26 +104,29 @@ def test_by_time_and_a_slip_in_order_is_mended_by_one_press(home: Path) -> None:
     assert twos(store) == without(7, 2)
 
 
-def test_without_times_a_slip_is_seen_by_the_targets(home: Path) -> None:
-    store = stored(home, 16, 5, timed=False)
+@pytest.mark.parametrize("lost", [(5,), (2, 9)])
+def test_without_times_slips_are_seen_by_the_targets(lost: tuple[int, ...], home: Path) -> None:
+    store = stored(home, 16, *lost, timed=False)
     app = page_of(store.project, "data")
-    assert "15 pairs in order" in messages(app)
+    pairs = 16 - len(lost)
+    assert f"{pairs} pairs in order" in messages(app)
     assert not [each for each in app.button if each.key == "pair_clear"]  # they are not the same
     run_job(app, "find_targets", store.project, "photographs")
-    assert "IMG_1006 has no partner" in messages(app)
+    names = " and ".join(f"IMG_{FIRST[0] + i}" for i in lost)
+    assert f"The secondary camera has no photograph for {names}." in messages(app)
     assert "press *Find the targets*" not in told(app, "warning")  # they were searched for
     assert messages(app).count("No target is seen by both cameras") <= 1
     assert "lies along the epipolar lines" not in messages(app) + told(app, "caption")
     assert len(app.warning) == 1 and "frames" not in told(app, "info", "caption")
-    # The press shows the frames of the right pairs, and searches the one photograph that was in no
+    # The press shows the frames of the right pairs, and searches those photographs that were in no
     # pair before.
     with patch.object(search, "detect_targets", wraps=detect_targets) as searched:
         app.button(key="pair_mend_found").click().run()
         ended(store.project, "photographs")
         app.run()
-    assert twos(store) == without(16, 5) and searched.call_count == 1
-    assert store.frames and sum(frame.use for frame in store.frames) == 15
-    assert "IMG_1006 has no partner" not in messages(app) and "15 are used" in messages(app)
+    assert twos(store) == without(16, *lost) and searched.call_count == len(lost)
+    assert store.frames and sum(frame.use for frame in store.frames) == pairs
+    assert "no photograph for" not in messages(app) and f"{pairs} are used" in messages(app)
 
 
 def test_edited_pairs_return_with_the_way_before(home: Path) -> None:
