@@ -64,7 +64,7 @@ def _of_workbook(content: bytes, source: str) -> bytes:
     except ImportError as error:
         raise StereocalError(
             f"{source}: this is an Excel file. To read it, the package openpyxl is needed, which "
-            'is not installed: pip install "stereocal[excel]", or save the table as CSV.'
+            "is not installed: pip install openpyxl, or save the table as CSV."
         ) from error
     limits = Limits.from_environment()
     limits.check_size(len(content), source)

@@ -265,5 +265,5 @@ class TestExcel:
         with refused("t.xlsx", "STEREOCAL_MOST_RATIO"):
             point_text(packed.getvalue(), "t.xlsx")
         monkeypatch.setitem(sys.modules, "openpyxl", None)
-        with refused("t.xlsx", "stereocal[excel]", "CSV"):
+        with refused("t.xlsx", "pip install openpyxl", "CSV"):
             point_text(content, "t.xlsx")
