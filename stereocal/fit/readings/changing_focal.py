@@ -165,4 +165,4 @@ def _distances(fit: RobustFit, points_m: FloatArray, number: int) -> FloatArray:
     away = np.linalg.norm(fit.poses[number].apply(points_m.reshape(-1, 3)), axis=1)
     sums = fit.by_frame(np.where(seen, away.reshape(-1, 2), 0.0).sum(axis=1))
     counts = fit.by_frame(seen.sum(axis=1))
-    return np.divide(sums, counts, np.full(len(sums), np.nan), where=counts > 0)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
