@@ -7,6 +7,7 @@ from stereocal.commands.options import finish, questions
 from stereocal.errors import naming
 from stereocal.figures.html import html_page, html_plot
 from stereocal.figures.started_by_hand import describe_offsets, plot_offsets
+from stereocal.fit.readings.lost_frames import lost_in_step
 from stereocal.fit.timing.started_by_hand import bring_into_step
 from stereocal.formats.dataset_files import pack_recording, read_recording
 
@@ -23,7 +24,8 @@ def run(parsed: argparse.Namespace) -> None:
     counted = read_recording(parsed.dataset, parsed.lens_model, as_counted=True)
     with naming(str(parsed.dataset)):
         in_step = bring_into_step(counted)
-    notes = in_step.recording.step_notes
+        lost = lost_in_step(in_step.recording)
+    notes = [*in_step.recording.step_notes, *filter(None, [lost])]
     plots = {
         "-".join(pair): html_plot(plot_offsets(offset), describe_offsets(offset))
         for pair, offset in in_step.pairs.items()

@@ -1,15 +1,19 @@
 """Cameras that counted their own frames: their offset is found, or it is said to be open."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from stereocal.cli import main
+from stereocal.fit.readings.lost_frames import lost_in_step
 from stereocal.fit.timing.offset_of_pair import offset_of_pair
 from stereocal.fit.timing.started_by_hand import bring_into_step
-from stereocal.formats.dataset_files import read_recording
+from stereocal.formats.dataset_files import pack_recording, read_recording
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.frame_rates import at_slowest
 from stereocal.rig.recording import Recording
@@ -75,6 +79,56 @@ def test_frames_near_2_to_the_53_keep_their_parts() -> None:
     )
     np.testing.assert_array_equal(far.frame, near.frame + 2**52 - 900)
     np.testing.assert_allclose(far.points, near.points, atol=1e-9)
+
+
+def _lost(recording: Recording, name: str, at: int, ahead: int) -> Recording:
+    """A camera's count from a frame on is ahead, as of frames that it lost, or behind."""
+    mine = recording.camera == [*recording.cameras].index(name)
+    lost = mine & (recording.frame >= at) & (recording.frame < at + ahead)
+    frame = np.where(mine & (recording.frame >= at), recording.frame - ahead, recording.frame)
+    return replace(recording, frame=frame).where(~lost)
+
+
+@pytest.mark.parametrize(("at", "ahead"), [(384, 1), *further((339, -2), (421, 1))])
+def test_frames_lost_by_one_of_two_cameras_are_named(at: int, ahead: int) -> None:
+    """By its own count, with the first frame from there on that both see, at most 2 later; 12 of 12
+    were named in four windows, and in none of these as they are."""
+    window = _real().of_cameras(PAIR)
+    window = window.where(np.isin(window.frame, np.unique(window.frame[window.frame >= 300])[:150]))
+    counted = _lost(window, "2", at, ahead).counted_from({"2": -40})
+    told = lost_in_step(bring_into_step(counted).recording)
+    own = at - 40 + max(-ahead, 0)
+    named = re.match(r"From frame (\d+) on camera 2 seems to be (\d) frames? (ahead|behind)", told)
+    assert named and 0 <= int(named[1]) - own <= 2
+    assert named.groups()[1:] == (str(abs(ahead)), "ahead" if ahead > 0 else "behind")
+    assert lost_in_step(bring_into_step(window.counted_from({"2": -40})).recording) == ""
+
+
+def test_of_three_cameras_it_is_said_which_lost_frames() -> None:
+    window = _real().where((_real().frame >= 300) & (_real().frame < 450))
+    counted = _lost(window, "1", 410, 1).counted_from({"3": -40})
+    told = lost_in_step(bring_into_step(counted).recording)
+    assert told.startswith("From frame 410 on camera 1 seems to be 1 frame ahead of the others")
+
+
+def test_pairs_that_contradict_each_other_by_lost_frames_name_them() -> None:
+    """Of camera 3 either part was taken: "contradict each other by 0.67 frames" was said."""
+    window = _real().where((_real().frame >= 300) & (_real().frame < 450))
+    with refused("From frame 345 on camera 3 seems to be 2 frames behind the others: it has 2"):
+        bring_into_step(_lost(window, "3", 376, -2).counted_from({"3": -40}))
+
+
+def test_sync_names_the_frame_that_a_camera_has_twice(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Frame 60 of the first is frame 43 of the second by its own count."""
+    read = read_recording(Path(__file__).parents[1] / "cases" / "frame_dropped" / "dup1")
+    counted = replace(read.counted_from({"secondary": -17}), own_frames=True)
+    for name, content in pack_recording(counted).items():
+        (tmp_path / name).write_bytes(content)
+    assert main(["sync", str(tmp_path), "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().out
+    assert "From frame 43 on the secondary camera seems to be 1 frame behind the primary" in told
 
 
 def _later(recording: Recording, part: float) -> Recording:

@@ -8,10 +8,11 @@ import numpy as np
 
 from stereocal.calibration.corrections import with_files, with_frames
 from stereocal.calibration.mistakes import CORRECT_FROM, FEWEST_TO_SHIFT, SHIFTS
-from stereocal.calibration.reading import Group, Row, Way
+from stereocal.calibration.reading import Group, Reading, Row, Way, readings_of
 from stereocal.errors import StereocalError
 from stereocal.fit.readings.noise_left import fewer_points, fit_of_pair
 from stereocal.fit.refined_result import RefinedResult
+from stereocal.fit.start.pairs import pairs_worth_a_fit
 from stereocal.rig.camera import camera_in_words, pixel_scales
 from stereocal.rig.geometry import reprojection_errors_of_rays, stack_rays
 from stereocal.rig.recording import CameraPair, Recording
@@ -55,7 +56,7 @@ class _Step(NamedTuple):
     """A step of a count."""
 
     error: float
-    """Sum of the errors that are left, over the largest."""
+    """Sum of the squares of the errors that are left, over the largest."""
     place: int
     """Of its first frame."""
     ahead: int
@@ -77,7 +78,9 @@ def _steps(
     fitted = with_files(two, dict(zip(pair, (fit.primary, fit.secondary), strict=True)))
     rays = fitted.images(fitted.rays)
     limit_px = max(FITTING * fit.sigma_px.value, LEAST_FITTING_PX)
-    errors = {ahead: _errors(rays, fit, common, ahead, limit_px) for ahead in (0, *SHIFTS)}
+    # Squares, so that noise hardly counts where the step is near one end.
+    counts = (0, *SHIFTS)
+    errors = {ahead: np.square(_errors(rays, fit, common, ahead, limit_px)) for ahead in counts}
     at_one_count = min(float(of_count.sum()) for of_count in errors.values())
     for ahead in SHIFTS:
         for is_before, before, after in (
@@ -146,3 +149,22 @@ LOST = Row(
     "bars and wands",
     least_gain=2.0,
 )
+
+
+def lost_in_step(recording: Recording) -> str:
+    """Which camera of a recording that was brought into step lost frames, or has some twice, from
+    which of its own frames on; empty if none did.
+
+    Of three cameras and more it is the one that shows it with most others, two at least.
+    """
+    names, readings = [*recording.cameras], dict[str, list[Reading]]()
+    for pair in pairs_worth_a_fit(recording):
+        for group in (Group((pair[1],), pair), Group((pair[0],), pair[::-1]))[: len(names) - 1]:
+            few = readings.setdefault(group.names[0], [])
+            few += readings_of(recording, [LOST], [group], names)
+    camera = max(readings, key=lambda name: len(readings[name]), default="")
+    if not camera or len(readings[camera]) < min(len(names) - 1, 2):
+        return ""
+    words = readings[camera][0].words
+    own = int(words["from"]) - recording.start_frames.get(camera, 0)
+    return f"{LOST.claim.format_map({**words, 'from': own})}. {LOST.remedy}"

@@ -12,7 +12,8 @@ import pandas as pd
 
 from stereocal.calibration.corrections import with_targets
 from stereocal.errors import StereocalError
-from stereocal.fit.start.pairs import reached
+from stereocal.fit.readings.lost_frames import lost_in_step
+from stereocal.fit.start.pairs import groups_of, reached
 from stereocal.fit.timing.offset_of_pair import OffsetOfPair, exact, in_frames, offset_of_pair
 from stereocal.rig.frame_rates import at_slowest
 from stereocal.rig.recording import CameraPair, Recording
@@ -106,22 +107,43 @@ def bring_into_step(
         pair: replace(offset.measured, frames=offset.part) for pair, offset in of_pairs.items()
     }
     origins = {pair: offset.origin for pair, offset in of_pairs.items()}
-    starts, covariance = _closed(names, measured, origins)
+    try:
+        starts, covariance = _closed(names, measured, origins)
+    except StereocalError as error:
+        few = dict[CameraPair, MeasuredOffset]()
+        for pair, offset in measured.items():  # as many as connect the cameras: they agree
+            if not any({*pair} <= {*group} for group in groups_of(names, few).values()):
+                few[pair] = offset
+        by_few = _counted(recording, _closed(names, few, origins)[0])
+        raise StereocalError(lost_in_step(by_few) or str(error)) from error
     errors = np.sqrt(np.diag(covariance)).tolist()
     begin = recording.first_frames
     more = {name: begin[names[0]] - frame for name, frame in begin.items()}
     near_0 = dict(zip(names, starts.tolist(), strict=True))
-    whole = {name: round(value) + more[name] for name, value in near_0.items()}
     late = {name: value - round(value) for name, value in near_0.items()}
     values = (value + more[name] for name, value in near_0.items())
     offsets = dict(zip(names, zip(values, errors, strict=True), strict=True))
     in_order = _in_order(names, of_pairs, orders) if orders else {}
-    counted = replace(recording.counted_from(whole), start_frames=whole)
+    counted = _counted(recording, starts)
     for name, order in in_order.items():
         counted = with_targets(counted, name, order)
     brought = BroughtIntoStep(counted, offsets, of_pairs, in_order, late)
     notes = (*recording.step_notes, *brought.answer)
     return replace(brought, recording=replace(counted, step_notes=notes))
+
+
+def _counted(recording: Recording, starts: FloatArray) -> Recording:
+    """The recording with one count of frames, that of the first camera.
+
+    Args:
+        starts: (c,): by how much later each camera began to see what is held.
+    """
+    begin = [*recording.first_frames.values()]
+    whole = {
+        name: round(start) + begin[0] - first
+        for name, start, first in zip(recording.cameras, starts.tolist(), begin, strict=True)
+    }
+    return replace(recording.counted_from(whole), start_frames=whole)
 
 
 def _in_order(
