@@ -94,11 +94,12 @@ class RigCheck:
 
     @property
     def notes(self) -> list[str]:
-        """What each pair says, and which could not be checked."""
+        """What each pair says of new images, and which could not be checked."""
         notes = [
             f"{pair_name(pair)}: "
             + (check_words.what_changed(check) if check.changed else check_words.sentence(check))
             for pair, check in self.pairs.items()
+            if not check.images.own  # said once, by the sentence
         ]
         if self.verdict == "moved":
             notes.append("Calibrate the rig again, with bars recorded since.")
