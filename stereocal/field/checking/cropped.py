@@ -13,7 +13,6 @@ from scipy.optimize import least_squares
 from stereocal.errors import StereocalError
 from stereocal.field.checking.new_images import NewImages
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.geometry import sampson, stack_rays, triangulate_rays
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
 
@@ -29,19 +28,13 @@ def uncropped(images: NewImages, rig: Rig) -> Iterator[NewImages]:
     """The images of bars as they would be if those of one camera, or of both alike, had been
     cropped, with what was cut off noted; none where that is next to nothing."""
     rows = images.dataset.correspondences
-    seen = (rig.primary, rows.primary), (rig.secondary, rows.secondary)
-    focal_px = float(np.mean([camera.K[0, 0] for camera, _ in seen]))
+    pixels = rows.primary, rows.secondary
 
     def misfits(cut_px: FloatArray, is_cropped: tuple[bool, bool]) -> FloatArray:
-        rays = stack_rays(
-            *(
-                camera.undistort(px + cut_px * of)
-                for (camera, px), of in zip(seen, is_cropped, strict=True)
-            )
-        )
-        ends = triangulate_rays(rig.pose.R, rig.pose.T, rays)[rows.bars]
+        primary, secondary = (px + cut_px * of for px, of in zip(pixels, is_cropped, strict=True))
+        ends = rig.reconstruct(primary, secondary)[rows.bars]
         lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / images.dataset.bar_distances_m
-        off_px = focal_px * sampson(rig.pose.essential, rays.T)
+        off_px = rig.epipolar_errors(primary, secondary)
         off = np.append(off_px, (lengths - 1.0) / LENGTH_SPREAD)
         return np.asarray(np.nan_to_num(off, nan=LARGE))
 
