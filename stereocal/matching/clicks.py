@@ -182,9 +182,9 @@ class ClickMeasure:
     def measured(self, clicks: Clicks, settled: Settled) -> "MeasuredClicks":
         """What the points measure that two cameras or more have."""
         tables, timing = self._in_step(clicks)
-        keys, pixels = points_of_names(tables, self.matching.placed)
+        keys, columns = points_of_names(tables, self.matching.placed, (*POINT, "origin", "since"))
         places = [Place(track, int(frame)) for frame, track in keys]
-        _, shared = points_of_names(tables, self.matching.placed, ("origin", "since"))
+        pixels, shared = columns[..., :2], columns[..., 2:]
         return MeasuredClicks(self, settled, places, pixels, shared, timing)
 
     def _in_step(self, clicks: Clicks) -> tuple[dict[str, pd.DataFrame], str]:
