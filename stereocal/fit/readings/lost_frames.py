@@ -1,6 +1,7 @@
 """Frames that one camera lost, or has twice: from there on its count is ahead, or behind."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -165,6 +166,7 @@ def lost_in_step(recording: Recording) -> str:
     camera = max(readings, key=lambda name: len(readings[name]), default="")
     if not camera or len(readings[camera]) < min(len(names) - 1, 2):
         return ""
-    words = readings[camera][0].words
-    own = int(words["from"]) - recording.start_frames.get(camera, 0)
-    return f"{LOST.claim.format_map({**words, 'from': own})}. {LOST.remedy}"
+    reading = readings[camera][0]
+    first = int(reading.words["from"]) - recording.start_frames.get(camera, 0)
+    by_its_count = replace(reading, words={**reading.words, "from": f"{first}"})
+    return f"{by_its_count.claim}. {by_its_count.remedy}"
