@@ -14,7 +14,12 @@ from stereocal.fit.free_distortion import better_held_out, lenses_with_distortio
 from stereocal.fit.joint_fit import NO_RIG, Start, joint_fit
 from stereocal.fit.least_squares.unknowns import RefineSettings, check_stated, of_some
 from stereocal.fit.readings.changing_focal import changing_focal
-from stereocal.fit.readings.diagnosis import camera_warnings, moved_in_words, refuse_poor_fit
+from stereocal.fit.readings.diagnosis import (
+    contradicted_inputs,
+    moved_in_words,
+    refuse_poor_fit,
+    view_warnings,
+)
 from stereocal.fit.readings.moving_cameras import LEAST_PX, moving_cameras
 from stereocal.fit.readings.wrong_inputs import (
     check_inputs,
@@ -88,7 +93,8 @@ def calibrate_rig(
     possible = check_inputs(rig.fit.recording, rig.fit, [*rig.pairs.fits.values()])
     swaying = moving_cameras(recording) if rig.fit.sigma_px > LEAST_PX else ""
     focal = changing_focal(rig.fit, rig.fit.points.reshape(-1, 2, 3), lambda: rig.design_effect)
-    of_cameras = [focal, *camera_warnings(rig.fit, only_views=True)] if focal else rig.warnings
+    contradicted = [] if focal else contradicted_inputs(rig.fit)
+    of_cameras = [focal, *view_warnings(rig.fit), *contradicted]
     warnings = [_misplaced(rig), *possible, *of_cameras, rig.moved, swaying, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, warnings)), sha256=recording.sha256)
 
@@ -163,10 +169,7 @@ def _of_pairs(
     def fitted(start: Start, settings: RefineSettings) -> RigCalibration:
         fit, offsets = joint_fit(kept.where(good), start, settings)
         left_out = tuple(sorted({*out.tolist(), *fit.frames[fit.outlying].tolist()}))
-        warnings = tuple(camera_warnings(fit))
-        return RigCalibration(
-            fit, pairs, tuple(wrong), left_out, unreached, offsets, warnings, moved
-        )
+        return RigCalibration(fit, pairs, tuple(wrong), left_out, unreached, offsets, moved=moved)
 
     rig = fitted(replace(start, noise_px=screening.sigma_px), settings)
     if settings.time_offset:

@@ -49,18 +49,16 @@ def refuse_poor_fit(rig: RigCalibration) -> None:
     raise StereocalError(f"The cameras do not fit together: {seen}. {cause}")
 
 
-def camera_warnings(fit: RobustFit, only_views: bool = False) -> list[str]:
-    """What to check, of a joint fit that has ended.
-
-    Args:
-        only_views: without lenses and baselines that the images contradict.
-    """
+def view_warnings(fit: RobustFit) -> list[str]:
+    """Points that were left out, and cameras on their heads, of a joint fit that has ended."""
     beyond = filter(None, [beyond_in_words(fit.recording.beyond_view)])
-    if not fit.is_determined:
-        return [*beyond]
-    heads = heads_in_words(fit.poses, [*fit.recording.cameras])
-    contradicted = [] if only_views else [*_lens_warnings(fit), *_baseline_warnings(fit)]
-    return [*beyond, *heads, *contradicted]
+    heads = heads_in_words(fit.poses, [*fit.recording.cameras]) if fit.is_determined else []
+    return [*beyond, *heads]
+
+
+def contradicted_inputs(fit: RobustFit) -> list[str]:
+    """Lenses and baselines that the images contradict, of a joint fit that has ended."""
+    return [*_lens_warnings(fit), *_baseline_warnings(fit)] if fit.is_determined else []
 
 
 def _baseline_warnings(fit: RobustFit) -> list[str]:
