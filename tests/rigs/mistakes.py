@@ -353,6 +353,16 @@ def sure(change: Change) -> Change:
     return changed
 
 
+def turned(points: FloatArray, camera: Camera, turn: FloatArray) -> FloatArray:
+    """Points of a camera that is turned about its centre.
+
+    Args:
+        turn: (3,), or (n, 3) of each point: rotation vectors.
+    """
+    rays = homogeneous(camera.undistort(points))
+    return camera.project(Rotation.from_rotvec(turn).apply(rays))
+
+
 def swaying(degrees: float) -> Change:
     """Every camera turned about its centre in each frame, by angles of this standard deviation."""
 
@@ -362,8 +372,7 @@ def swaying(degrees: float) -> Change:
         for number, camera in enumerate(recording.cameras.values()):
             turns = np.radians(degrees) * rng.standard_normal((len(frames), 3))
             seen = recording.camera == number
-            rays = homogeneous(camera.undistort(points[seen]))
-            points[seen] = camera.project(Rotation.from_rotvec(turns[place[seen]]).apply(rays))
+            points[seen] = turned(points[seen], camera, turns[place[seen]])
         return in_images(replace(recording, points=points))
 
     return changed
@@ -386,9 +395,8 @@ def turned_from(
     """
     camera = lens or recording.cameras[name]
     after = (recording.camera == [*recording.cameras].index(name)) & (recording.frame >= frame)
-    rays = np.column_stack([camera.undistort(recording.points[after]), np.ones(after.sum())])
     points = recording.points.copy()
-    points[after] = camera.project(Rotation.from_rotvec(turn).apply(rays))
+    points[after] = turned(points[after], camera, turn)
     return in_images(replace(recording, points=points))
 
 
