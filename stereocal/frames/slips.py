@@ -30,6 +30,7 @@ from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Pose
 from stereocal.system.array_types import FloatArray, IntArray
 from stereocal.system.numbers import count
+from stereocal.verdict.in_words import listed
 
 LEAST_WRONG = 3
 """Frames that must not fit as they are, for one photograph without a partner."""
@@ -69,7 +70,7 @@ class Slips:
 
     def __str__(self) -> str:
         lacking = "; ".join(
-            f"the {CAMERAS[1 - camera]} camera has no photograph for {_listed(short_names(names))}"
+            f"the {CAMERAS[1 - camera]} camera has no photograph for {listed(short_names(names))}"
             for camera, names in enumerate(self.names)
             if names
         )
@@ -77,10 +78,6 @@ class Slips:
             f"T{lacking[1:]}. Without {self.it}, and with the others paired in order, the targets "
             f"of {count(self.fitting, 'frame')} lie on their epipolar lines."
         )
-
-
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def find_slips(frames: Sequence[Frame], cameras: tuple[Camera, Camera]) -> Slips | None:
