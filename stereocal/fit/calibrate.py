@@ -12,6 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.fit.errors.held_out import fitted_to
 from stereocal.fit.free_distortion import better_held_out, lenses_with_distortion
 from stereocal.fit.joint_fit import NO_RIG, Start, joint_fit
+from stereocal.fit.least_squares.stated_windows import begin_at
 from stereocal.fit.least_squares.unknowns import RefineSettings, check_stated, of_some
 from stereocal.fit.readings.changing_focal import changing_focal
 from stereocal.fit.readings.diagnosis import (
@@ -40,6 +41,7 @@ from stereocal.rig.camera import camera_in_words
 from stereocal.rig.correspondences import TARGETS
 from stereocal.rig.lengths_in_words import question_about_units
 from stereocal.rig.recording import Recording
+from stereocal.rig.window import Window
 from stereocal.system.numbers import count
 from stereocal.system.tasks import Progress
 
@@ -153,7 +155,11 @@ def _of_pairs(
     report = progress or (lambda *_: None)
     steps = len(pairs.fits) + len(pairs.failed) + FURTHER_STEPS
     report(steps - 2, steps)
-    start = Start(fused.poses, fused.unknowns.named(fused.p), noise)
+    seen = dict[str, Window]()
+    for fit in pairs.fits.values():
+        seen = {**fit.windows, **seen}
+    begin = begin_at(kept, fused.poses, seen)
+    start = Start(fused.poses, {**fused.unknowns.named(fused.p), **begin}, noise)
     screening, _ = joint_fit(kept, start, wide)
     moved = ""
     if (change := movement(screening, partial(fitted_to, screening, near=False))) is not None:

@@ -30,6 +30,7 @@ from stereocal.fit.least_squares.unknowns import (
 )
 from stereocal.fit.least_squares.views import EACH, LENS, TRANSLATION
 from stereocal.fit.refined_result import RefinedResult
+from stereocal.fit.start.behind_windows import begins_behind_windows
 from stereocal.fit.start.first_poses import first_poses
 from stereocal.rig.compiled import clock
 from stereocal.rig.geometry import AT_ORIGIN, Pose
@@ -43,7 +44,8 @@ MAXIMUM_NOISE_PX = 30.0
 LARGEST_FACTOR, MOST_SIGMAS = 1.5, 10.0
 """By what factor, or by how many of its standard errors, a fit may change a measured length. Wrong
 lenses change lengths by percents; the screening's wide priors may explain a wrong unit of one."""
-
+ENOUGH_BEHIND_WINDOWS = 2
+"""Fits of which one without outlying frames is enough."""
 
 OF_T = slice(EACH + TRANSLATION, EACH + LENS)
 """The places of T of the secondary camera."""
@@ -214,6 +216,13 @@ def _solves(
         ):
             yield solve, True
     rays = dataset.rays if rows is None else np.ascontiguousarray(dataset.rays[:, rows])
+    if dataset.recording.windows:
+        begins = begins_behind_windows(dataset, rays, settings.loss == "robust")
+        for number, (pose, known) in enumerate(begins, 1):
+            solve = fit_from(dataset, pose, settings, rows)
+            solve.start_at(known, solve.sigma_px)
+            yield solve, number >= ENOUGH_BEHIND_WINDOWS
+        return
     apart, alike = first_poses(dataset, start, rays, settings.loss == "robust")
     for number, pose in enumerate(apart + alike, 1):
         yield fit_from(dataset, pose, settings, rows), number >= len(apart)

@@ -15,7 +15,8 @@ from stereocal.fit.least_squares.design_effect import (
 from stereocal.fit.least_squares.noise import Noise
 from stereocal.fit.least_squares.observations import Observations
 from stereocal.fit.least_squares.robust import RobustFit
-from stereocal.fit.least_squares.small_steps import FACTOR, cameras_at
+from stereocal.fit.least_squares.small_steps import FACTOR
+from stereocal.fit.least_squares.stated_windows import cameras_of
 from stereocal.fit.least_squares.unknowns import RefineSettings, Unknowns
 from stereocal.fit.least_squares.views import DRIFT, EACH, TIME, Cameras
 from stereocal.rig.camera import Camera
@@ -72,7 +73,7 @@ class RefinedResult:
     @cached_property
     def at(self) -> Cameras:
         """Where both cameras are, with the stated distortion, for the compiled functions."""
-        stated = cameras_at((self.dataset.primary, self.dataset.secondary), (AT_ORIGIN, self.pose))
+        stated = cameras_of(self.dataset.recording, (AT_ORIGIN, self.pose))
         return stated._replace(q=np.asarray(self.unknowns.origin + self.unknowns.M @ self.p))
 
     @property

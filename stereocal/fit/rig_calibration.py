@@ -18,7 +18,7 @@ from stereocal.fit.errors.held_out import (
 )
 from stereocal.fit.least_squares.design_effect import design_effect
 from stereocal.fit.least_squares.robust import RobustFit
-from stereocal.fit.least_squares.small_steps import rig_of, with_lens
+from stereocal.fit.least_squares.small_steps import camera_at, rig_of
 from stereocal.fit.least_squares.views import DRIFT, EACH, TIME
 from stereocal.fit.screening.wrong_images import WrongImage
 from stereocal.fit.start.pairs import Pairs
@@ -69,11 +69,8 @@ class RigCalibration:
     @cached_property
     def cameras(self) -> dict[str, Camera]:
         """With the refined lenses."""
-        stated = self.recording.cameras
-        return {
-            name: with_lens(stated[name], self.fit.q, number)
-            for number, name in enumerate(self.names)
-        }
+        stated, at = self.recording.cameras, self.fit.at
+        return {name: camera_at(stated[name], at, number) for number, name in enumerate(self.names)}
 
     @cached_property
     def point_fits(self) -> tuple[FloatArray, FloatArray]:
@@ -123,10 +120,11 @@ class RigCalibration:
     @cached_property
     def offsets(self) -> tuple[MeasuredOffset, ...]:
         """How late each camera is, with its errors."""
-        errors = np.sqrt(np.diag(self.covariance)[:-1].reshape(-1, EACH)[:, [TIME, DRIFT]])
+        errors = np.sqrt(np.diag(self.covariance))[: EACH * len(self.names)]
+        of_times = errors.reshape(-1, EACH)[:, [TIME, DRIFT]]
         return tuple(
             MeasuredOffset(shift.frames, shift.drift, shift.reference, *sigma)
-            for shift, sigma in zip(self.shifts, errors.tolist(), strict=True)
+            for shift, sigma in zip(self.shifts, of_times.tolist(), strict=True)
         )
 
     @property

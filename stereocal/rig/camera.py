@@ -14,6 +14,7 @@ from stereocal.errors import StereocalError, damaged, naming, refuse
 from stereocal.rig.compiled import contiguous
 from stereocal.rig.fisheye import LARGEST_ANGLE, fill_distorted, fill_undistorted, largest_angle
 from stereocal.rig.geometry import homogeneous
+from stereocal.rig.window import Window, rays_through, seen_through
 from stereocal.system.answers import Answer
 from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.latest import once
@@ -144,6 +145,7 @@ class Camera(Answer):
         image_size: (width, height) in pixels.
         uncertainty: standard errors of fx, fy, cx, cy and the coefficients; None if unknown.
         model: of the lens.
+        window: that it looks through; None in air.
     """
 
     K: FloatArray
@@ -151,6 +153,7 @@ class Camera(Answer):
     image_size: tuple[int, int]
     uncertainty: LensUncertainty | None = None
     model: LensModel = "brown"
+    window: Window | None = None
 
     def __post_init__(self) -> None:
         with damaged(
@@ -297,10 +300,26 @@ class Camera(Answer):
         return self._to_pixels(self._distort(np.asarray(normalised, dtype=np.float64)))
 
     def project(self, points: npt.ArrayLike) -> FloatArray:
-        """Raw pixels (n, 2) of points (n, 3) in this camera's frame; NaN behind the camera."""
-        points = np.asarray(points, dtype=np.float64)
+        """Raw pixels (n, 2) of points (n, 3) in this camera's frame; NaN behind the camera, or
+        before its window."""
+        points = self.seen_in_air(points)
         depth = np.where(points[:, 2] > 0, points[:, 2], np.nan)
         return self.distort(points[:, :2] / depth[:, None])
+
+    def seen_in_air(self, points: npt.ArrayLike) -> FloatArray:
+        """(n, 3): points (n, 3) in this camera's frame; behind a window the directions in which
+        they are seen, NaN before it."""
+        points = np.asarray(points, dtype=np.float64)
+        return points if self.window is None else seen_through(self.window, points)
+
+    def rays_from(self, pixels: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Where the rays of raw pixels (n, 2) begin, (n, 3), and their directions (n, 3), of any
+        length, in this camera's frame: at its centre, behind a window on its wet face; NaN without
+        a ray."""
+        directions = homogeneous(self.undistort(pixels))
+        if self.window is not None:
+            return rays_through(self.window, directions)
+        return np.zeros_like(directions), directions
 
     def uses(self, rays: FloatArray) -> BoolArray:
         """(n,): whether points (n, 2) of z = 1 are finite, of a fisheye within its view."""
@@ -350,7 +369,8 @@ class Camera(Answer):
         # Far outside the view a distortion polynomial can fold back and map points into the image;
         # the pixel then undistorts to another ray.
         seen = np.flatnonzero(inside)
-        rays = points_m[seen, :2] / points_m[seen, 2:]
+        in_air = self.seen_in_air(points_m[seen])
+        rays = in_air[:, :2] / in_air[:, 2:]
         back = np.abs(self.undistort(pixels[seen]) - rays).max(axis=1, initial=0.0) < 1e-6
         inside[seen] = back & self.uses(rays)
         return inside
@@ -409,12 +429,13 @@ class Camera(Answer):
         return self._to_pixels(self.undistort(pixels))
 
     def to_json(self) -> dict[str, Any]:
-        """K, distortion and image size as plain lists; not the uncertainty."""
+        """K, distortion, image size and window as plain lists; not the uncertainty."""
         return {
             "K": self.K.tolist(),
             "distortion": self.distortion.tolist(),
             "image_size": list(self.image_size),
             **({"model": self.model} if self.is_fisheye else {}),
+            **({} if self.window is None else {"window": self.window.to_json()}),
         }
 
     @classmethod
@@ -432,7 +453,10 @@ class Camera(Answer):
                 ) from error
             stated = data.get("uncertainty")
             uncertainty = None if stated is None else LensUncertainty.from_json(stated)
-            return cls(K, distortion, (width, height), uncertainty, data.get("model", "brown"))
+            through = data.get("window")
+            window = None if through is None else Window.from_json(through)
+            model = data.get("model", "brown")
+            return cls(K, distortion, (width, height), uncertainty, model, window)
 
     def _distort(self, normalised: FloatArray) -> FloatArray:
         """Distorted normalised points (n, 2), by OpenCV's full model."""

@@ -24,13 +24,13 @@ def epipolar_curve(rig: PlacedCameras, camera: str, other: str, pixel: npt.Array
     """
     (this_camera, this_pose), (other_camera, other_pose) = rig.placed[camera], rig.placed[other]
     other_from_this = other_pose @ this_pose.inverse()
-    ray = np.append(this_camera.undistort(np.reshape(pixel, (1, 2)))[0], 1.0)
+    origin, ray = this_camera.rays_from(np.reshape(pixel, (1, 2)))
     if not np.isfinite(ray).all():
         return np.empty((0, 2))
 
     def seen(inverse_depths: FloatArray) -> tuple[IntArray, FloatArray]:
         """The inverse depths at which the other camera sees the point, and its pixels there."""
-        points = (ray / inverse_depths[:, None]) @ other_from_this.R.T + other_from_this.T
+        points = other_from_this.apply(origin + ray / inverse_depths[:, None])
         there = other_camera.sees(points)
         return np.flatnonzero(there), other_camera.project(points[there])
 

@@ -333,6 +333,33 @@ def triangulate(pose: Pose, primary: npt.ArrayLike, secondary: npt.ArrayLike) ->
     return triangulate_rays(pose.R, pose.T, stack_rays(primary, secondary))
 
 
+def midpoints(
+    origins: FloatArray, directions: FloatArray, others: FloatArray, other_directions: FloatArray
+) -> FloatArray:
+    """Midpoints (n, 3) of the shortest segments between rays with origins and unit directions (n,
+    3) in one frame; NaN where they are parallel or the point is behind an origin."""
+    between = others - origins
+    one, two = (np.sum(between * way, axis=1) for way in (directions, other_directions))
+    cosine = np.sum(directions * other_directions, axis=1)
+    sine_squared = 1.0 - cosine**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = (one - cosine * two) / sine_squared
+        r = (cosine * one - two) / sine_squared
+    usable = (sine_squared > PARALLEL_SINE_SQUARED) & (s > 0.0) & (r > 0.0)
+    points = 0.5 * (origins + s[:, None] * directions + others + r[:, None] * other_directions)
+    return np.where(usable[:, None], points, np.nan)
+
+
+def apart_m(
+    origins: FloatArray, directions: FloatArray, others: FloatArray, other_directions: FloatArray
+) -> FloatArray:
+    """Signed distances (n,) of the lines of rays as of `midpoints`."""
+    across = np.cross(directions, other_directions)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return np.asarray(np.sum((others - origins) * across, axis=1))
+
+
 def residuals(E: FloatArray, primary: npt.ArrayLike, secondary: npt.ArrayLike) -> FloatArray:
     """`q_secondary^T E q_primary` of n pairs of normalised points, shape (n,) (paper, eq. 3)."""
     values: FloatArray = np.einsum("ni,ij,nj->n", homogeneous(secondary), E, homogeneous(primary))

@@ -25,6 +25,7 @@ from stereocal.rig.measured_lengths import check_length, check_lengths, check_un
 from stereocal.rig.pair import Pair
 from stereocal.rig.rigid_object import Held, RigidObject
 from stereocal.rig.tracks import Interpolated, TimeOffset, interpolate
+from stereocal.rig.window import StatedWindow, check_windows, windows_of_some
 from stereocal.system.answers import TableAnswer
 from stereocal.system.arguments import checked
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
@@ -96,9 +97,19 @@ class Recording(TableAnswer):
     motion: FloatArray | None = None
     """(n, 3): velocity of a point in pixels per frame, and the variance of its position over that
     of a recorded one; NaN, or None, if unknown."""
+    windows: tuple[StatedWindow, ...] = ()
+    """Those that cameras look through into another medium, still to be found; a camera whose window
+    is known has it itself."""
 
     def __post_init__(self) -> None:
         check_camera_names(self.cameras)
+        check_windows(self.windows, self.cameras)
+
+    @property
+    def has_windows(self) -> bool:
+        """Whether a camera looks through a window, known or still to be found."""
+        known = (camera.window is not None for camera in self.cameras.values())
+        return bool(self.windows) or any(known)
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -131,6 +142,7 @@ class Recording(TableAnswer):
             "object": dict(zip(self.object.names, self.object.points.tolist(), strict=True)),
             "baselines_m": {"-".join(pair): value for pair, value in self.baselines_m.items()},
             "rows": [column[order].tolist() for column in rows],
+            **({"windows": [it.to_json() for it in self.windows]} if self.windows else {}),
         }
         for name in OF_TABLES[:3]:  # `source` and `line` change no result
             if (column := getattr(self, name)) is not None:
@@ -418,6 +430,7 @@ class Recording(TableAnswer):
             baselines_m={
                 pair: length for pair, length in self.baselines_m.items() if {*pair} <= {*names}
             },
+            windows=windows_of_some(self.windows, names),
         )
 
     @cached_property
@@ -597,6 +610,7 @@ class Recording(TableAnswer):
                 beyond_view={name: n for name, n in self.beyond_view.items() if name in both},
                 start_frames={name: n for name, n in self.start_frames.items() if name in both},
                 offsets={name: offset for name, offset in self.offsets.items() if name in both},
+                windows=windows_of_some(self.windows, both),
             )
         )
 

@@ -11,13 +11,20 @@ from stereocal.rig.camera import CAMERAS, Camera, pixel_scales
 from stereocal.rig.geometry import (
     AT_ORIGIN,
     Pose,
+    apart_m,
     homogeneous,
+    midpoints,
     reprojection_errors_of_rays,
     residuals,
     stack_rays,
     triangulate,
 )
 from stereocal.system.array_types import FloatArray
+
+Rays = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""Origins and unit directions (n, 3) of one camera's rays, and of another's."""
+STEP_PX = 0.25
+"""Of differences by pixels."""
 
 
 class PlacedCamera(NamedTuple):
@@ -70,6 +77,8 @@ class Rig:
 
     def reconstruct(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
         """Points (n, 3) in metres in the primary frame, from raw pixels (n, 2) of each camera."""
+        if self.has_windows:
+            return midpoints(*self._rays_from(primary_px, secondary_px))
         return triangulate(
             self.pose, self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
         )
@@ -78,10 +87,31 @@ class Rig:
         self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
     ) -> FloatArray:
         """Errors (n, 2) in pixels as of `Camera`, from raw pixels (n, 2) of each camera."""
+        if self.has_windows:
+            points = self.reconstruct(primary_px, secondary_px)
+            images = self.primary.project(points), self.secondary.project(self.pose.apply(points))
+            seen = (primary_px, secondary_px)
+            apart = [np.subtract(image, px) for image, px in zip(images, seen, strict=True)]
+            return np.asarray(np.linalg.norm(np.stack(apart, axis=1), axis=2))
         rays = stack_rays(
             self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
         )
         return reprojection_errors_of_rays(self.pose.R, self.pose.T, rays, self.pixel_scale)
+
+    @property
+    def has_windows(self) -> bool:
+        """Whether a camera looks through a window: then there is no essential matrix, and errors
+        are in pixels of the recorded image."""
+        return self.primary.window is not None or self.secondary.window is not None
+
+    def _rays_from(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> Rays:
+        """Origins and directions (n, 3) of the primary's rays, and of the secondary's, in the
+        primary's frame."""
+        back, rays = self.pose.inverse(), list[FloatArray]()
+        for camera, px in ((self.primary, primary_px), (self.secondary, secondary_px)):
+            origins, directions = camera.rays_from(px)
+            rays += [origins, directions / np.linalg.norm(directions, axis=1, keepdims=True)]
+        return rays[0], rays[1], back.apply(rays[2]), rays[3] @ back.R.T
 
     @property
     def pixel_scale(self) -> FloatArray:
@@ -89,7 +119,10 @@ class Rig:
         return pixel_scales((self.primary, self.secondary))
 
     def residuals(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
-        """`q_secondary^T E q_primary` (n,), from raw pixels (n, 2) of each camera."""
+        """`q_secondary^T E q_primary` (n,), from raw pixels (n, 2) of each camera; behind windows
+        the distance of both rays, in metres."""
+        if self.has_windows:
+            return apart_m(*self._rays_from(primary_px, secondary_px))
         return residuals(
             self.pose.essential,
             self.primary.undistort(primary_px),
@@ -120,7 +153,18 @@ class Rig:
     def _sampson(
         self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """The residuals (n,) and their derivatives (n, 4) by the pixels in which errors are."""
+        """The residuals (n,) and their derivatives (n, 4) by the pixels in which errors are.
+
+        Those behind windows are by central differences.
+        """
+        if self.has_windows:
+            seen = np.column_stack([np.asarray(primary_px), np.asarray(secondary_px)])
+            slopes = []
+            for step in STEP_PX * np.eye(4):
+                after, before = (np.hsplit(seen + way * step, 2) for way in (1.0, -1.0))
+                change = self.residuals(*after) - self.residuals(*before)
+                slopes.append(change / (2.0 * STEP_PX))
+            return self.residuals(primary_px, secondary_px), np.column_stack(slopes)
         E = self.pose.essential
         p, q = self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
         one, two = homogeneous(p), homogeneous(q)

@@ -9,6 +9,7 @@ from stereocal.evaluation.counting import BINS, count_pairs
 from stereocal.fit.least_squares.distortion import distort, pixel_scales_of
 from stereocal.fit.least_squares.small_steps import undistort_rays
 from stereocal.fit.least_squares.views import EACH, LENS, TRANSLATION, Cameras, with_lenses
+from stereocal.fit.least_squares.windows import seen_in_air
 from stereocal.rig.compiled import compiled
 from stereocal.rig.geometry import fill_essential, triangulate_rays
 from stereocal.rig.rig import Rig
@@ -18,12 +19,14 @@ from stereocal.system.array_types import CountArray, FloatArray, IntArray
 @compiled
 def photograph(cameras: Cameras, points: FloatArray, pixels: FloatArray) -> None:
     """Write the pixels (n, 2 c), u and v in each camera, of points (n, 3)."""
-    q, R, lenses = with_lenses(cameras)
+    q, R, lenses, windows = with_lenses(cameras)
+    work = np.empty((2, 14))
     for k in range(len(points)):
         for c in range(len(R)):
             start, turned = EACH * c, R[c] @ points[k]
             depth = turned[2] + q[start + TRANSLATION + 2]
             a, b = turned[0] + q[start + TRANSLATION], turned[1] + q[start + TRANSLATION + 1]
+            a, b, depth = seen_in_air(windows, q, R, c, start, a, b, depth, work)
             x, y, _, _, _, _ = distort(a / depth, b / depth, lenses, c)
             pixels[k, 2 * c] = q[start + LENS] * x + lenses[c, 0] * y + q[start + LENS + 2]
             pixels[k, 2 * c + 1] = q[start + LENS + 1] * y + q[start + LENS + 3]
@@ -85,7 +88,7 @@ def judge(
     nans, rays = np.zeros(2, dtype=np.int64), start.copy()
     E = np.empty((3, 3))
     for k, cameras in enumerate(sets):
-        q, (_, R), lenses = with_lenses(cameras)
+        q, (_, R), lenses, _ = with_lenses(cameras)
         if not undistort_rays(q, lenses, pixels, rays):
             rays = start.copy()
             continue

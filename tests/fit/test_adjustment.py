@@ -48,7 +48,7 @@ def frame_of(
     weights: tuple[float, float] = (4.0, 900.0),
 ) -> tuple[FloatArray, FloatArray]:
     """Residuals (9,) of one bar, and their derivatives (39, 9) by x and by the unknowns."""
-    q, R, lenses = at
+    q, R, lenses, _ = at
     cameras = Cameras(q, R, set_distortion(q, DISTORTION, EACH, lenses))
     unit, work = views.Unit(pixels, motion, rig.BAR_M, *weights), views.work_of(2)
     s = fill_residuals(cameras, unit, x, work)

@@ -16,7 +16,7 @@ import numpy as np
 
 from stereocal.fit.least_squares.observations import Observations
 from stereocal.fit.least_squares.robust import RobustFit
-from stereocal.fit.least_squares.small_steps import with_lens
+from stereocal.fit.least_squares.small_steps import camera_at
 from stereocal.fit.least_squares.views import Cameras, fit_points
 from stereocal.rig.clusters import evenly_divided
 from stereocal.system.array_types import FloatArray, IntArray
@@ -87,13 +87,13 @@ def seen_by_others(fit: RobustFit, seen: Observations, units: IntArray) -> Float
     pixels, rays = (values[units].reshape(shape) for values in (seen.pixels, seen.rays))
     there = np.isfinite(pixels[..., 0])
     apart = np.full(there.shape, np.nan)
-    stated = fit.recording.cameras.values()
+    stated, at = fit.recording.cameras.values(), fit.at
     for number, (camera, pose) in enumerate(zip(stated, fit.poses, strict=True)):
         rows = np.flatnonzero(there[:, number] & (there.sum(axis=1) > 2))
         others, own_rays = pixels[rows], rays[rows]
         others[:, number], own_rays[:, number] = np.nan, np.nan
-        points = pose.apply(fit_points(fit.at, others, own_rays).points)
-        images = with_lens(camera, fit.q, number).project(points)
+        points = pose.apply(fit_points(at, others, own_rays).points)
+        images = camera_at(camera, at, number).project(points)
         apart[rows, number] = np.linalg.norm(images - pixels[rows, number], axis=1)
     return apart
 

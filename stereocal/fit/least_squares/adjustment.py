@@ -29,6 +29,7 @@ from stereocal.fit.least_squares.views import (
     with_lenses,
     work_of,
 )
+from stereocal.fit.least_squares.windows import OF_WINDOW
 from stereocal.rig.compiled import compiled
 from stereocal.rig.decompositions import factor, forward
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
@@ -84,7 +85,8 @@ def sum_normal_equations(
         chi_squares: (n,), written.
     """
     cameras, count, unknowns = with_lenses(stated), len(stated.R), len(stated.q)
-    work, index, x = work_of(count), np.empty(unknowns, np.int64), np.empty(OWN)
+    work, index = work_of(count, len(stated.windows)), np.empty(unknowns, np.int64)
+    x = np.empty(OWN)
     Y = np.empty((unknowns + 1, OWN))
     still, distorted, cost = np.empty((0, count, 3)), False, 0.0
     for i in range(unknowns):
@@ -134,30 +136,41 @@ def eliminate(
     by_factor = -(along[OWN] + unit.length_weight * unit.distance) / q[last]
     fill_gradient(unit, work, Y[last + 1])
     forward(L, Y[last + 1])
+    cameras = unit.pixels.shape[1]
     for n in range(count):
         a = index[n]
-        c = a // EACH
+        c, i = column_of(a, cameras)
         row = Y[a]
         if a == last:
             total = along[OWN] * by_factor
             for j in range(OWN):
                 row[j] = along[j] * by_factor
         else:
-            total = project(unit.pixels, work, c, a - EACH * c, row)
+            total = project(unit.pixels, work, c, i, row)
         forward(L, row)
         for j in range(OWN):
             total -= row[j] * Y[last + 1, j]
         into.g[a] += w * total
         for m in range(n + 1):
             b = index[m]
+            other, k = column_of(b, cameras)
             total = 0.0
             if a == last:
                 total = by_factor * by_factor if b == last else 0.0
-            elif b // EACH == c:
-                total = product(unit.pixels, work.Js, c, a - EACH * c, b - EACH * c)
+            elif other == c:
+                total = product(unit.pixels, work.Js, c, i, k)
             for j in range(OWN):
                 total -= row[j] * Y[b, j]
             into.H[a, b] += w * total
+
+
+@compiled
+def column_of(unknown: int, cameras: int) -> tuple[int, int]:
+    """The camera of an unknown, and its column of `Work.Js`."""
+    of_window = unknown - EACH * cameras
+    if of_window < 0:
+        return unknown // EACH, unknown % EACH
+    return of_window // OF_WINDOW, EACH + of_window % OF_WINDOW
 
 
 @compiled
@@ -171,6 +184,11 @@ def active_unknowns(unit: Unit, free: BoolArray, index: IntArray) -> int:
             if free[EACH * c + i]:
                 index[count] = EACH * c + i
                 count += 1
+    for i in range(EACH * pixels.shape[1], len(free) - 1):
+        c = column_of(i, pixels.shape[1])[0]
+        if free[i] and not (np.isnan(pixels[0, c, 0]) and np.isnan(pixels[1, c, 0])):
+            index[count] = i
+            count += 1
     if unit.length_weight > 0.0 and free[len(free) - 1]:
         index[count] = len(free) - 1
         count += 1

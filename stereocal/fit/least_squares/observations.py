@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereocal.fit.least_squares.distortion import lenses_of_cameras
+from stereocal.fit.least_squares.stated_windows import windows_held
 from stereocal.rig.correspondences import TARGETS
 from stereocal.rig.recording import Recording
 from stereocal.rig.tracks import TimeOffset
@@ -30,6 +31,8 @@ class Observations:
     distances: FloatArray
     lenses: FloatArray
     """(c, 23): as in `views.Cameras`."""
+    windows: FloatArray
+    """The same."""
     length_m: float
     """Of the bar, or the longest of the object."""
     variances: FloatArray
@@ -81,6 +84,7 @@ class Observations:
             motion,
             np.where(targets[:, 1] < 0, np.nan, distances),
             lenses_of_cameras(*known.cameras.values()),
+            windows_held(known),
             known.object.longest_m,
             variances[kept],
         )

@@ -133,10 +133,11 @@ class RobustFit:
         """
         self.seen, self.unknowns, self.settings = seen, unknowns, settings
         self.frames, self.frame_of = seen.frames, seen.frame_of
-        self.begin, self.baselines = Cameras(unknowns.origin, R, seen.lenses), baselines
+        self.begin = Cameras(unknowns.origin, R, seen.lenses, seen.windows)
+        self.baselines = baselines
         self.p = np.zeros(len(unknowns.names))
-        places = np.arange(len(unknowns.origin) - 1) % EACH
-        self.of_poses = np.asarray(unknowns.M[:-1][places < LENS].any(axis=0))
+        places = np.arange(EACH * len(R))
+        self.of_poses = np.asarray(unknowns.M[places[places % EACH < LENS]].any(axis=0))
         # Poses without priors are taken from the present ones, and `begin` goes with them.
         self.goes_along = self.of_poses & np.isinf(unknowns.sigma)
         self.free: BoolArray = np.asarray(unknowns.M.any(axis=1))
@@ -365,18 +366,18 @@ class RobustFit:
         priors go along: their free parameters are 0 then."""
         begin, q = self.begin, self.begin.q + self.unknowns.M @ p
         R = turned(begin.R, q)
-        poses_in(q)[:, :TRANSLATION] = 0.0
-        cameras = Cameras(q, R, begin.lenses)
+        poses_in(q, len(R))[:, :TRANSLATION] = 0.0
+        cameras = begin._replace(q=q, R=R)
         if self.goes_along.any():
             from_here = begin.q.copy()
-            poses_in(from_here)[:] = poses_in(q)
-            p, begin = np.where(self.goes_along, 0.0, p), Cameras(from_here, R, begin.lenses)
+            poses_in(from_here, len(R))[:] = poses_in(q, len(R))
+            p, begin = np.where(self.goes_along, 0.0, p), cameras._replace(q=from_here)
         return p, begin, cameras
 
     @property
     def _turns(self) -> FloatArray:
         """(c, 3): the small rotations from `begin`."""
-        return poses_in(self.unknowns.M @ self.p)[:, :TRANSLATION]
+        return poses_in(self.unknowns.M @ self.p, len(self.begin.R))[:, :TRANSLATION]
 
     def sum_at(
         self,

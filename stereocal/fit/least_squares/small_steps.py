@@ -12,10 +12,20 @@ from scipy.spatial.transform import Rotation
 
 from stereocal.fit.least_squares.distortion import distort, lenses_of_cameras
 from stereocal.fit.least_squares.views import DISTORTION, EACH, LENS, TRANSLATION, Cameras
+from stereocal.fit.least_squares.windows import (
+    KIND,
+    NO_WINDOWS,
+    NONE,
+    OF_WINDOW,
+    OWN_FRAME,
+    THICKNESS,
+    fill_plane,
+)
 from stereocal.rig.camera import Camera
 from stereocal.rig.compiled import compiled
 from stereocal.rig.geometry import AT_ORIGIN, Pose
 from stereocal.rig.rig import Rig
+from stereocal.rig.window import Window
 from stereocal.system.array_types import FloatArray
 
 FACTOR = -1
@@ -35,18 +45,55 @@ def lens_places(number: int) -> list[int]:
     return [*range(first, first + 4), *range(distortion, distortion + 4)]
 
 
+def window_places(number: int, cameras: int) -> slice:
+    """The places in q of the window of one of some cameras, where there are windows."""
+    first = EACH * cameras + OF_WINDOW * number
+    return slice(first, first + OF_WINDOW)
+
+
 def cameras_at(cameras: Sequence[Camera], poses: Sequence[Pose]) -> Cameras:
-    """Cameras where they are, with a factor of the lengths of 1.
+    """Cameras where they are, with a factor of the lengths of 1; each with its own window.
 
     Args:
         poses: `camera_from_reference` of each.
     """
-    q = np.zeros(EACH * len(cameras) + 1)
+    windows = windows_of(cameras)
+    q = np.zeros((EACH + OF_WINDOW * (len(windows) > 0)) * len(cameras) + 1)
     q[FACTOR] = 1.0
     for number, (camera, pose) in enumerate(zip(cameras, poses, strict=True)):
         q[pose_places(number)][TRANSLATION:] = pose.T
         q[lens_places(number)] = camera.lens_values
-    return Cameras(q, np.array([pose.R for pose in poses]), lenses_of_cameras(*cameras))
+        if camera.window is not None:
+            q[window_places(number, len(cameras))] = window_values(camera.window)
+    R = np.array([pose.R for pose in poses])
+    return Cameras(q, R, lenses_of_cameras(*cameras), windows)
+
+
+def windows_of(cameras: Sequence[Camera]) -> FloatArray:
+    """(c, 2): what is held of the window of each camera (`windows`); empty without any."""
+    if all(camera.window is None for camera in cameras):
+        return NO_WINDOWS
+    held = np.full((len(cameras), 2), NONE)
+    for row, camera in zip(held, cameras, strict=True):
+        if camera.window is not None:
+            row[KIND], row[THICKNESS] = OWN_FRAME, camera.window.thickness_m
+    return held
+
+
+def window_values(window: Window) -> FloatArray:
+    """(5,): the unknowns of a window in the frame in which it is stated."""
+    x, y, z = window.normal
+    return np.array([x / z, y / z, window.distance_m, window.medium, window.glass])
+
+
+def window_at(cameras: Cameras, number: int) -> Window | None:
+    """The window of a camera in its own frame; None if it has none."""
+    if not len(cameras.windows) or cameras.windows[number, KIND] == NONE:
+        return None
+    plane = np.empty(7)
+    fill_plane(cameras.windows, cameras.q, cameras.R, number, EACH * number, plane)
+    x, y, z, distance, thickness, glass, medium = plane.tolist()
+    return Window((x, y, z), distance, thickness, glass, medium)
 
 
 def rig_at(rig: Rig) -> Cameras:
@@ -69,29 +116,23 @@ def turned(R: FloatArray, q: FloatArray) -> FloatArray:
     return rotations
 
 
-def poses_in(q: FloatArray) -> FloatArray:
-    """(c, 6): a view on the rotation and T of each camera in q (Q,), which ends with the factor of
-    the lengths."""
-    return q[:-1].reshape(-1, EACH)[:, :LENS]
-
-
-def without_turns(q: FloatArray) -> FloatArray:
-    """q with small rotations of 0."""
-    unturned = q.copy()
-    poses_in(unturned)[:, :TRANSLATION] = 0.0
-    return unturned
+def poses_in(q: FloatArray, cameras: int) -> FloatArray:
+    """(c, 6): a view on the rotation and T of each of some cameras in q (Q,)."""
+    return q[: EACH * cameras].reshape(-1, EACH)[:, :LENS]
 
 
 def moved(cameras: Cameras, step: FloatArray) -> Cameras:
     """The cameras after a step (Q,) of any size."""
-    return Cameras(without_turns(cameras.q + step), turned(cameras.R, step), cameras.lenses)
+    q = cameras.q + step
+    poses_in(q, len(cameras.R))[:, :TRANSLATION] = 0.0
+    return cameras._replace(q=q, R=turned(cameras.R, step))
 
 
 def step_between(other: Cameras, cameras: Cameras) -> FloatArray:
     """(Q,): the step from cameras to others, so that `moved` of it gives those."""
     step = other.q - cameras.q
     turns = Rotation.from_matrix(other.R @ cameras.R.transpose(0, 2, 1)).as_rotvec()
-    poses_in(step)[:, :TRANSLATION] = turns
+    poses_in(step, len(cameras.R))[:, :TRANSLATION] = turns
     return np.asarray(step)
 
 
@@ -102,22 +143,21 @@ def pose_at(cameras: Cameras, number: int = 1) -> Pose:
 
 def rig_of(primary: Camera, secondary: Camera, cameras: Cameras) -> Rig:
     """The rig of two cameras with the unknowns instead of their stated lenses."""
-    first, second = (
-        with_lens(camera, cameras.q, k) for k, camera in enumerate((primary, secondary))
-    )
+    first, second = (camera_at(camera, cameras, k) for k, camera in enumerate((primary, secondary)))
     return Rig(first, second, pose_at(cameras))
 
 
-def with_lens(stated: Camera, q: FloatArray, number: int) -> Camera:
-    """The stated camera with the fx, fy, cx, cy, k1, k2, p1, p2 of one in q."""
-    fx, fy, cx, cy, *distortion = q[lens_places(number)].tolist()
+def camera_at(stated: Camera, cameras: Cameras, number: int) -> Camera:
+    """The stated camera with the fx, fy, cx, cy, k1, k2, p1, p2 and the window of one of some."""
+    fx, fy, cx, cy, *distortion = cameras.q[lens_places(number)].tolist()
     K = stated.K.copy()
     K[0, 0], K[1, 1], K[0, 2], K[1, 2] = fx, fy, cx, cy
     whole = stated.distortion.copy()
     if not len(whole) and any(distortion):
         whole = np.zeros(4)
     whole[:4] = distortion[: len(whole)]
-    return Camera(K, whole, stated.image_size, model=stated.model)
+    window = window_at(cameras, number)
+    return Camera(K, whole, stated.image_size, model=stated.model, window=window)
 
 
 def baseline_direction(cameras: Cameras) -> FloatArray:

@@ -2,9 +2,10 @@
 
 The unknowns `q` are, camera by camera, 16 values: a small rotation of the camera about its own axes
 (x_camera = exp(w) R x + T), T in metres, fx, fy, cx, cy, k1, k2, p1, p2, by how many frames the
-camera is late, and by how many more per frame; after those of all cameras the factor of the
-object's lengths. R is kept apart, and w is 0 after each step. The five angles of the paper, which
-have poles, are in its methods and in parameter files (`parameter_file`), nowhere else.
+camera is late, and by how many more per frame; after those of all cameras, if any looks through a
+window, 5 of the window of each (`windows`); at last the factor of the object's lengths. R is kept
+apart, and w is 0 after each step. The five angles of the paper, which have poles, are in its
+methods and in parameter files (`parameter_file`), nowhere else.
 
 Points come in units of two: the ends of a known length, or one point and nothing. Given q, units
 are independent, so that each is fitted and eliminated by itself (Schur complement): time and memory
@@ -19,6 +20,14 @@ from typing import NamedTuple
 import numpy as np
 
 from stereocal.fit.least_squares.distortion import distort, distortion_derivatives, set_distortion
+from stereocal.fit.least_squares.windows import (
+    NO_WINDOWS,
+    OF_WINDOW,
+    before_window,
+    fill_by_window,
+    nearest_behind_windows,
+    seen_in_air,
+)
 from stereocal.rig.compiled import compiled, contiguous
 from stereocal.rig.decompositions import backward, factor, forward
 from stereocal.system.array_types import FloatArray
@@ -41,6 +50,8 @@ class Cameras(NamedTuple):
     q: FloatArray
     R: FloatArray
     lenses: FloatArray
+    windows: FloatArray = NO_WINDOWS
+    """As of `windows`."""
 
 
 class Units(NamedTuple):
@@ -71,9 +82,9 @@ class Unit(NamedTuple):
 
 class Work(NamedTuple):
     """Residuals r (2, c, 2) of a unit, written where there are pixels, their derivatives Jx
-    (2, c, 2, 3) by the points and Js (2, c, 2, 16) by the unknowns of the cameras, those of the
-    length's residual and itself, `along` (7,), the normal matrix V (6, 6) of the points or its
-    factor; and room for what the computation needs.
+    (2, c, 2, 3) by the points and Js (2, c, 2, 16) by the unknowns of the cameras, with windows
+    (2, c, 2, 21) by theirs too, those of the length's residual and itself, `along` (7,), the normal
+    matrix V (6, 6) of the points or its factor; and room for what the computation needs.
     """
 
     r: FloatArray
@@ -85,28 +96,31 @@ class Work(NamedTuple):
     tried: FloatArray
     small: FloatArray
     by_lens: FloatArray
+    refraction: FloatArray
 
 
 @compiled
 def with_lenses(stated: Cameras) -> Cameras:
     """The cameras with the k1, k2, p1, p2 of their unknowns instead of the stated ones."""
     lenses = set_distortion(stated.q, DISTORTION, EACH, stated.lenses)
-    return Cameras(stated.q, stated.R, lenses)
+    return Cameras(stated.q, stated.R, lenses, stated.windows)
 
 
 @compiled
-def work_of(cameras: int) -> Work:
-    """The arrays for units that this number of cameras sees."""
+def work_of(cameras: int, windows: int = 0) -> Work:
+    """The arrays for units that this number of cameras sees, through windows if there are any."""
+    columns = EACH + OF_WINDOW if windows else EACH
     return Work(
         np.zeros((2, cameras, 2)),
         np.zeros((2, cameras, 2, 3)),
-        np.zeros((2, cameras, 2, EACH)),
+        np.zeros((2, cameras, 2, columns)),
         np.zeros(OWN + 1),
         np.empty((OWN, OWN)),
         np.empty(OWN),
         np.empty(OWN),
         np.empty((3, 3)),
         np.empty((2, 4)),
+        np.empty((2, 14)),
     )
 
 
@@ -115,15 +129,16 @@ def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> f
     """Write the residuals of a unit at points x (6,), in the reference's frame, and their
     derivatives by these; return the sum of squares, infinite behind a camera.
 
-    End e in camera c: X = R x_e + T, n = (X, Y) / Z, b = distort(n), and with the weight w, the
-    seen pixel (u, v) and its velocity (u', v'), which a delay shifts,
+    End e in camera c: X = R x_e + T, behind a window where it is seen in air (`windows`), n =
+    (X, Y) / Z, b = distort(n), and with the weight w, the seen pixel (u, v) and its velocity (u',
+    v'), which a delay shifts,
 
         r = w (fx bx + skew by + cx - (u - delay u'),  fy by + cy - (v - delay v')).
 
     Its derivatives by X are those by n, divided by Z, and by Z minus n times these; by x_e they are
     that row times R. The length's residual is w_l (|x_A - x_B| / factor - distance).
     """
-    q, R, lenses = cameras
+    q, R, lenses, windows = cameras
     pixels, motion, distance, weight, length_weight = unit
     r, Jx, along = work.r, work.Jx, work.along
     total = 0.0
@@ -135,6 +150,7 @@ def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> f
             X = R[c, 0, 0] * x[p] + R[c, 0, 1] * x[p + 1] + R[c, 0, 2] * x[p + 2] + q[first + 3]
             Y = R[c, 1, 0] * x[p] + R[c, 1, 1] * x[p + 1] + R[c, 1, 2] * x[p + 2] + q[first + 4]
             Z = R[c, 2, 0] * x[p] + R[c, 2, 1] * x[p + 1] + R[c, 2, 2] * x[p + 2] + q[first + 5]
+            X, Y, Z = seen_in_air(windows, q, R, c, first, X, Y, Z, work.refraction)
             if not Z > 0.0:
                 return np.inf
             near, fx, fy, skew = 1.0 / Z, q[first + LENS], q[first + LENS + 1], lenses[c, 0]
@@ -153,6 +169,8 @@ def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> f
             ux, uy = scale * (fx * xx + skew * yx), scale * (fx * xy + skew * yy)
             vx, vy = scale * fy * yx, scale * fy * yy
             uz, vz = -(ux * nx + uy * ny), -(vx * nx + vy * ny)
+            ux, uy, uz = before_window(windows, c, ux, uy, uz, work.refraction)
+            vx, vy, vz = before_window(windows, c, vx, vy, vz, work.refraction)
             for j in range(3):
                 Jx[e, c, 0, j] = ux * R[c, 0, j] + uy * R[c, 1, j] + uz * R[c, 2, j]
                 Jx[e, c, 1, j] = vx * R[c, 0, j] + vy * R[c, 1, j] + vz * R[c, 2, j]
@@ -263,7 +281,9 @@ def start_unit(cameras: Cameras, rays: FloatArray, x: FloatArray, V: FloatArray)
         total += x[i]
     if np.isnan(total):
         for e in range(2):
-            nearest_point(cameras.R, cameras.q, rays[e], x[3 * e : 3 * e + 3], V)
+            b = x[3 * e : 3 * e + 3]
+            if not nearest_behind_windows(cameras.windows, cameras.q, cameras.R, rays[e], b, V):
+                nearest_point(cameras.R, cameras.q, rays[e], b, V)
 
 
 @compiled
@@ -316,7 +336,7 @@ def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, distorted: bool, wo
     Args:
         distorted: whether those by the distortion are wanted; else they stay as they are.
     """
-    q, R, lenses = cameras
+    q, R, lenses, windows = cameras
     pixels, motion, weight = unit.pixels, unit.motion, unit.weight
     Jx, Js, by_lens = work.Jx, work.Js, work.by_lens
     for e in range(2):
@@ -327,9 +347,11 @@ def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, distorted: bool, wo
             a = R[c, 0, 0] * x[p] + R[c, 0, 1] * x[p + 1] + R[c, 0, 2] * x[p + 2]
             b = R[c, 1, 0] * x[p] + R[c, 1, 1] * x[p + 1] + R[c, 1, 2] * x[p + 2]
             d = R[c, 2, 0] * x[p] + R[c, 2, 1] * x[p + 1] + R[c, 2, 2] * x[p + 2]
-            near = 1.0 / (d + q[first + 5])
-            nx, ny = (a + q[first + 3]) * near, (b + q[first + 4]) * near
-            bx, by, _, _, _, _ = distort(nx, ny, lenses, c)
+            X, Y, Z = a + q[first + 3], b + q[first + 4], d + q[first + 5]
+            X, Y, Z = seen_in_air(windows, q, R, c, first, X, Y, Z, work.refraction)
+            near = 1.0 / Z
+            nx, ny = X * near, Y * near
+            bx, by, xx, xy, yx, yy = distort(nx, ny, lenses, c)
             for k in range(2):
                 row, by_point = Js[e, c, k], Jx[e, c, k]
                 s0 = by_point[0] * R[c, 0, 0] + by_point[1] * R[c, 0, 1] + by_point[2] * R[c, 0, 2]
@@ -341,6 +363,15 @@ def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, distorted: bool, wo
                 row[8], row[9] = weight * (1 - k), weight * k
                 row[TIME] = weight * motion[e, c, k] if len(motion) else 0.0
                 row[DRIFT] = row[TIME] * motion[e, c, 2] if len(motion) else 0.0
+            if len(windows):
+                fx, fy, skew = q[first + LENS], q[first + LENS + 1], lenses[c, 0]
+                by_air = work.small[:2]
+                by_air[0, 0] = weight * near * (fx * xx + skew * yx)
+                by_air[0, 1] = weight * near * (fx * xy + skew * yy)
+                by_air[1, 0], by_air[1, 1] = weight * near * fy * yx, weight * near * fy * yy
+                for k in range(2):
+                    by_air[k, 2] = -(by_air[k, 0] * nx + by_air[k, 1] * ny)
+                fill_by_window(windows, q, R, c, first, by_air, work.refraction, Js[e, c])
             if not distorted:
                 continue
             distortion_derivatives(nx, ny, lenses, c, by_lens)
@@ -386,9 +417,10 @@ def fit_points(
         by_point, by_view = jacobians_of(cameras, fits.points[rows])
         by_point[np.isnan(pixels[rows, :, 0])] = 0.0
         gain = np.einsum("nij,nckj->nick", fits.covariances[rows], by_point)
-        fits.by_shared[rows, :, :-1] = -np.einsum("nick,nckv->nicv", gain, by_view).reshape(
-            len(rows), 3, -1
-        )
+        by_unknown = -np.einsum("nick,nckv->nicv", gain, by_view)
+        parts = by_unknown[..., :EACH], by_unknown[..., EACH:]
+        flat = [part.reshape(len(rows), 3, -1) for part in parts]
+        fits.by_shared[rows, :, :-1] = np.concatenate(flat, axis=2)
         fits.by_shared[rows, :, -1] = 0.0
     return fits
 
@@ -396,7 +428,7 @@ def fit_points(
 @compiled
 def _fill_fits(stated: Cameras, pixels: FloatArray, rays: FloatArray, fits: PointFits) -> None:
     cameras, count = with_lenses(stated), len(stated.R)
-    work, x, b = work_of(count), np.empty(OWN), np.empty(OWN)
+    work, x, b = work_of(count, len(stated.windows)), np.empty(OWN), np.empty(OWN)
     seen, ray = np.full((2, count, 2), np.nan), np.full((2, count, 2), np.nan)
     unit = Unit(seen, np.empty((0, count, 3)), 0.0, 1.0, 0.0)
     for n in range(len(pixels)):
@@ -441,10 +473,11 @@ def jacobians_of(cameras: Cameras, points: FloatArray) -> tuple[FloatArray, Floa
         cameras: with the stated k1, k2, p1, p2.
 
     Returns:
-        By the point (n, c, 2, 3), and by the unknowns of each camera (n, c, 2, 16).
+        By the point (n, c, 2, 3), and by the unknowns of each camera (n, c, 2, 16), with windows
+        (n, c, 2, 21).
     """
-    shape = len(points), len(cameras.R), 2
-    by_point, by_shared = np.full((*shape, 3), np.nan), np.full((*shape, EACH), np.nan)
+    shape, columns = (len(points), len(cameras.R), 2), EACH + OF_WINDOW * (len(cameras.windows) > 0)
+    by_point, by_shared = np.full((*shape, 3), np.nan), np.full((*shape, columns), np.nan)
     _fill_jacobians(cameras, contiguous(points), by_point, by_shared)
     return by_point, by_shared
 
@@ -454,7 +487,8 @@ def _fill_jacobians(
     stated: Cameras, points: FloatArray, by_point: FloatArray, by_shared: FloatArray
 ) -> None:
     cameras, count = with_lenses(stated), len(stated.R)
-    pixels, work, x = np.full((2, count, 2), np.nan), work_of(count), np.zeros(OWN)
+    pixels, x = np.full((2, count, 2), np.nan), np.zeros(OWN)
+    work = work_of(count, len(stated.windows))
     pixels[0] = 0.0
     unit = Unit(pixels, np.empty((0, count, 3)), 0.0, 1.0, 0.0)
     for n in range(len(points)):
@@ -466,5 +500,5 @@ def _fill_jacobians(
                 for k in range(2):
                     for i in range(3):
                         by_point[n, c, k, i] = work.Jx[0, c, k, i]
-                    for i in range(EACH):
+                    for i in range(by_shared.shape[3]):
                         by_shared[n, c, k, i] = work.Js[0, c, k, i]

@@ -17,7 +17,7 @@ from stereocal.calibration.reading import ESTIMATED_HANDICAP
 from stereocal.calibration.wrong_inputs import PoseFit, essential_fit
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.robust import RobustFit
-from stereocal.fit.least_squares.small_steps import with_lens
+from stereocal.fit.least_squares.small_steps import camera_at
 from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings, of_some
 from stereocal.fit.refine import refine
 from stereocal.fit.refined_result import RefinedResult
@@ -158,10 +158,8 @@ def noise_of(
         least = min(pair.noise_px for pair in pairs)
         fit.start_at({}, least)
         if fit.run() and fit.is_determined:
-            numbered = enumerate(recording.cameras.items())
-            cameras = {
-                name: with_lens(camera, fit.q, number) for number, (name, camera) in numbered
-            }
+            numbered, at = enumerate(recording.cameras.items()), fit.at
+            cameras = {name: camera_at(camera, at, number) for number, (name, camera) in numbered}
             largest = largest_noise(recording, least)
             noise = _noise_left(fit, fit.sigma_px, fit.poses, largest, cameras)
             return replace(noise, pairs=tuple(pairs))

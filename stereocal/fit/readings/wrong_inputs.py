@@ -119,7 +119,7 @@ def _fits(fit: RobustFit, best_pair_px: float) -> bool:
 
 def contradicting_lengths(recording: Recording) -> str:
     """A message if a measured baseline and the object cannot both be right; else empty."""
-    for pair in recording.pairs:
+    for pair in () if recording.has_windows else recording.pairs:
         if recording.baseline_m(*pair) is None or recording.baseline_sigma_m == np.inf:
             continue
         with suppress(StereocalError):
@@ -137,7 +137,10 @@ def judges_of(
     fit: RobustFit | None = None,
     out_of_step: bool = False,
 ) -> Iterator[Judge]:
-    """Judges of groups of cameras that share bars; of a large group, one for each camera."""
+    """Judges of groups of cameras that share bars; of a large group, one for each camera. None
+    behind windows, for a wrong input there is as good a reading of a window."""
+    if recording.has_windows:
+        return
     worth = pairs_worth_a_fit(recording)
     with suppress(StereocalError):  # a lens that cannot be inverted may be read otherwise
         if not worth or len(recording.pair(*worth[0]).correspondences.bars) < MINIMUM_BARS:

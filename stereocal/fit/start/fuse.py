@@ -7,8 +7,8 @@ stated ones 1.11 with 3 cameras, 1.33 with 4); the joint adjustment, which start
 once.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,12 +20,14 @@ from stereocal.fit.least_squares.small_steps import (
     pose_places,
     step_between,
     turned,
+    window_at,
 )
 from stereocal.fit.least_squares.unknowns import RefineSettings, Unknowns, unknowns_of
 from stereocal.fit.least_squares.views import EACH, LENS, TIME, TRANSLATION, Cameras
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair, Recording
+from stereocal.rig.window import Window
 from stereocal.system.array_types import FloatArray
 
 MOST_STEPS = 30
@@ -46,6 +48,8 @@ class PairFit:
     """(33,): half the derivative of their cost, where only the priors hold it."""
     noise_px: float
     frames: int
+    windows: Mapping[str, Window] = field(default_factory=dict)
+    """As each camera sees its own. `information` is without what they leave uncertain."""
 
     @classmethod
     def of(cls, pair: CameraPair, fit: RefinedResult) -> "PairFit":
@@ -54,12 +58,30 @@ class PairFit:
         q, used = fit.at.q.copy(), int((~fit.outlying).sum())
         if fit.dataset.time_offset is not None:
             q[EACH + TIME] += fit.dataset.time_offset.frames  # by which the points were shifted
-        return cls(pair, fit.at._replace(q=q), H, g, float(fit.sigma_px.value), used)
+        seen = {name: window_at(fit.at, number) for number, name in enumerate(pair)}
+        windows = {name: window for name, window in seen.items() if window is not None}
+        if windows:
+            q, (H, g) = np.append(q[: 2 * EACH], q[FACTOR]), _without_windows(fit, H, g)
+        at = Cameras(q, fit.at.R, fit.at.lenses)
+        return cls(pair, at, H, g, float(fit.sigma_px.value), used, windows)
 
     @property
     def pose(self) -> Pose:
         """`second_from_first`."""
         return pose_at(self.at)
+
+
+def _without_windows(
+    fit: RefinedResult, H: FloatArray, g: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The normal equations (33, 33) and (33,) of a pair after its windows are eliminated."""
+    of_windows = fit.unknowns.M[2 * EACH : FACTOR].any(axis=0)
+    others = np.delete(np.eye(len(H)), np.s_[2 * EACH : len(H) - 1], axis=1)
+    B = np.hstack([others, fit.unknowns.M[:, of_windows]])
+    A, b, n = B.T @ H @ B, B.T @ g, others.shape[1]
+    V = A[n:, n:] + fit.unknowns.precision[np.ix_(of_windows, of_windows)]
+    gain = np.linalg.solve(V, A[n:, :n]).T
+    return A[:n, :n] - gain @ A[n:, :n], b[:n] - gain @ b[n:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +124,9 @@ def chained(cameras: Sequence[str], pairs: Iterable[PairFit]) -> list[Pose]:
 
 
 def fuse(recording: Recording, pairs: Sequence[PairFit], settings: RefineSettings) -> Fused:
-    """Fuse pairs, which must reach all cameras of a recording; the best first."""
+    """Fuse pairs, which must reach all cameras of a recording; the best first. Windows are left to
+    the joint fit."""
+    recording = replace(recording, windows=())
     numbers = {name: number for number, name in enumerate(recording.cameras)}
     poses = chained(list(numbers), pairs)
     unknowns = unknowns_of(recording, poses, settings)
