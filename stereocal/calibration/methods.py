@@ -12,6 +12,7 @@ from stereocal.calibration.montecarlo import SearchSettings
 from stereocal.errors import StereocalError
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays
 from stereocal.rig.pair import Pair
+from stereocal.rig.rig import Rig
 from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.settings import Settings, described, joined
 
@@ -141,7 +142,11 @@ def errors_of(dataset: Pair, pose: Pose, left_out: Collection[int] = ()) -> Erro
     """
     rows = dataset.correspondences
     kept = ~np.isin(rows.frame, list(left_out))
-    both = reprojection_errors_of_rays(pose.R, pose.T, dataset.rays, dataset.pixel_scale)
+    rig = Rig(dataset.primary, dataset.secondary, pose)
+    if rig.has_windows:
+        both = rig.reprojection_errors(rows.primary, rows.secondary)
+    else:
+        both = reprojection_errors_of_rays(pose.R, pose.T, dataset.rays, dataset.pixel_scale)
     lengths = dataset.reconstructed_lengths_m(pose)
     measured = dataset.bar_distances_m
     return Errors(

@@ -4,6 +4,7 @@ import numpy as np
 
 from stereocal.rig.compiled import compiled
 from stereocal.rig.geometry import reprojection_shift
+from stereocal.rig.rig import Rig
 from stereocal.system.array_types import CountArray, FloatArray, IntArray
 
 LOWEST, HIGHEST, BIN_WIDTH = -12.0, 6.0, 0.02
@@ -56,6 +57,35 @@ def count_pairs(
                 known += 1
             counts[REPROJECTION, label, bin_of(error)] += 1
     return total / known
+
+
+def count_pairs_behind_windows(
+    rig: Rig, pixels: FloatArray, partners: IntArray, counts: CountArray, nans: IntArray
+) -> float:
+    """`count_pairs` of cameras that look through windows: the residual is the distance of both
+    rays, in metres.
+
+    Args:
+        pixels: (n, 4): u and v in both images.
+    """
+    primary = np.repeat(np.arange(len(partners)), partners.shape[1])
+    secondary = partners.ravel()
+    pairs = pixels[primary, :2], pixels[secondary, 2:]
+    errors = rig.reprojection_errors(*pairs).mean(axis=1)
+    residuals, correct = np.abs(rig.residuals(*pairs)), primary == secondary
+    for label in (WRONG, CORRECT):
+        among = correct == bool(label)
+        _count(residuals[among], counts[RESIDUAL, label])
+        _count(errors[among], counts[REPROJECTION, label])
+        nans[label] += np.count_nonzero(np.isnan(errors[among]))
+    known = errors[correct & np.isfinite(errors)]
+    return float(known.mean()) if len(known) else float("nan")
+
+
+@compiled
+def _count(values: FloatArray, counts: CountArray) -> None:
+    for k in range(len(values)):
+        counts[bin_of(values[k])] += 1
 
 
 @compiled

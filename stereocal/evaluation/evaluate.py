@@ -27,7 +27,7 @@ from stereocal.calibration.essential import calibrate_essential
 from stereocal.calibration.methods import CalibrationSettings
 from stereocal.calibration.montecarlo import minimise, reconstruction_problem, reprojection_problem
 from stereocal.errors import StereocalError
-from stereocal.evaluation.counting import BINS, count_pairs
+from stereocal.evaluation.counting import BINS, count_pairs, count_pairs_behind_windows
 from stereocal.fit.least_squares.distortion import lenses_of_cameras
 from stereocal.fit.least_squares.small_steps import undistort_rays
 from stereocal.fit.least_squares.unknowns import RefineSettings
@@ -36,6 +36,7 @@ from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.camera import pixel_scales
 from stereocal.rig.geometry import Angles, Pose, fill_essential, fill_pose, triangulate_rays
 from stereocal.rig.pair import Pair
+from stereocal.rig.rig import Rig
 from stereocal.system.array_types import BoolArray, CountArray, FloatArray, IntArray
 from stereocal.system.latest import once
 from stereocal.system.numbers import count
@@ -273,7 +274,22 @@ def count_set(dataset: Pair, pose: Pose, rows: BoolArray | None = None) -> RunCo
     if rows is None:
         rows = np.ones(len(dataset.correspondences), dtype=np.bool_)
     partners = _partners(int(np.count_nonzero(rows)), np.random.default_rng(0))
+    if dataset.recording.has_windows:
+        return _count_behind_windows(dataset, pose, rows, partners)
     return _test(dataset, rows, np.array([pose.angles]), partners, pose.baseline)
+
+
+def _count_behind_windows(
+    dataset: Pair, pose: Pose, rows: BoolArray, partners: IntArray
+) -> RunCounts:
+    """`count_set` of cameras that look through windows."""
+    counts, nans = np.zeros((1, 2, 2, BINS + 2), dtype=np.int32), np.zeros((1, 2), dtype=np.int64)
+    table, rig = dataset.correspondences, Rig(dataset.primary, dataset.secondary, pose)
+    pixels = np.hstack([table.primary, table.secondary])[rows]
+    px = np.array([count_pairs_behind_windows(rig, pixels, partners, counts[0], nans[0])])
+    bars = dataset.bars_among(rows)
+    lengths = dataset.reconstructed_lengths_m(pose)[bars] / dataset.bar_distances_m[bars]
+    return RunCounts(counts, nans, lengths[None], np.array([pose.angles]), px)
 
 
 def stacked(first: RunCounts, second: RunCounts) -> RunCounts:

@@ -7,7 +7,14 @@ from typing import Any
 import numpy as np
 
 from stereocal.fit.errors.stated_inputs import Input
-from stereocal.fit.least_squares.small_steps import FACTOR, OF_PAIR, lens_places, pose_places
+from stereocal.fit.least_squares.small_steps import (
+    FACTOR,
+    OF_PAIR,
+    OF_PAIR_BEHIND_WINDOWS,
+    lens_places,
+    pose_places,
+)
+from stereocal.fit.least_squares.stated_windows import PARTS
 from stereocal.fit.least_squares.unknowns import FIXED, baseline_sigma_m
 from stereocal.fit.least_squares.views import DRIFT, EACH, TIME
 from stereocal.fit.refined_result import RefinedResult
@@ -31,8 +38,10 @@ COVARIANCE_OF = (
     "time_drift",
 )
 """Names of the rows of a file's covariance, in order; files without a time offset end before it."""
+WINDOWS_OF = tuple(f"{camera}_window_{part}" for camera in CAMERAS for part in PARTS)
+"""Names of further rows, at the end, of cameras that look through windows."""
 PLACES = [
-    OF_PAIR + FACTOR,
+    FACTOR,
     *lens_places(0)[:4],
     *lens_places(1)[:4],
     *lens_places(0)[4:],
@@ -52,13 +61,15 @@ class Value:
 
 
 def covariance_names(cameras: Sequence[Camera]) -> tuple[str, ...]:
-    """`COVARIANCE_OF`, with the k3 and k4 of a fisheye instead of p1 and p2."""
+    """`COVARIANCE_OF`, with the k3 and k4 of a fisheye instead of p1 and p2, and windows."""
     fisheyes = {
         f"{which}_{usual}": f"{which}_{of_fisheye}"
         for which, camera in zip(CAMERAS, cameras, strict=True)
         for usual, of_fisheye in zip(LENS_UNKNOWNS, camera.lens_names, strict=True)
     }
-    return tuple(fisheyes.get(name, name) for name in COVARIANCE_OF)
+    names = tuple(fisheyes.get(name, name) for name in COVARIANCE_OF)
+    through = any(camera.window is not None for camera in cameras)
+    return (*names, *WINDOWS_OF) if through else names
 
 
 def refined_parameters(
@@ -113,24 +124,34 @@ def by_angles(pose: Pose) -> FloatArray:
 
 
 def of_file(covariance: FloatArray, pose: Pose) -> FloatArray:
-    """(25, 25): a covariance (33, 33) of the unknowns of two cameras by the values of a file."""
-    J = np.zeros((len(COVARIANCE_OF), OF_PAIR))
-    J[:POSE, pose_places(1)] = np.linalg.inv(by_angles(pose))
-    J[range(POSE, len(J)), PLACES] = 1.0
+    """(25, 25): a covariance (33, 33) of the unknowns of two cameras by the values of a file; with
+    windows (35, 35), of (43, 43)."""
+    J = _by_values(len(covariance), np.asarray(np.linalg.inv(by_angles(pose)), np.float64))
     return np.asarray(J @ covariance @ J.T)
+
+
+def _by_values(size: int, by_pose: FloatArray) -> FloatArray:
+    """(v, size): derivatives of the values of a file by as many unknowns, those of the pose given;
+    all others are the same in both."""
+    places = [*PLACES, *range(2 * EACH, size - 1)]
+    J = np.zeros((POSE + len(places), size))
+    J[:POSE, pose_places(1)] = by_pose
+    J[range(POSE, len(J)), places] = 1.0
+    return J
 
 
 def covariance_entry(covariance: FloatArray, rig: Rig) -> dict[str, Any]:
     """The entry of a file on the covariance (33, 33) of the unknowns of a rig."""
     values = of_file(covariance, rig.pose)
-    time = len(values) - 2
+    time = len(COVARIANCE_OF) - 2 if len(values) == len(COVARIANCE_OF) else len(values)
     kept = len(values) if values[time:].any() else time
     names = covariance_names((rig.primary, rig.secondary))
     return {"of": list(names[:kept]), "matrix": values[:kept, :kept].tolist()}
 
 
 def covariance_of_entry(entry: Mapping[str, Any], rig: Rig) -> FloatArray:
-    """(33, 33): the covariance of the unknowns of `views` that a file states, in one entry.
+    """(33, 33), with windows (43, 43): the covariance of the unknowns of `views` that a file has in
+    one entry.
 
     Raises:
         KeyError, TypeError, ValueError: the entry is damaged.
@@ -141,9 +162,8 @@ def covariance_of_entry(entry: Mapping[str, Any], rig: Rig) -> FloatArray:
     known = covariance_names((rig.primary, rig.secondary))
     if missing := set(known[:POSE]) - set(names):
         raise ValueError(f"the covariance is without {sorted(missing)[0]}")
-    B = np.zeros((len(known), OF_PAIR))
-    B[:POSE, pose_places(1)] = by_angles(rig.pose).T
-    B[range(POSE, len(B)), PLACES] = 1.0
+    size = OF_PAIR if len(known) == len(COVARIANCE_OF) else OF_PAIR_BEHIND_WINDOWS
+    B = _by_values(size, by_angles(rig.pose).T)
     B = B[[known.index(name) for name in names]]
     return np.asarray(B.T @ whole @ B)
 
@@ -160,7 +180,7 @@ def standard_errors(covariance: FloatArray, rig: Rig) -> dict[str, Value]:
 
 def errors_of_set(result: RefinedResult) -> dict[str, Value]:
     """The same of a refined set; 0 for a baseline that was held."""
-    errors = standard_errors(result.covariance, result.rig)
+    errors = standard_errors(result.covariance_of_file, result.rig)
     if baseline_sigma_m(result.dataset, result.settings) <= FIXED:
         errors["baseline_m"] = Value(errors["baseline_m"].value, 0.0)
     return errors
@@ -181,7 +201,7 @@ def uncertainties_of(result: RefinedResult, inputs: Sequence[Input] = ()) -> dic
             "estimate": bar * result.bar_factor,
             "standard_error": bar * float(np.sqrt(result.covariance[FACTOR, FACTOR])),
         },
-        "covariance": covariance_entry(result.covariance, result.rig),
+        "covariance": covariance_entry(result.covariance_of_file, result.rig),
         "design_effect": result.design_effect,
         "frames_left_out": [
             {"frame": frame, "share_of_misfit": share}

@@ -15,7 +15,7 @@ from stereocal.fit.least_squares.design_effect import (
 from stereocal.fit.least_squares.noise import Noise
 from stereocal.fit.least_squares.observations import Observations
 from stereocal.fit.least_squares.robust import RobustFit
-from stereocal.fit.least_squares.small_steps import FACTOR
+from stereocal.fit.least_squares.small_steps import FACTOR, with_own_windows
 from stereocal.fit.least_squares.stated_windows import cameras_of
 from stereocal.fit.least_squares.unknowns import RefineSettings, Unknowns
 from stereocal.fit.least_squares.views import DRIFT, EACH, TIME, Cameras
@@ -162,6 +162,14 @@ class RefinedResult:
         """(Q, Q): covariance of the unknowns of `views`; 0 for fixed ones."""
         M = self.unknowns.M
         return np.asarray(M @ self.p_covariance @ M.T)
+
+    @cached_property
+    def covariance_of_file(self) -> FloatArray:
+        """(Q, Q): the same, with the window of each camera in its own frame, as files have it."""
+        if not self.dataset.recording.windows:
+            return self.covariance
+        J = with_own_windows(self.at)[1]
+        return np.asarray(J @ self.covariance @ J.T)
 
     @property
     def used_rows(self) -> BoolArray:

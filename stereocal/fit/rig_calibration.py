@@ -18,7 +18,7 @@ from stereocal.fit.errors.held_out import (
 )
 from stereocal.fit.least_squares.design_effect import design_effect
 from stereocal.fit.least_squares.robust import RobustFit
-from stereocal.fit.least_squares.small_steps import camera_at, rig_of
+from stereocal.fit.least_squares.small_steps import camera_at, rig_of, with_own_windows
 from stereocal.fit.least_squares.views import DRIFT, EACH, TIME
 from stereocal.fit.screening.wrong_images import WrongImage
 from stereocal.fit.start.pairs import Pairs
@@ -107,9 +107,12 @@ class RigCalibration:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """(Q, Q): of the unknowns of `views`; 0 for fixed ones."""
+        """(Q, Q): of the unknowns of `views`, windows in the frame of each camera; 0 for fixed
+        ones."""
         fit, M = self.fit, self.fit.unknowns.M
         of_p = fit.at_end.covariance(fit.H / self.design_effect)
+        if self.recording.windows:
+            M = with_own_windows(fit.at)[1] @ M
         return np.asarray(M @ of_p @ M.T)
 
     @property

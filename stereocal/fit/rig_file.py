@@ -13,7 +13,8 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.fit.about_rig import AboutRig, PairOfRig, RigFigures
 from stereocal.fit.errors.length_in_metres import BarKnown, p95_of_factor
-from stereocal.fit.least_squares.small_steps import lens_places
+from stereocal.fit.least_squares.small_steps import lens_places, window_places, window_values
+from stereocal.fit.least_squares.stated_windows import PARTS
 from stereocal.fit.least_squares.unknowns import length_sigma
 from stereocal.fit.least_squares.views import DRIFT, EACH, TIME, TRANSLATION
 from stereocal.fit.parameter_file import covariance_entry
@@ -37,6 +38,7 @@ RIG_FORMAT = "stereocal-rig/1"
 CONVENTION = "x_camera = R @ x_reference + T"
 UNITS = {"T": "m", "K": "px", "covariance": "rad, m, px", "noise_px": "px"}
 START = "start_frame"
+WINDOW = tuple(f"window_{part}" for part in PARTS)
 ROTATION = ("turn_x", "turn_y", "turn_z")
 
 
@@ -84,6 +86,8 @@ class RigFile(ResultFile):
             first = EACH * number
             q[first + TRANSLATION : first + 2 * TRANSLATION] = self.poses[name].T
             q[first + TIME] = self.time_offsets[name]
+            if camera.window is not None:
+                q[window_places(number, len(self.cameras))] = window_values(camera.window)
         return q
 
     @property
@@ -179,11 +183,14 @@ class RigFile(ResultFile):
     def standard_errors(self) -> dict[str, dict[str, float]]:
         """The standard errors of the unknowns of each camera, by name."""
         errors = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        of_cameras = errors[:-1].reshape(-1, EACH).tolist()
-        return {
-            name: dict(zip(_unknowns(camera), of_camera, strict=False))
-            for (name, camera), of_camera in zip(self.cameras.items(), of_cameras, strict=True)
-        }
+        count, every = len(self.cameras), dict[str, dict[str, float]]()
+        for number, (name, camera) in enumerate(self.cameras.items()):
+            of_camera = errors[EACH * number : EACH * (number + 1)].tolist()
+            every[name] = dict(zip(_unknowns(camera), of_camera, strict=False))
+            if camera.window is not None:
+                of_window = errors[window_places(number, count)].tolist()
+                every[name] |= dict(zip(WINDOW, of_window, strict=True))
+        return every
 
     def content(self) -> dict[str, Any]:
         cameras = {
@@ -208,8 +215,8 @@ class RigFile(ResultFile):
             "volume": None if self.volume is None else self.volume.to_json(),
             **self.about.to_json(),
             **self.others,
-            "covariance": self.covariance[_written(len(self.cameras))].tolist(),
-            "covariance_of": [*of, "object_factor"],
+            "covariance": self.covariance[_written(self.cameras)].tolist(),
+            "covariance_of": [*of, *_of_windows(self.cameras), "object_factor"],
         }
 
     @classmethod
@@ -218,7 +225,8 @@ class RigFile(ResultFile):
             name: Camera.from_json(lens, f"camera {name}") for name, lens in data["cameras"].items()
         }
         stored = np.array(data["covariance"], dtype=np.float64)
-        size, written = EACH * len(cameras) + 1, _written(len(cameras))
+        written = _written(cameras)
+        size = EACH * len(cameras) + len(_of_windows(cameras)) + 1
         if len(cameras) < 2 or stored.shape != (len(written[0]),) * 2:
             raise StereocalError("the cameras and the covariance do not belong together.")
         covariance = np.zeros((size, size))
@@ -259,10 +267,17 @@ def _unknowns(camera: Camera) -> tuple[str, ...]:
     return (*ROTATION, "x", "y", "z", *camera.lens_names, "time_offset")
 
 
-def _written(cameras: int) -> tuple[IntArray, IntArray]:
+def _of_windows(cameras: Mapping[str, Camera]) -> list[str]:
+    """The names of the unknowns of their windows; empty if no camera looks through one."""
+    through = any(camera.window is not None for camera in cameras.values())
+    return [f"{name} {key}" for name in cameras for key in WINDOW] if through else []
+
+
+def _written(cameras: Mapping[str, Camera]) -> tuple[IntArray, IntArray]:
     """Where the file's covariance is in that of all unknowns of `views`: a rig has no drifts."""
-    places = np.arange(EACH * cameras + 1)
-    return np.ix_(*2 * [places[(places % EACH != DRIFT) | (places == places[-1])]])
+    of_cameras = EACH * len(cameras)
+    places = np.arange(of_cameras + len(_of_windows(cameras)) + 1)
+    return np.ix_(*2 * [places[(places % EACH != DRIFT) | (places >= of_cameras)]])
 
 
 Parameters = RigParameters | RigFile

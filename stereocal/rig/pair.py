@@ -21,6 +21,7 @@ from stereocal.rig.correspondences import TARGETS, Correspondences, refuse_point
 from stereocal.rig.fisheye import LARGEST_ANGLE
 from stereocal.rig.geometry import Pose, stack_rays, triangulate_rays
 from stereocal.rig.measured_lengths import check_lengths
+from stereocal.rig.rig import Rig
 from stereocal.rig.rigid_object import BoardPattern, RigidObject, placed
 from stereocal.rig.tracks import TimeOffset
 from stereocal.system.answers import TableAnswer
@@ -334,6 +335,11 @@ class Pair(TableAnswer):
     def reconstructed_lengths_m(self, pose: Pose) -> FloatArray:
         """(m,): the lengths of the bars reconstructed with `pose`; NaN behind a camera."""
         points = triangulate_rays(pose.R, pose.T, self.rays)
+        if self.recording.has_windows:
+            rows = self.correspondences
+            points = Rig(self.primary, self.secondary, pose).reconstruct(
+                rows.primary, rows.secondary
+            )
         bars = self.correspondences.bars
         lengths: FloatArray = np.linalg.norm(points[bars[:, 0]] - points[bars[:, 1]], axis=1)
         return lengths

@@ -177,6 +177,10 @@ class Rig:
         residual = np.sum(two * (one @ E.T), axis=1)
         return residual, gradient
 
+    def residual_slopes(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
+        """Derivatives (n, 4) of the `residuals` by u and v in the primary and in the secondary."""
+        return self._sampson(primary_px, secondary_px)[1]
+
     def epipolar_distances(
         self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
     ) -> FloatArray:

@@ -28,7 +28,7 @@ GLASS, WATER = 1.52, 1.333
 SMALLEST_INDEX, LARGEST_INDEX = 1.0, 2.5
 LARGEST_M = 1000.0
 """Of a window's distance and thickness."""
-MOST_STEPS = 30
+MOST_STEPS, ROUNDING = 30, 1e-12
 TURNED_AWAY = "a window's normal must point away from its camera, within 85 degrees of its axis."
 LEAST_COSINE = float(np.cos(np.radians(85.0)))
 
@@ -67,8 +67,9 @@ class Window:
                 for index in (self.glass, self.medium)
             ),
         )
-        x, y, z = (float(part) / length for part in self.normal)
-        object.__setattr__(self, "normal", (x, y, z))
+        if abs(length - 1.0) > ROUNDING:  # else a file that is read and written again changes
+            x, y, z = (float(part) / length for part in self.normal)
+            object.__setattr__(self, "normal", (x, y, z))
 
     @property
     def values(self) -> FloatArray:

@@ -21,7 +21,13 @@ import numpy as np
 from stereocal.calibration.methods import FILE_METHODS, Method
 from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
-from stereocal.fit.least_squares.small_steps import FACTOR, baseline_direction, rig_at, step_between
+from stereocal.fit.least_squares.small_steps import (
+    FACTOR,
+    baseline_direction,
+    rig_at,
+    step_between,
+    with_own_windows,
+)
 from stereocal.fit.parameter_file import covariance_entry
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.fit.results import Calibration
@@ -205,9 +211,9 @@ class Forecast:
         That of the model about the truth, and the deviation of the file from the model.
         """
         model = self.model
-        away = step_between(rig_at(self.files[method]), model.at)
+        away = step_between(rig_at(self.files[method]), with_own_windows(model.at)[0])
         away[FACTOR] = 0.0
-        return model.covariance + np.outer(away, away)
+        return model.covariance_of_file + np.outer(away, away)
 
 
 def forecast_files(calibration: Calibration, draws: int = DRAWS) -> Forecast:
@@ -238,6 +244,26 @@ def forecast_files(calibration: Calibration, draws: int = DRAWS) -> Forecast:
     if check is not None and not check.holds:
         drawn = replace(drawn, excess=check.excess)
     return Forecast(files, refined, comparison.model, drawn, check)
+
+
+def forecast_of_set(model: RefinedResult, draws: int = DRAWS) -> ForecastEntries | None:
+    """The entries of a refined set alone, as behind windows, where it is the only one; None if its
+    bars are too few for a forecast.
+
+    Args:
+        draws: of the truth.
+    """
+    files: dict[Method, Rig] = {"refined": model.rig}
+    try:
+        drawn = draw_forecast(model, files, draws=draws)
+    except StereocalError:
+        return None
+    if np.isfinite(drawn.correct_px).all(axis=(1, 2)).mean() < LEAST_KNOWN:
+        return None
+    check = check_model(model, model, drawn)
+    if check is not None and not check.holds:
+        drawn = replace(drawn, excess=check.excess)
+    return Forecast(files, model, model, drawn, check).of_file("refined")
 
 
 def improvements(model: RefinedResult) -> dict[str, float]:

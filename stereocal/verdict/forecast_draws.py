@@ -32,7 +32,7 @@ from stereocal.system.numbers import without_nan
 from stereocal.verdict import intervals
 from stereocal.verdict.fresh_frames import GROUP, draw_noise, fresh_bars, noise_of_points
 from stereocal.verdict.further_recording import Further, further_recordings, widened
-from stereocal.verdict.judging import JudgedSets, add_noise, judge, photograph
+from stereocal.verdict.judging import JudgedSets, add_noise, judge, judge_behind_windows, photograph
 
 DRAWS, BARS = 128, 200
 """Draws of the truth, and fresh bars of each half of a draw."""
@@ -241,7 +241,8 @@ def draw_forecast(
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, OWN_STREAM]))
     methods = tuple(method for method in ALL_METHODS if method in files)
-    sets = [rig_at(files[method]) for method in methods]
+    rigs = [files[method] for method in methods]
+    sets = list(map(rig_at, rigs))
     drawn = _draw_recordings(model, knowledge, draws, 2 * bars, rng)
     partners = partners_in_groups(bars, rng)
 
@@ -255,7 +256,10 @@ def draw_forecast(
             ends = slice(2 * first, 2 * (first + bars))  # A and B of each bar
             initial_rays = np.ascontiguousarray(rays[:, ends])  # near those of the pixels
             distances = drawn.distances[draw, of_half]
-            halves.append(judge(sets, pixels[ends], initial_rays, distances, partners))
+            if model.rig.has_windows:
+                halves.append(judge_behind_windows(rigs, pixels[ends], distances, partners))
+            else:
+                halves.append(judge(sets, pixels[ends], initial_rays, distances, partners))
         return pixels, halves
 
     with ThreadPoolExecutor(workers) as pool:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stereocal.evaluation.counting import BINS, count_pairs
+from stereocal.evaluation.counting import BINS, count_pairs, count_pairs_behind_windows
 from stereocal.fit.least_squares.distortion import distort, pixel_scales_of
 from stereocal.fit.least_squares.small_steps import undistort_rays
 from stereocal.fit.least_squares.views import EACH, LENS, TRANSLATION, Cameras, with_lenses
@@ -35,11 +35,16 @@ def photograph(cameras: Cameras, points: FloatArray, pixels: FloatArray) -> None
 def add_noise(
     rig: Rig, points: FloatArray, along: float, noise: FloatArray, pixels: FloatArray
 ) -> FloatArray:
-    """Add noise (n, 4) to the pixels (n, 4) of points (n, 3), and return their rays (4, n).
+    """Add noise (n, 4) to the pixels (n, 4) of points (n, 3), and return their rays (4, n), which
+    behind windows are not used.
 
     The noise across the epipolar lines of the rig is added as it is; the rest, which moves the
     reconstructed point, `along` times.
     """
+    if rig.has_windows:
+        slopes = rig.residual_slopes(*np.hsplit(pixels, 2))
+        _add_across(slopes, along, noise, pixels)
+        return np.empty((4, len(pixels)))
     E, both = rig.pose.essential, [xyz / xyz[:, 2:] for xyz in (points, rig.pose.apply(points))]
     lines, across = (both[1] @ E, both[0] @ E.T), []
     for camera, rays, line in zip((rig.primary, rig.secondary), both, lines, strict=True):
@@ -48,11 +53,15 @@ def add_noise(
             J = camera.pixel_jacobians(rays[:, :2]).transpose(0, 2, 1)
             by_pixel = np.asarray(np.linalg.solve(J, line[:, :2, None])[..., 0], np.float64)
         across.append(by_pixel)
-    unit = np.hstack(across)
+    _add_across(np.hstack(across), along, noise, pixels)
+    return np.ascontiguousarray(np.hstack([rays[:, :2] for rays in both]).T)
+
+
+def _add_across(unit: FloatArray, along: float, noise: FloatArray, pixels: FloatArray) -> None:
+    """Add noise to pixels, its part along vectors (n, 4) of any length as it is."""
     unit /= np.linalg.norm(unit, axis=1, keepdims=True)
     part = unit * np.sum(unit * noise, axis=1, keepdims=True)
     pixels += part + along * (noise - part)
-    return np.ascontiguousarray(np.hstack([rays[:, :2] for rays in both]).T)
 
 
 class JudgedSets(NamedTuple):
@@ -97,5 +106,20 @@ def judge(
         scale = pixel_scales_of(q[[[LENS, LENS + 1], [EACH + LENS, EACH + LENS + 1]]], lenses)
         judged.correct_px[k] = count_pairs(R, T, E, rays, scale, partners, counts[k], nans)
         ends = triangulate_rays(R, T, rays).reshape(bars, 2, 3)
+        judged.lengths[k] = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / distances
+    return judged
+
+
+def judge_behind_windows(
+    rigs: Sequence[Rig], pixels: FloatArray, distances: FloatArray, partners: IntArray
+) -> JudgedSets:
+    """`judge` with s rigs whose cameras look through windows."""
+    s, bars = len(rigs), len(distances)
+    counts = np.zeros((s, 2, 2, BINS + 2), dtype=np.int32)
+    judged = JudgedSets(counts, np.full((s, bars), np.nan), np.full(s, np.nan))
+    nans = np.zeros(2, dtype=np.int64)
+    for k, rig in enumerate(rigs):
+        judged.correct_px[k] = count_pairs_behind_windows(rig, pixels, partners, counts[k], nans)
+        ends = rig.reconstruct(*np.hsplit(pixels, 2)).reshape(bars, 2, 3)
         judged.lengths[k] = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / distances
     return judged

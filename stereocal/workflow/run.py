@@ -20,6 +20,7 @@ from stereocal.rig.recording import CameraPair, Recording
 from stereocal.system.latest import step
 from stereocal.system.made_from import Parts
 from stereocal.system.tasks import Progress
+from stereocal.verdict.forecast import forecast_of_set
 from stereocal.workflow.answer import PairAnswer
 from stereocal.workflow.made_from import parts_of
 from stereocal.workflow.pair_of_rig import data_of_pair, settings_of_pair
@@ -92,7 +93,11 @@ class Run:
         dataset = data_of_pair(self.recording, pair, self.bare_rig)
         settings, of_rig = settings_of_pair(dataset, pair, self.bare_rig), self.bare_rig.pair(*pair)
         sets: Sets
-        if self.searches is None:
+        if dataset.recording.has_windows:
+            refined = refine(dataset, settings)
+            forecast = forecast_of_set(refined)
+            sets = {"refined": refined_parameters(refined, forecast=forecast)}
+        elif self.searches is None:
             sets = {"refined": refined_parameters(refine(dataset, settings))}
         else:  # the rig has left out the frames that contradict it
             run = PairRun(dataset, replace(self.searches, all_frames=True), settings)

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stereocal.fit.least_squares.robust import RobustFit
-from stereocal.fit.least_squares.small_steps import OF_PAIR, lens_places
+from stereocal.fit.least_squares.small_steps import OF_PAIR, OF_PAIR_BEHIND_WINDOWS, lens_places
 from stereocal.fit.least_squares.unknowns import RefineSettings, Unknowns, lens_prior, lenses_of
 from stereocal.rig.clusters import Clusters, clusters_of
 from stereocal.rig.correspondences import Correspondences
@@ -84,6 +84,7 @@ def lenses_without(dataset: Pair, settings: RefineSettings) -> dict[str, FloatAr
     Empty where a lens has another uncertainty than that of its boards.
     """
     changes: dict[str, FloatArray] = {}
+    size = OF_PAIR_BEHIND_WINDOWS if dataset.recording.has_windows else OF_PAIR
     priors = lenses_of(dataset.recording, settings).values()
     stated = zip(dataset.recording.cameras.values(), priors, strict=True)
     for number, (camera, prior) in enumerate(stated):
@@ -91,7 +92,7 @@ def lenses_without(dataset: Pair, settings: RefineSettings) -> dict[str, FloatAr
         if known is None or not known.without or prior != lens_prior(camera, None):
             return {}
         for frame, change in known.without.items():
-            changes.setdefault(frame, np.zeros(OF_PAIR))[lens_places(number)] = change
+            changes.setdefault(frame, np.zeros(size))[lens_places(number)] = change
     return changes
 
 

@@ -18,6 +18,7 @@ from stereocal.fit.least_squares.windows import (
     NONE,
     OF_WINDOW,
     OWN_FRAME,
+    SHARED,
     THICKNESS,
     fill_plane,
 )
@@ -28,10 +29,13 @@ from stereocal.rig.rig import Rig
 from stereocal.rig.window import Window
 from stereocal.system.array_types import FloatArray
 
+STEP = 1e-6
+"""Of differences, in radians and metres."""
 FACTOR = -1
 """The place of the factor of the lengths in q: the last."""
 OF_PAIR = 2 * EACH + 1
-"""How many unknowns two cameras have."""
+"""How many unknowns two cameras have in air."""
+OF_PAIR_BEHIND_WINDOWS = OF_PAIR + 2 * OF_WINDOW
 
 
 def pose_places(number: int) -> slice:
@@ -94,6 +98,31 @@ def window_at(cameras: Cameras, number: int) -> Window | None:
     fill_plane(cameras.windows, cameras.q, cameras.R, number, EACH * number, plane)
     x, y, z, distance, thickness, glass, medium = plane.tolist()
     return Window((x, y, z), distance, thickness, glass, medium)
+
+
+def with_own_windows(cameras: Cameras) -> tuple[Cameras, FloatArray]:
+    """The cameras with the windows that they share in the frame of each, and the derivatives (Q, Q)
+    of these unknowns by the others."""
+    J, count = np.eye(len(cameras.q)), len(cameras.R)
+    if not (cameras.windows == SHARED).any():
+        return cameras, J
+    q, held = cameras.q.copy(), cameras.windows.copy()
+    held[held[:, KIND] == SHARED, KIND] = OWN_FRAME
+    for number in np.flatnonzero(cameras.windows[:, KIND] == SHARED).tolist():
+        places = window_places(number, count)
+        q[places] = _own_values(cameras, number)
+        J[places] = 0.0
+        for i in (*range(*pose_places(number).indices(len(q))), *range(places.start, places.stop)):
+            step = STEP * np.eye(len(q))[i]
+            ends = (_own_values(moved(cameras, way * step), number) for way in (1.0, -1.0))
+            J[places, i] = np.subtract(*ends) / (2.0 * STEP)
+    return cameras._replace(q=q, windows=held), J
+
+
+def _own_values(cameras: Cameras, number: int) -> FloatArray:
+    window = window_at(cameras, number)
+    assert window is not None, "a window that is shared"
+    return window_values(window)
 
 
 def rig_at(rig: Rig) -> Cameras:

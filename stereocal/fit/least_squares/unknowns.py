@@ -8,10 +8,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stereocal.errors import StereocalError
-from stereocal.fit.least_squares.small_steps import FACTOR, OF_PAIR, lens_places, window_places
-from stereocal.fit.least_squares.stated_windows import PARTS, cameras_of, window_blocks, window_name
+from stereocal.fit.least_squares.small_steps import (
+    FACTOR,
+    OF_PAIR,
+    OF_PAIR_BEHIND_WINDOWS,
+    lens_places,
+)
+from stereocal.fit.least_squares.stated_windows import cameras_of, window_blocks
 from stereocal.fit.least_squares.views import DRIFT, EACH, LENS, TIME, TRANSLATION
-from stereocal.fit.least_squares.windows import OF_WINDOW
 from stereocal.rig.camera import CAMERAS, LENS_UNKNOWNS, Camera, camera_in_words
 from stereocal.rig.geometry import Pose
 from stereocal.rig.measured_lengths import check_uncertainty
@@ -78,7 +82,7 @@ class RigMarginal:
 
     def __post_init__(self) -> None:
         numbers = np.array([self.q, *self.covariance], dtype=np.float64)
-        size = OF_PAIR + 2 * OF_WINDOW * (len(self.q) > OF_PAIR)
+        size = OF_PAIR if len(self.q) == OF_PAIR else OF_PAIR_BEHIND_WINDOWS
         whole = numbers.shape == (size + 1, size) and len(self.turn) == TRANSLATION
         if not (whole and np.isfinite(numbers).all() and np.isfinite(self.turn).all()):
             raise ValueError("what the rig says of its pair has other numbers")
@@ -249,29 +253,9 @@ def unknowns_of(
         ]
         blocks.append((times, None))
     blocks += [(columns, None) for columns in window_blocks(recording)]
-    if settings.of_rig is not None:
-        blocks.append((known_window_columns(recording, settings.of_rig), None))
     sigma, _ = length_sigma(recording, settings)
     blocks.append(([("object", sigma * has_lengths, [len(origin) + FACTOR])], None))
     return free_parameters(blocks, origin, focal_lengths)
-
-
-def known_window_columns(
-    recording: Recording, rig: RigMarginal
-) -> list[tuple[str, float, list[int]]]:
-    """What a rig leaves uncertain of the windows of a pair of its cameras, without priors."""
-    columns = list[tuple[str, float, list[int]]]()
-    for number, (label, camera) in enumerate(
-        zip(recording.labels, recording.cameras.values(), strict=True)
-    ):
-        if camera.window is not None:
-            first = window_places(number, 2).start
-            columns += [
-                (window_name(label, part), np.inf, [place])
-                for place, part in enumerate(PARTS, first)
-                if rig.covariance[place][place] > 0.0
-            ]
-    return columns
 
 
 def free_parameters(

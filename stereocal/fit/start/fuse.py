@@ -15,15 +15,18 @@ import numpy as np
 from stereocal.fit.least_squares.small_steps import (
     FACTOR,
     OF_PAIR,
+    OF_PAIR_BEHIND_WINDOWS,
     lens_places,
     pose_at,
     pose_places,
     step_between,
     turned,
     window_at,
+    window_places,
 )
 from stereocal.fit.least_squares.unknowns import RefineSettings, Unknowns, unknowns_of
 from stereocal.fit.least_squares.views import EACH, LENS, TIME, TRANSLATION, Cameras
+from stereocal.fit.least_squares.windows import OF_WINDOW
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair, Recording
@@ -167,19 +170,22 @@ def difference(
 
 
 def pair_at(first: int, second: int, q: FloatArray, R: FloatArray, lenses: FloatArray) -> Cameras:
-    """Two cameras of a rig, the first of which is their reference."""
-    q_pair, (a, b) = np.zeros(OF_PAIR), (EACH * first, EACH * second)
+    """Two cameras of a rig, the first of which is their reference; without what is held of their
+    windows."""
+    q_pair, (a, b) = np.zeros(_size_of_pair(q, R)), (EACH * first, EACH * second)
     R_pair = R[second] @ R[first].T
     q_pair[pose_places(1)][TRANSLATION:] = q[b + 3 : b + 6] - R_pair @ q[a + 3 : a + 6]
     for number, camera in enumerate((first, second)):
         q_pair[lens_places(number)] = q[lens_places(camera)]
+        if len(q_pair) > OF_PAIR:
+            q_pair[window_places(number, 2)] = q[window_places(camera, len(R))]
     q_pair[EACH + TIME], q_pair[FACTOR] = q[b + TIME] - q[a + TIME], q[FACTOR]
     return Cameras(q_pair, np.array([np.eye(3), R_pair]), lenses)
 
 
 def pair_derivatives(first: int, second: int, q: FloatArray, R: FloatArray) -> FloatArray:
-    """(33, Q): derivatives of the unknowns of a pair by those of the rig."""
-    a, b, J = EACH * first, EACH * second, np.zeros((OF_PAIR, len(q)))
+    """(33, Q), with windows (43, Q): derivatives of the unknowns of a pair by those of the rig."""
+    a, b, J = EACH * first, EACH * second, np.zeros((_size_of_pair(q, R), len(q)))
     R_pair, of_pose = R[second] @ R[first].T, J[pose_places(1)]
     of_pose[:3, b : b + 3], of_pose[:3, a : a + 3] = np.eye(3), -R_pair
     # T turns with R_pair: dT = dT_b - R_pair dT_a - (w_b - R_pair w_a) x (R_pair T_a)
@@ -188,6 +194,8 @@ def pair_derivatives(first: int, second: int, q: FloatArray, R: FloatArray) -> F
     of_pose[3:, b + 3 : b + 6], of_pose[3:, a + 3 : a + 6] = np.eye(3), -R_pair
     for number, camera in enumerate((first, second)):
         J[lens_places(number), lens_places(camera)] = 1.0
+        if len(J) > OF_PAIR:
+            J[window_places(number, 2), window_places(camera, len(R))] = np.eye(OF_WINDOW)
     J[FACTOR, FACTOR] = 1.0
     J[EACH + TIME, b + TIME], J[EACH + TIME, a + TIME] = 1.0, -1.0
     return J
@@ -196,6 +204,11 @@ def pair_derivatives(first: int, second: int, q: FloatArray, R: FloatArray) -> F
 def pair_covariance(
     first: int, second: int, q: FloatArray, R: FloatArray, covariance: FloatArray
 ) -> FloatArray:
-    """(33, 33): of a pair's unknowns, from that of the rig (Q, Q)."""
+    """(33, 33), with windows (43, 43): of a pair's unknowns, from that of the rig (Q, Q)."""
     J = pair_derivatives(first, second, q, R)
     return np.asarray(J @ covariance @ J.T)
+
+
+def _size_of_pair(q: FloatArray, R: FloatArray) -> int:
+    """How many unknowns a pair has of a rig with these."""
+    return OF_PAIR if len(q) == EACH * len(R) + 1 else OF_PAIR_BEHIND_WINDOWS
