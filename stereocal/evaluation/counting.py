@@ -3,7 +3,7 @@
 import numpy as np
 
 from stereocal.rig.compiled import compiled
-from stereocal.rig.geometry import reprojection_shift
+from stereocal.rig.geometry import apart_m, midpoints, reprojection_shift
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import CountArray, FloatArray, IntArray
 
@@ -70,9 +70,10 @@ def count_pairs_behind_windows(
     """
     primary = np.repeat(np.arange(len(partners)), partners.shape[1])
     secondary = partners.ravel()
-    pairs = pixels[primary, :2], pixels[secondary, 2:]
-    errors = rig.reprojection_errors(*pairs).mean(axis=1)
-    residuals, correct = np.abs(rig.residuals(*pairs)), primary == secondary
+    one, one_along, other, other_along = rig.rays_between(pixels[:, :2], pixels[:, 2:])
+    rays = one[primary], one_along[primary], other[secondary], other_along[secondary]
+    both = rig.image_errors(midpoints(*rays), pixels[primary, :2], pixels[secondary, 2:])
+    errors, residuals, correct = both.mean(axis=1), np.abs(apart_m(*rays)), primary == secondary
     for label in (WRONG, CORRECT):
         among = correct == bool(label)
         _count(residuals[among], counts[RESIDUAL, label])

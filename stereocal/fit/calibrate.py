@@ -22,6 +22,7 @@ from stereocal.fit.readings.diagnosis import (
     view_warnings,
 )
 from stereocal.fit.readings.moving_cameras import LEAST_PX, moving_cameras
+from stereocal.fit.readings.windows import no_window, window_warnings
 from stereocal.fit.readings.wrong_inputs import (
     check_inputs,
     contradicting_lengths,
@@ -79,12 +80,15 @@ def calibrate_rig(
         raise MovedError(instead_of_movement(recording) or str(error)) from error
     except (StereocalError, np.linalg.LinAlgError) as error:  # LinAlgError: no rig is near
         named = (
-            contradicting_lengths(recording)
+            (recording.windows and no_window(recording, np.inf))
+            or contradicting_lengths(recording)
             or find_wrong_input(recording)
             or moving_cameras(recording)
         )
         known = str(error) if isinstance(error, StereocalError) else NO_RIG
         raise StereocalError(named or known) from error
+    if recording.windows and (none := no_window(recording, rig.fit.sigma_px)):
+        raise StereocalError(none)
     if rig.moved and (wrong := instead_of_movement(recording)):
         raise MovedError(wrong)
     disagree = {name for pair in rig.pairs.failed for name in pair} & {*rig.unreached}
@@ -96,7 +100,8 @@ def calibrate_rig(
     swaying = moving_cameras(recording) if rig.fit.sigma_px > LEAST_PX else ""
     focal = changing_focal(rig.fit, rig.fit.points.reshape(-1, 2, 3), lambda: rig.design_effect)
     contradicted = [] if focal else contradicted_inputs(rig.fit)
-    of_cameras = [focal, *view_warnings(rig.fit), *contradicted]
+    of_windows = window_warnings(rig, recording) if recording.windows else []
+    of_cameras = [focal, *view_warnings(rig.fit), *of_windows, *contradicted]
     warnings = [_misplaced(rig), *possible, *of_cameras, rig.moved, swaying, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, warnings)), sha256=recording.sha256)
 

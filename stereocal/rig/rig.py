@@ -78,7 +78,7 @@ class Rig:
     def reconstruct(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> FloatArray:
         """Points (n, 3) in metres in the primary frame, from raw pixels (n, 2) of each camera."""
         if self.has_windows:
-            return midpoints(*self._rays_from(primary_px, secondary_px))
+            return midpoints(*self.rays_between(primary_px, secondary_px))
         return triangulate(
             self.pose, self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
         )
@@ -89,14 +89,20 @@ class Rig:
         """Errors (n, 2) in pixels as of `Camera`, from raw pixels (n, 2) of each camera."""
         if self.has_windows:
             points = self.reconstruct(primary_px, secondary_px)
-            images = self.primary.project(points), self.secondary.project(self.pose.apply(points))
-            seen = (primary_px, secondary_px)
-            apart = [np.subtract(image, px) for image, px in zip(images, seen, strict=True)]
-            return np.asarray(np.linalg.norm(np.stack(apart, axis=1), axis=2))
+            return self.image_errors(points, primary_px, secondary_px)
         rays = stack_rays(
             self.primary.undistort(primary_px), self.secondary.undistort(secondary_px)
         )
         return reprojection_errors_of_rays(self.pose.R, self.pose.T, rays, self.pixel_scale)
+
+    def image_errors(
+        self, points: FloatArray, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike
+    ) -> FloatArray:
+        """Distances (n, 2) of the images of points (n, 3) from raw pixels (n, 2) of each camera."""
+        images = self.primary.project(points), self.secondary.project(self.pose.apply(points))
+        seen = (primary_px, secondary_px)
+        apart = [np.subtract(image, px) for image, px in zip(images, seen, strict=True)]
+        return np.asarray(np.linalg.norm(np.stack(apart, axis=1), axis=2))
 
     @property
     def has_windows(self) -> bool:
@@ -104,7 +110,7 @@ class Rig:
         are in pixels of the recorded image."""
         return self.primary.window is not None or self.secondary.window is not None
 
-    def _rays_from(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> Rays:
+    def rays_between(self, primary_px: npt.ArrayLike, secondary_px: npt.ArrayLike) -> Rays:
         """Origins and directions (n, 3) of the primary's rays, and of the secondary's, in the
         primary's frame."""
         back, rays = self.pose.inverse(), list[FloatArray]()
@@ -122,7 +128,7 @@ class Rig:
         """`q_secondary^T E q_primary` (n,), from raw pixels (n, 2) of each camera; behind windows
         the distance of both rays, in metres."""
         if self.has_windows:
-            return apart_m(*self._rays_from(primary_px, secondary_px))
+            return apart_m(*self.rays_between(primary_px, secondary_px))
         return residuals(
             self.pose.essential,
             self.primary.undistort(primary_px),

@@ -1,0 +1,112 @@
+"""What the points say of a stated window: that there is none, or how well they determine it."""
+
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import erf
+
+from stereocal.errors import StereocalError
+from stereocal.fit.least_squares.unknowns import RefineSettings
+from stereocal.fit.least_squares.views import fit_points
+from stereocal.fit.refine import refine
+from stereocal.fit.rig_calibration import RigCalibration
+from stereocal.fit.start.free_baseline import with_rough_baseline
+from stereocal.fit.start.pairs import pairs_worth_a_fit
+from stereocal.rig.recording import Recording
+from stereocal.system.array_types import FloatArray
+from stereocal.system.numbers import rounded
+
+CLEARLY, ALIKE = 1.5, 1.2
+"""Noise through the window over that in air from which there is none; and in air over that through
+the window up to which the points do not tell."""
+DRAWS = 200
+LARGEST_EXCESS = 1.1
+"""Of the length errors over those of what is known exactly, in 95 % of the draws. With 80 bars it
+was 1.03 to 1.09 in 12 simulated rigs, with 25 bars 1.10 to 1.37 in 37."""
+
+
+def no_window(recording: Recording, noise_px: float) -> str:
+    """A message if the points fit better in air than through the stated window; else empty.
+
+    Args:
+        noise_px: that the window leaves; infinite if nothing fits.
+    """
+    in_air_px = noise_in_air(recording)
+    if not CLEARLY * in_air_px < noise_px:
+        return ""
+    return (
+        f"There is no window: in air the points fit to {rounded(in_air_px)} px, through the stated "
+        "window worse. Calibrate without it, or check the index of its medium."
+    )
+
+
+def noise_in_air(recording: Recording) -> float:
+    """What the points of the two cameras that share most leave without windows; infinite if nothing
+    fits."""
+    in_air = replace(recording, windows=())
+    for pair in pairs_worth_a_fit(in_air)[:1]:
+        with suppress(StereocalError):
+            fit = refine(with_rough_baseline(in_air.pair(*pair)), RefineSettings())
+            return float(fit.sigma_px.value)
+    return float("inf")
+
+
+def window_warnings(rig: RigCalibration, recording: Recording) -> list[str]:
+    """That the points do not tell of the window, or how much more its being known would help.
+
+    Args:
+        recording: that the rig was calibrated from.
+    """
+    warnings = list[str]()
+    if noise_in_air(recording) < ALIKE * rig.fit.sigma_px:
+        warnings.append(
+            "The points fit as well in air: they hardly tell of the window. Turn the cameras "
+            "towards each other, and hold the bar where they see it at the edges of their images."
+        )
+    excess = length_excess(rig)
+    if excess > LARGEST_EXCESS:
+        warnings.append(
+            "The window and the cameras are determined by few bars: lengths may be up to "
+            f"{rounded(excess, 3)} times as far off as if both were known exactly. More bars near "
+            "the window and far from it would help, or its measured distance."
+        )
+    return warnings
+
+
+def length_excess(rig: RigCalibration) -> float:
+    """How many times larger the mean length error of the recorded bars is than if cameras and
+    windows were known exactly: up to this, in 95 % of the cases; NaN without known lengths.
+
+    A length has a normal error by the noise of its images, with the deviation s, and by the rig one
+    that all bars share to first order, d: the mean of |error| is s sqrt(2 / pi) exp(-d^2 / 2 s^2) +
+    |d| erf(|d| / s sqrt(2)).
+    """
+    fit, seen = rig.fit, rig.fit.seen
+    known = np.isfinite(seen.distances) & ~fit.outlying[fit.frame_of]
+    shape = -1, seen.pixels.shape[2], 2
+    fits = fit_points(
+        fit.at, seen.pixels[known].reshape(shape), seen.rays[known].reshape(shape), True
+    )
+    ends = fits.points.reshape(-1, 2, 3)
+    along = ends[:, 0] - ends[:, 1]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    covariances = fits.covariances.reshape(-1, 2, 3, 3).sum(axis=1)
+    s = fit.sigma_px * np.sqrt(np.einsum("ni,nij,nj->n", along, covariances, along))
+    by_end = fits.by_shared.reshape(-1, 2, 3, fits.by_shared.shape[-1])
+    slopes = np.einsum("ni,niq->nq", along, by_end[:, 0] - by_end[:, 1]) @ fit.unknowns.M
+    usable = np.isfinite(s) & np.isfinite(slopes).all(axis=1)
+    if not usable.any():
+        return float("nan")
+    covariance = fit.at_end.covariance(fit.H / rig.design_effect)
+    d = np.abs(_drawn(covariance) @ slopes[usable].T)
+    of_noise, s = np.sqrt(2 / np.pi) * s[usable], s[usable]
+    mean = of_noise * np.exp(-0.5 * (d / s) ** 2) + d * erf(d / (s * np.sqrt(2.0)))
+    return float(np.quantile(mean.mean(axis=1) / of_noise.mean(), 0.95))
+
+
+def _drawn(covariance: FloatArray) -> FloatArray:
+    """(DRAWS, k): what free parameters with a covariance (k, k) may be off by."""
+    values, axes = np.linalg.eigh(covariance)
+    spread = np.sqrt(np.maximum(values, 0.0))[:, None] * axes.T
+    return np.asarray(np.random.default_rng(0).standard_normal((DRAWS, len(values))) @ spread)
