@@ -51,7 +51,7 @@ def frame_of(
     q, R, lenses, _ = at
     cameras = Cameras(q, R, set_distortion(q, DISTORTION, EACH, lenses))
     unit, work = views.Unit(pixels, motion, rig.BAR_M, *weights), views.work_of(2)
-    s = fill_residuals(cameras, unit, x, work)
+    s = fill_residuals(cameras, cameras.windows, unit, x, work)
     fill_shared(cameras, unit, x, True, work)
     r, Jx, Js, along, *_ = work
     by_x, by_q = np.zeros((OWN, 9)), np.zeros((len(q), 9))
@@ -114,7 +114,7 @@ def test_an_unseen_target_and_one_behind_a_camera() -> None:
     assert not J[:, 4:8].any()
     x[2] = -1.0
     unit = views.Unit(pixels, STILL, np.nan, 1.0, 0.0)
-    assert fill_residuals(at, unit, x, views.work_of(2)) == np.inf
+    assert fill_residuals(at, at.windows, unit, x, views.work_of(2)) == np.inf
 
 
 def test_the_result_is_scipys_of_the_whole_problem() -> None:

@@ -289,7 +289,7 @@ def length_innovations(
         if np.isnan(units.distances[n]) or np.isnan(points[n, 0]):
             continue
         unit = Unit(units.pixels[n], still, units.distances[n], units.weight, 1.0)
-        if not fill_residuals(cameras, unit, points[n], work) < np.inf:
+        if not fill_residuals(cameras, cameras.windows, unit, points[n], work) < np.inf:
             continue
         for i in range(OWN):
             gradient[i] = work.along[i]

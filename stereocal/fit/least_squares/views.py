@@ -125,7 +125,9 @@ def work_of(cameras: int, windows: int = 0) -> Work:
 
 
 @compiled
-def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> float:
+def fill_residuals(
+    cameras: Cameras, windows: FloatArray, unit: Unit, x: FloatArray, work: Work
+) -> float:
     """Write the residuals of a unit at points x (6,), in the reference's frame, and their
     derivatives by these; return the sum of squares, infinite behind a camera.
 
@@ -137,8 +139,12 @@ def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> f
 
     Its derivatives by X are those by n, divided by Z, and by Z minus n times these; by x_e they are
     that row times R. The length's residual is w_l (|x_A - x_B| / factor - distance).
+
+    Args:
+        windows: those of the cameras, by themselves: numba then compiles the case of air without
+            them, and to the digit what it was.
     """
-    q, R, lenses, windows = cameras
+    q, R, lenses, _ = cameras
     pixels, motion, distance, weight, length_weight = unit
     r, Jx, along = work.r, work.Jx, work.along
     total = 0.0
@@ -150,7 +156,8 @@ def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> f
             X = R[c, 0, 0] * x[p] + R[c, 0, 1] * x[p + 1] + R[c, 0, 2] * x[p + 2] + q[first + 3]
             Y = R[c, 1, 0] * x[p] + R[c, 1, 1] * x[p + 1] + R[c, 1, 2] * x[p + 2] + q[first + 4]
             Z = R[c, 2, 0] * x[p] + R[c, 2, 1] * x[p + 1] + R[c, 2, 2] * x[p + 2] + q[first + 5]
-            X, Y, Z = seen_in_air(windows, q, R, c, first, X, Y, Z, work.refraction)
+            if windows.ndim == 2:
+                X, Y, Z = seen_in_air(windows, q, R, c, first, X, Y, Z, work.refraction)
             if not Z > 0.0:
                 return np.inf
             near, fx, fy, skew = 1.0 / Z, q[first + LENS], q[first + LENS + 1], lenses[c, 0]
@@ -169,8 +176,9 @@ def fill_residuals(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> f
             ux, uy = scale * (fx * xx + skew * yx), scale * (fx * xy + skew * yy)
             vx, vy = scale * fy * yx, scale * fy * yy
             uz, vz = -(ux * nx + uy * ny), -(vx * nx + vy * ny)
-            ux, uy, uz = before_window(windows, c, ux, uy, uz, work.refraction)
-            vx, vy, vz = before_window(windows, c, vx, vy, vz, work.refraction)
+            if windows.ndim == 2:
+                ux, uy, uz = before_window(windows, c, ux, uy, uz, work.refraction)
+                vx, vy, vz = before_window(windows, c, vx, vy, vz, work.refraction)
             for j in range(3):
                 Jx[e, c, 0, j] = ux * R[c, 0, j] + uy * R[c, 1, j] + uz * R[c, 2, j]
                 Jx[e, c, 1, j] = vx * R[c, 0, j] + vy * R[c, 1, j] + vz * R[c, 2, j]
@@ -237,7 +245,7 @@ def fit_unit(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> float:
         The minimum, infinite behind a camera; the residuals and derivatives are those there.
     """
     step, tried, V, damping = work.step, work.tried, work.V, 0.0
-    best = fill_residuals(cameras, unit, x, work)
+    best = fill_residuals(cameras, cameras.windows, unit, x, work)
     if not best < np.inf:
         return np.inf
     for _ in range(MAXIMUM_STEPS):
@@ -254,7 +262,7 @@ def fit_unit(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> float:
         backward(V, step)
         for i in range(OWN):
             tried[i] = x[i] - step[i]
-        total = fill_residuals(cameras, unit, tried, work)
+        total = fill_residuals(cameras, cameras.windows, unit, tried, work)
         if total <= best:
             best = total
             for i in range(OWN):
@@ -262,7 +270,7 @@ def fit_unit(cameras: Cameras, unit: Unit, x: FloatArray, work: Work) -> float:
             damping *= 0.1
         else:
             damping = max(10.0 * damping, 1e-3)
-            fill_residuals(cameras, unit, x, work)
+            fill_residuals(cameras, cameras.windows, unit, x, work)
         if gain < TOLERANCE * (1.0 + best):
             break
     return best
@@ -363,15 +371,10 @@ def fill_shared(cameras: Cameras, unit: Unit, x: FloatArray, distorted: bool, wo
                 row[8], row[9] = weight * (1 - k), weight * k
                 row[TIME] = weight * motion[e, c, k] if len(motion) else 0.0
                 row[DRIFT] = row[TIME] * motion[e, c, 2] if len(motion) else 0.0
-            if len(windows):
-                fx, fy, skew = q[first + LENS], q[first + LENS + 1], lenses[c, 0]
-                by_air = work.small[:2]
-                by_air[0, 0] = weight * near * (fx * xx + skew * yx)
-                by_air[0, 1] = weight * near * (fx * xy + skew * yy)
-                by_air[1, 0], by_air[1, 1] = weight * near * fy * yx, weight * near * fy * yy
-                for k in range(2):
-                    by_air[k, 2] = -(by_air[k, 0] * nx + by_air[k, 1] * ny)
-                fill_by_window(windows, q, R, c, first, by_air, work.refraction, Js[e, c])
+            slopes = near, xx, xy, yx, yy, nx, ny
+            fill_by_window(
+                windows, q, R, lenses, c, first, weight, slopes, work.refraction, Js[e, c]
+            )
             if not distorted:
                 continue
             distortion_derivatives(nx, ny, lenses, c, by_lens)
@@ -494,7 +497,7 @@ def _fill_jacobians(
     for n in range(len(points)):
         for i in range(3):
             x[i] = points[n, i]
-        if fill_residuals(cameras, unit, x, work) < np.inf:
+        if fill_residuals(cameras, cameras.windows, unit, x, work) < np.inf:
             fill_shared(cameras, unit, x, True, work)
             for c in range(count):
                 for k in range(2):

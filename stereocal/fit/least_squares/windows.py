@@ -107,9 +107,11 @@ def fill_by_window(
     windows: FloatArray,
     q: FloatArray,
     R: FloatArray,
+    lenses: FloatArray,
     c: int,
     first: int,
-    rows: FloatArray,
+    weight: float,
+    slopes: tuple[float, float, float, float, float, float, float],
     work: FloatArray,
     columns: FloatArray,
 ) -> None:
@@ -121,7 +123,9 @@ def fill_by_window(
     and D = d + N T: turning by u moves N by u x N.
 
     Args:
-        rows: (2, 3): the derivatives by the direction in air.
+        weight: of a pixel.
+        slopes: one over the last coordinate of the direction in air; the derivatives of the
+            distorted point by the normalised one, as of `distort`; and that.
         work: as `seen_in_air` left it.
         columns: (2, 21): of the camera in `Work.Js`.
     """
@@ -136,9 +140,14 @@ def fill_by_window(
     place = len(q) - 1 - OF_WINDOW * (len(R) - c)
     a, b = q[place], q[place + 1]
     unit = 1.0 / np.sqrt(a * a + b * b + 1.0)
-    by_plane = np.empty(3)
+    near, xx, xy, yx, yy, nx, ny = slopes
+    fx, fy, skew = weight * q[first + 6], weight * q[first + 7], weight * lenses[c, 0]
+    by_plane, row = np.empty(3), np.empty(3)
     for k in range(2):
-        row, into = rows[k], columns[k]
+        into = columns[k]
+        row[0] = near * (fy * yx if k else fx * xx + skew * yx)
+        row[1] = near * (fy * yy if k else fx * xy + skew * yy)
+        row[2] = -(row[0] * nx + row[1] * ny)
         along = row[0] * plane[0] + row[1] * plane[1] + row[2] * plane[2]
         across = row[0] * bent[3] + row[1] * bent[4] + row[2] * bent[5]
         by_distance = across * (bent[10] - bent[8])
