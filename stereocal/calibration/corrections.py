@@ -113,4 +113,4 @@ def undistorted(camera: Camera) -> Camera | None:
     """The lens of images whose distortion was taken out; None where there is none."""
     if not (camera.distortion.any() or camera.is_fisheye):
         return None
-    return Camera(camera.K, np.zeros(4), camera.image_size)
+    return Camera(camera.K, np.zeros(4), camera.image_size, window=camera.window)

@@ -19,7 +19,7 @@ from stereocal.fit.rig_file import Parameters
 from stereocal.fit.timing.offset_of_pair import APART, STANDS_OUT
 from stereocal.matching.point_table import POINT, PointTable
 from stereocal.matching.trajectories import naming_columns
-from stereocal.rig.camera import CAMERAS
+from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.clusters import follow_each_other
 from stereocal.rig.correspondences import PIXELS, TIME
 from stereocal.rig.geometry import sampson
@@ -105,7 +105,7 @@ def pairs_in_step(table: PointTable, rig: RigParameters) -> tuple[PointTable, st
 
     def misfit(tried: MeasuredOffset) -> float:
         points, _ = both.at(tried, both.times)
-        errors = both.errors(both.first, rig.secondary.undistort(points))
+        errors = both.errors(both.first, _seen(rig, rig.secondary, points))
         return float(np.median(np.abs(errors)))
 
     offset, _ = how_counted(rig, rig.start_frame, misfit)
@@ -140,7 +140,13 @@ def _is_late(rig: RigParameters, columns: Container[str]) -> bool:
 
 
 Placed = tuple[IntArray, IntArray, FloatArray]
-"""Of points: their frames, ascending, which they are, and their rays."""
+"""Of points: their frames, ascending, which they are, and their rays as of `_seen`."""
+
+
+def _seen(rig: RigParameters, camera: Camera, pixels: FloatArray) -> FloatArray:
+    """(n, 2): the rays of pixels of one of two cameras; where there are windows the pixels, as then
+    epipolar errors are by these."""
+    return pixels if rig.has_windows else camera.undistort(pixels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +156,7 @@ class _Both:
     rig: RigParameters
     frames: IntArray
     first: FloatArray
-    """(m,) and (m, 2): of the first camera, with its rays."""
+    """(m,) and (m, 2): of the first camera, with its rays as of `_seen`."""
     points: pd.DataFrame
     """Of the second, with its pixels in some columns."""
     columns: tuple[str, ...]
@@ -171,7 +177,7 @@ class _Both:
         Args:
             columns: the pixels of the first and of the second.
         """
-        rays = rig.primary.undistort(first[list(columns[:2])].to_numpy(float))
+        rays = _seen(rig, rig.primary, first[list(columns[:2])].to_numpy(float))
         of_second = (*columns[2:],)
         pixels, frame = second[list(of_second)].to_numpy(dtype=np.float64), second["frame"]
         recorded = pd.to_numeric(second.get(TIME, frame), errors="coerce").fillna(frame)
@@ -220,10 +226,12 @@ class _Both:
         rows, frame = np.flatnonzero(kept), self.renumbered(moment)
         rows = rows[np.argsort(frame[rows], kind="stable")]
         pixels, _ = self.at(offset, moment)
-        return frame[rows], rows, self.rig.secondary.undistort(pixels[rows])
+        return frame[rows], rows, _seen(self.rig, self.rig.secondary, pixels[rows])
 
     def errors(self, first: FloatArray, second: FloatArray) -> FloatArray:
-        """Signed distances of rays from their epipolar lines, in px."""
+        """Signed distances of rays, as of `_seen`, from their epipolar lines, in px."""
+        if self.rig.has_windows:
+            return self.rig.epipolar_errors(first, second)
         focal = np.sqrt(self.rig.primary.K[0, 0] * self.rig.secondary.K[0, 0])
         both = np.column_stack([first, second])
         return np.asarray(focal * sampson(self.rig.pose.essential, both))
@@ -338,8 +346,8 @@ class _Both:
                 interpolated.positions[j],
                 interpolated.positions[j] - STEP * interpolated.velocities[j],
             )
-            rays = map(self.rig.secondary.undistort, both)
-            here, ahead = (self.errors(self.first[i], second) for second in rays)
+            seen = (_seen(self.rig, self.rig.secondary, pixels) for pixels in both)
+            here, ahead = (self.errors(self.first[i], second) for second in seen)
             use = interpolated.inside(self.rig.secondary.image_size)[j] & np.isfinite(here + ahead)
             if use.sum() < TELLING:
                 return None

@@ -18,7 +18,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from stereocal.errors import StereocalError
-from stereocal.matching.pair_candidates import pairs_within
+from stereocal.matching.pairs_of_rig import pairs_of
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray, IntArray
@@ -62,16 +62,8 @@ def match_points(
     """
     threshold = checked_threshold(rig, threshold_px)
     near, far = check_depths(depths_m)
-    first, second, errors, of_primary, of_secondary = pairs_within(
-        rig.pose.R,
-        rig.pose.T,
-        rig.primary.rays_of(primary_px),
-        rig.secondary.rays_of(secondary_px),
-        rig.pixel_scale,
-        threshold,
-        near,
-        far,
-    )
+    rays = rig.primary.rays_of(primary_px), rig.secondary.rays_of(secondary_px)
+    first, second, errors, of_primary, of_secondary = pairs_of(rig, *rays, threshold, near, far)
     kept = assign(first, second, errors, threshold)
     i, j, error = first[kept], second[kept], errors[kept]
     # The least error of a point belongs to its own pair, or to another pair: the runner-up.
@@ -159,9 +151,7 @@ def nearest_errors(
     least = [np.empty((0, 2))]
     for primary, secondary in frames:
         rays = rig.primary.rays_of(primary[:, :2]), rig.secondary.rays_of(secondary[:, :2])
-        least.append(
-            pairs_within(rig.pose.R, rig.pose.T, *rays, rig.pixel_scale, 0.0, near, far)[3]
-        )
+        least.append(pairs_of(rig, *rays, 0.0, near, far)[3])
     return np.concatenate(least)
 
 

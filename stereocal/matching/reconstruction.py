@@ -8,7 +8,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError
 from stereocal.fit.errors.uncertainty import point_errors
-from stereocal.fit.least_squares.small_steps import OF_PAIR, rig_at
+from stereocal.fit.least_squares.small_steps import cameras_at, rig_at
 from stereocal.fit.parameter_file import covariance_of_entry
 from stereocal.fit.rig_file import Parameters, RigFile
 from stereocal.rig.geometry import Pose, reprojection_errors_of_rays, stack_rays, triangulate_rays
@@ -81,20 +81,25 @@ class Measured:
 
 def midpoints(rig: RigParameters, pixels: FloatArray, sigma_px: Noise) -> Measured:
     """The midpoints of the rays of pairs, raw pixels (n, 2, 2)."""
-    rays = stack_rays(rig.primary.rays_of(pixels[:, 0]), rig.secondary.rays_of(pixels[:, 1]))
-    xyz = triangulate_rays(rig.pose.R, rig.pose.T, rays)
-    error = reprojection_errors_of_rays(rig.pose.R, rig.pose.T, rays, rig.pixel_scale).mean(axis=1)
+    R, T = rig.pose.R, rig.pose.T
+    if rig.has_windows:
+        xyz = rig.reconstruct(pixels[:, 0], pixels[:, 1])
+        both = rig.reprojection_errors(pixels[:, 0], pixels[:, 1])
+    else:
+        rays = stack_rays(rig.primary.rays_of(pixels[:, 0]), rig.secondary.rays_of(pixels[:, 1]))
+        xyz = triangulate_rays(R, T, rays)
+        both = reprojection_errors_of_rays(R, T, rays, rig.pixel_scale)
     errors = errors_of_pairs(rig, xyz, 1.0 if sigma_px is None else sigma_px)
-    return Measured(xyz, error, errors, np.zeros(len(xyz)))
+    return Measured(xyz, both.mean(axis=1), errors, np.zeros(len(xyz)))
 
 
 def noise_of_file(rig: RigParameters) -> tuple[float | None, FloatArray | None]:
-    """Image noise (px) and covariance (33, 33) of the unknowns of `views` of a file, else None."""
+    """Image noise (px) and covariance (Q, Q) of the unknowns of `views` of a file, else None."""
     stored = rig.uncertainties
     if not stored:
         return None, None
     try:
-        covariance = covariance_of_entry(stored["covariance"], rig)
+        covariance = _with_windows(covariance_of_entry(stored["covariance"], rig), rig)
         return float(stored["sigma_px"]["value"]), covariance
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise StereocalError(
@@ -119,14 +124,25 @@ def errors_of_pairs(
 def covariance_of(rig: Parameters) -> FloatArray:
     """(Q, Q): of the unknowns of `views`; 0 where a parameter file does not state it."""
     if isinstance(rig, RigFile):
-        return rig.covariance
+        return _with_windows(rig.covariance, rig)
     if (covariance := noise_of_file(rig)[1]) is None:
-        return np.zeros((OF_PAIR, OF_PAIR))
+        return np.zeros(2 * (len(rig_at(rig).q),))
     # In units of the standard errors: an entry near 0 is not known to 1e-6 of itself.
     scale = np.sqrt(np.abs(np.diag(covariance)))
     if (np.abs(covariance - covariance.T) > 1e-6 * np.outer(scale, scale)).any():
         raise StereocalError("The covariance in the parameter file is not symmetric.")
     return np.asarray((covariance + covariance.T) / 2)
+
+
+def _with_windows(covariance: FloatArray, rig: Parameters) -> FloatArray:
+    """(Q, Q): a covariance of the unknowns of `views`; one without those of windows, which stand
+    before the last, with windows that are known exactly."""
+    cameras, poses = zip(*rig.placed.values(), strict=True)
+    missing = len(cameras_at(cameras, poses).q) - len(covariance)
+    if missing:
+        last = (len(covariance) - 1,) * missing
+        covariance = np.insert(np.insert(covariance, last, 0.0, axis=0), last, 0.0, axis=1)
+    return covariance
 
 
 def name_of_world(world: Pose) -> str:

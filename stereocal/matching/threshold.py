@@ -30,7 +30,7 @@ import numpy as np
 from stereocal.calibration.corrections import undistorted
 from stereocal.errors import StereocalError
 from stereocal.matching.matching import ANY_DEPTH, check_depths, checked_threshold
-from stereocal.matching.pair_candidates import pairs_within
+from stereocal.matching.pairs_of_rig import pairs_of
 from stereocal.matching.point_noise import (
     FEWEST_PAIRS,
     Mixture,
@@ -276,9 +276,7 @@ def _sample(
     rays = zip(*(_undistorted(rig, k, frames) for k in (0, 1)), strict=True)
     numbers, errors, wanted, cut = [], [np.empty(0)], 0, False
     for number, ((primary, secondary), both) in enumerate(zip(frames, rays, strict=True)):
-        first, second, px, _, _ = pairs_within(
-            rig.pose.R, rig.pose.T, both[0], both[1], rig.pixel_scale, np.inf, near, far
-        )
+        first, second, px, _, _ = pairs_of(rig, both[0], both[1], np.inf, near, far)
         few = min(len(primary), len(secondary))
         wanted += min(PAIRS_PER_POINT * few, max(len(px) // 2, few + 1))
         nearest = np.argsort(px, kind="stable")[: NEAREST * few]

@@ -17,11 +17,13 @@ from scipy.special import chdtri
 
 from stereocal.errors import StereocalError
 from stereocal.fit.least_squares.small_steps import cameras_at
-from stereocal.fit.least_squares.views import fit_points
+from stereocal.fit.least_squares.views import fit_points, jacobians_of
 from stereocal.fit.rig_file import Parameters
-from stereocal.matching.pair_candidates import pairs_within
+from stereocal.matching.pairs_of_rig import pairs_of
 from stereocal.matching.reconstruction import Measured, PointErrors, covariance_of
-from stereocal.rig.camera import pixel_scales
+from stereocal.rig.camera import Camera
+from stereocal.rig.geometry import AT_ORIGIN
+from stereocal.rig.rig import Rig
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
 
 LOST = 0.005
@@ -176,11 +178,8 @@ def _pairs(frame: _Frame) -> IntArray:
         if not (len(points[a]) and len(points[b])):
             continue
         pose = fitter.poses[b] @ fitter.poses[a].inverse()
-        scale = pixel_scales((fitter.cameras[a], fitter.cameras[b]))
-        limit = PAIR_SIGMAS * sigma
-        one, other, *_ = pairs_within(
-            pose.R, pose.T, rays[a], rays[b], scale, limit, 0.0, float("inf")
-        )
+        rig = Rig(fitter.cameras[a], fitter.cameras[b], pose)
+        one, other, *_ = pairs_of(rig, rays[a], rays[b], PAIR_SIGMAS * sigma, 0.0, float("inf"))
         same = names[a][one] == names[b][other]
         one, other = one[same], other[same]
         groups = np.full((len(one), len(points)), NONE, dtype=np.int64)
@@ -213,11 +212,7 @@ def _joined(frame: _Frame, pairs: IntArray) -> IntArray:
         free, predicted, seen = free[known], predicted[known], seen[known]
         # how far off the prediction is, from the noise of the two images
         spread = poses[c].R @ measured.errors.own[free] @ poses[c].R.T
-        on_plane = seen[:, :2] / seen[:, 2:]
-        J = np.zeros((len(free), 2, 3))
-        J[:, 0, 0] = J[:, 1, 1] = 1.0 / seen[:, 2]
-        J[:, :, 2] = -on_plane / seen[:, 2:]
-        J = fitter.cameras[c].pixel_jacobians(on_plane) @ J
+        J = _by_point(fitter.cameras[c], seen)
         variance = np.einsum("nij,njk,nik->ni", J, spread, J).max(axis=1)
         # the name is a third coordinate, in which other names are out of reach
         tree = cKDTree(np.column_stack([pixels, FAR_PX * names[c]]))
@@ -225,6 +220,17 @@ def _joined(frame: _Frame, pairs: IntArray) -> IntArray:
         near = distance <= REACH * sigma * np.sqrt(1.0 + variance)
         groups[free[near], c] = np.asarray(nearest)[near]
     return np.unique(np.concatenate([groups, pairs]), axis=0)
+
+
+def _by_point(camera: Camera, points: FloatArray) -> FloatArray:
+    """(n, 2, 3): derivatives of the pixels of points (n, 3), in the camera's frame, by these."""
+    if camera.window is not None:
+        return jacobians_of(cameras_at([camera], [AT_ORIGIN]), points)[0][:, 0]
+    on_plane = points[:, :2] / points[:, 2:]
+    J = np.zeros((len(points), 2, 3))
+    J[:, 0, 0] = J[:, 1, 1] = 1.0 / points[:, 2]
+    J[:, :, 2] = -on_plane / points[:, 2:]
+    return np.asarray(camera.pixel_jacobians(on_plane) @ J)
 
 
 def _names_of(groups: IntArray, names: Sequence[IntArray]) -> IntArray:

@@ -316,7 +316,10 @@ class Camera(Answer):
         """Where the rays of raw pixels (n, 2) begin, (n, 3), and their directions (n, 3), of any
         length, in this camera's frame: at its centre, behind a window on its wet face; NaN without
         a ray."""
-        directions = homogeneous(self.undistort(pixels))
+        return self.rays_along(homogeneous(self.undistort(pixels)))
+
+    def rays_along(self, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The rays of `rays_from`, by their directions (n, 3) in air."""
         if self.window is not None:
             return rays_through(self.window, directions)
         return np.zeros_like(directions), directions

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereocal.errors import StereocalError
+from stereocal.errors import StereocalError, refuse
 from stereocal.field.world.frame import Observed, Survey, Throw, WorldFrame, WorldSettings
 from stereocal.field.world.lines import world_of_lines
 from stereocal.field.world.survey import world_of_survey
@@ -12,7 +12,11 @@ from stereocal.field.world.throw import world_of_throw
 from stereocal.fit.rig_file import Parameters
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.recording import CameraPair
+from stereocal.rig.rig import Rig
 from stereocal.verdict.in_words import percent
+
+AIR = 1.01
+"""Indices of refraction up to this one are of air."""
 
 
 def find_world(
@@ -29,6 +33,7 @@ def find_world(
     """
     stated, of_first = settings or WorldSettings(), rig.placed[cameras[0]].pose
     pair = rig.pair(*cameras)
+    _check_windows(pair, observed)
     try:
         with np.errstate(all="ignore"):
             if isinstance(observed, Survey):
@@ -52,6 +57,24 @@ def find_world(
         raise StereocalError(
             "No world frame fits these observations; are the numbers in pixels and metres?"
         ) from error
+
+
+def _check_windows(rig: Rig, observed: Observed) -> None:
+    """Refuse what windows and water make of straight lines and free flights."""
+    windows = [it.window for it in (rig.primary, rig.secondary) if it.window is not None]
+    is_line, is_throw = not isinstance(observed, Survey | Throw), isinstance(observed, Throw)
+    refuse(
+        (
+            is_line and bool(windows),
+            "Through a window, a straight line is seen as a curve, so that plumb lines, level "
+            "lines and horizons do not show the vertical: survey three points or more instead.",
+        ),
+        (
+            is_throw and any(window.medium > AIR for window in windows),
+            "In water a thrown object is slowed and lifted, so that its path does not show the "
+            "vertical: survey three points or more instead.",
+        ),
+    )
 
 
 def _naming(pair: CameraPair, text: str) -> str:

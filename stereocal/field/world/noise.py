@@ -12,7 +12,7 @@ import numpy as np
 from stereocal.errors import StereocalError
 from stereocal.field.checking.prior import root_of
 from stereocal.fit.errors.uncertainty import point_errors
-from stereocal.fit.least_squares.small_steps import OF_PAIR, rig_at
+from stereocal.fit.least_squares.small_steps import rig_at
 from stereocal.matching.reconstruction import noise_of_file
 from stereocal.rig.camera import Camera
 from stereocal.rig.parameters import RigParameters
@@ -33,7 +33,7 @@ class ErrorModel:
     """Standard deviation of an image coordinate."""
     source: Literal["stated", "parameter file", "assumed", "residuals"]
     spread: FloatArray
-    """(33, r): of the unknowns of `views`; r = 0 if the file states no covariance."""
+    """(Q, r): of the unknowns of `views`; r = 0 if the file states no covariance."""
 
     @property
     def entries(self) -> dict[str, Any]:
@@ -51,7 +51,7 @@ def error_model_of(rig: RigParameters, sigma_px: float | None = None) -> ErrorMo
     if sigma_px is not None and not (np.isfinite(sigma_px) and sigma_px > 0):
         raise StereocalError(f"The image noise is {sigma_px} px; it must be above 0.")
     of_file, covariance = noise_of_file(rig)
-    spread = np.zeros((OF_PAIR, 0)) if covariance is None else root_of(covariance)
+    spread = np.zeros((len(rig_at(rig).q), 0)) if covariance is None else root_of(covariance)
     if sigma_px is not None:
         return ErrorModel(sigma_px, "stated", spread)
     known = of_file or rig.noise_px

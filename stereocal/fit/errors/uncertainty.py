@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereocal.errors import StereocalError
-from stereocal.fit.least_squares.small_steps import OF_PAIR
+from stereocal.fit.least_squares.small_steps import window_places
 from stereocal.fit.least_squares.views import EACH, Cameras, jacobians_of
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.system.array_types import BoolArray, FloatArray, IntArray
@@ -46,7 +46,7 @@ def length_sigmas(
     """Standard errors (n,) of reconstructed distances, in metres; NaN behind a camera.
 
     Args:
-        covariance: (33, 33); the others as in `point_errors`.
+        covariance: (Q, Q); the others as in `point_errors`.
         first_m, second_m: (n, 3) each, in the primary's frame.
     """
     of_pixels, jacobian = length_variances(cameras, sigma_px, first_m, second_m)
@@ -56,7 +56,7 @@ def length_sigmas(
 def length_variances(
     cameras: Cameras, sigma_px: float, first_m: npt.ArrayLike, second_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Variances (n,) of distances from the noise of their pixels, and derivatives (n, 33) of the
+    """Variances (n,) of distances from the noise of their pixels, and derivatives (n, Q) of the
     distances by the unknowns of `views`; arguments as in `point_errors`.
     """
     a, b = (np.asarray(points, dtype=np.float64) for points in (first_m, second_m))
@@ -120,7 +120,7 @@ def accuracy_map(result: RefinedResult, size: int = 60, plane: Plane = "above") 
 def point_errors(
     cameras: Cameras, sigma_px: float | FloatArray, points_m: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, 33)
+    """Covariances (n, 3, 3) of points from the noise of their pixels, and derivatives (n, 3, Q)
     of the points by the unknowns of `views`; NaN behind a camera.
 
     A change du of the pixels or dq of the unknowns moves the midpoint by N^-1 times the sum of
@@ -136,7 +136,7 @@ def point_errors(
     by_point, by_shared = point_jacobians(cameras, points)
     usable = np.asarray(np.isfinite(by_point).all(axis=(1, 2)))
     of_pixels = np.full((len(points), 3, 3), np.nan)
-    jacobian = np.full((len(points), 3, OF_PAIR), np.nan)
+    jacobian = np.full((len(points), 3, len(cameras.q)), np.nan)
     J = by_point[usable]
     of_cameras = J.reshape(-1, 2, 2, 3)
     # J_c^+ = J_c^T (J_c J_c^T)^-1, in a fifth of the time of `pinv`.
@@ -152,13 +152,15 @@ def point_errors(
 
 def point_jacobians(cameras: Cameras, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Derivatives of the pixels of points (n, 3) in two cameras by the points (n, 4, 3) and by the
-    unknowns of `views` (n, 4, 33); NaN behind a camera."""
+    unknowns of `views` (n, 4, Q); NaN behind a camera."""
     n = len(points_m)
     by_point, by_views = jacobians_of(cameras, points_m)
-    by_unknown = np.zeros((n, 4, OF_PAIR))
+    by_unknown = np.zeros((n, 4, len(cameras.q)))
     for camera in range(2):
-        places = slice(EACH * camera, EACH * (camera + 1))
-        by_unknown[:, 2 * camera : 2 * camera + 2, places] = by_views[:, camera]
+        of_camera = by_unknown[:, 2 * camera : 2 * camera + 2]
+        of_camera[..., EACH * camera : EACH * (camera + 1)] = by_views[:, camera, :, :EACH]
+        if len(cameras.windows):
+            of_camera[..., window_places(camera, 2)] = by_views[:, camera, :, EACH:]
     return by_point.reshape(n, 4, 3), by_unknown
 
 
