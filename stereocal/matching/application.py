@@ -123,7 +123,7 @@ class Application:
         """Estimated time, for frames with about equal numbers of points."""
         frames, rows = max(points.frames for points in self.points.values()), sum(self.rows)
         parts = frames, rows, rows**2 / max(frames, 1)
-        return float(np.dot(self.views.SECONDS, parts))
+        return float(np.dot(self.views.seconds, parts))
 
 
 @dataclass(frozen=True)

@@ -199,6 +199,8 @@ def _differences(one: RigParameters, other: RigParameters) -> Iterator[str]:
             yield f"the images of the {which} camera have {first} in one and {second} in the other."
         if a.model != b.model:
             yield f"the lens of the {which} camera is a fisheye in only one of them."
+        if (a.window is None) != (b.window is None):
+            yield f"the {which} camera looks through a window in only one of them."
         if abs(a.K[0, 0] / b.K[0, 0] - 1) > LARGEST_RELATIVE_DIFFERENCE:
             yield (
                 f"the focal length of the {which} camera is {a.K[0, 0]:.1f} px in one and "

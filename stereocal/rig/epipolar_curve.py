@@ -27,15 +27,17 @@ def epipolar_curve(rig: PlacedCameras, camera: str, other: str, pixel: npt.Array
     origin, ray = this_camera.rays_from(np.reshape(pixel, (1, 2)))
     if not np.isfinite(ray).all():
         return np.empty((0, 2))
+    start = float(np.linalg.norm(origin))  # of the depths behind a window, which count from here
 
     def seen(inverse_depths: FloatArray) -> tuple[IntArray, FloatArray]:
         """The inverse depths at which the other camera sees the point, and its pixels there."""
-        points = other_from_this.apply(origin + ray / inverse_depths[:, None])
+        points = other_from_this.apply(origin + ray / inverse_depths[:, None] - start * ray)
         there = other_camera.sees(points)
         return np.flatnonzero(there), other_camera.project(points[there])
 
     baseline = other_from_this.baseline
-    coarse = np.geomspace(1 / (NEAREST * baseline), 1 / (FARTHEST * baseline), 4 * SAMPLES)
+    nearest, farthest = start + NEAREST * baseline, start + FARTHEST * baseline
+    coarse = np.geomspace(1 / nearest, 1 / farthest, 4 * SAMPLES)
     rows, _ = seen(coarse)
     if not len(rows):
         return np.empty((0, 2))
