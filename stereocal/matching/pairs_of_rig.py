@@ -39,7 +39,7 @@ def pairs_of(
     step = max(PAIRS_AT_ONCE // max(len(secondary), 1), 1)
     for first in range(0, len(primary), step):
         errors = np.empty((len(one[first : first + step]), len(secondary)))
-        _fill_errors(cameras, one[first : first + step], other, near, far, errors)
+        _fill_behind_windows(cameras, one[first : first + step], other, near, far, errors)
         i, j = np.nonzero(errors <= threshold)
         found.append(np.column_stack([i + first, j, errors[i, j]]))
         errors[np.isnan(errors)] = np.inf
@@ -67,7 +67,7 @@ def _seen_and_rays(camera: Camera, points: FloatArray, to_primary: Pose) -> Floa
 
 
 @compiled
-def _fill_errors(
+def _fill_behind_windows(
     stated: Cameras,
     primary: FloatArray,
     secondary: FloatArray,
