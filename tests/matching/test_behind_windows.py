@@ -155,7 +155,7 @@ class TestPairs:
 
         def path(times: FloatArray) -> FloatArray:
             turn = np.stack([np.sin(0.21 * times), np.cos(0.17 * times), np.sin(0.13 * times)])
-            return middle + 0.04 * turn.T
+            return np.asarray(middle + 0.04 * turn.T)
 
         first, second = images(rig, path(frames))[0], images(rig, path(frames + 0.55))[1]
         tables = {
