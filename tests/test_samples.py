@@ -2,17 +2,22 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stereocal import CalibrationSettings
 from stereocal.calibration.methods import FILE_METHODS
 from stereocal.cli import main
+from stereocal.fit.calibrate import calibrate_rig
+from stereocal.fit.least_squares.small_steps import window_at
 from stereocal.fit.timing.to_calibrate import pair_to_calibrate
 from stereocal.formats.dataset_files import read_dataset, read_recording
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.pair import Pair
+from stereocal.rig.window import StatedWindow
 from stereocal.system.resources import ROOT
 from stereocal.workflow.pair_run import PairRun
 from tests.further import further
@@ -20,8 +25,17 @@ from tests.rig.test_pair import check_same
 
 SAMPLES = ROOT / "sample_data"
 DESCRIBED = sorted(path.parent.relative_to(SAMPLES) for path in SAMPLES.rglob("dataset.json"))
-POINTS = [str(name) for name in DESCRIBED if (SAMPLES / name / "correspondences.csv").exists()]
-PHOTOGRAPHS = [str(name) for name in DESCRIBED if (SAMPLES / name / "primary").is_dir()]
+WINDOWED = "tank"
+POINTS = [
+    str(name)
+    for name in DESCRIBED
+    if (SAMPLES / name / "correspondences.csv").exists() and str(name) != WINDOWED
+]
+PHOTOGRAPHS = [
+    str(name)
+    for name in DESCRIBED
+    if (SAMPLES / name / "primary").is_dir() and str(name) != WINDOWED
+]
 
 
 def in_the_soak(*names: str) -> list[object]:
@@ -38,7 +52,7 @@ def check(dataset: Pair) -> None:
 
 
 def test_every_sample_with_data_is_tested() -> None:
-    assert {*map(str, DESCRIBED)} == {*POINTS, *PHOTOGRAPHS, "rig"}
+    assert {*map(str, DESCRIBED)} == {*POINTS, *PHOTOGRAPHS, WINDOWED, "rig"}
     assert len(POINTS) == 22 and {*PHOTOGRAPHS} == {"balls", "photographs"}
 
 
@@ -66,6 +80,23 @@ def test_photographs(name: str, tmp_path: Path) -> None:
     table = str(tmp_path / "correspondences.csv")
     assert main(["detect", str(SAMPLES / name), "--out", table, *target]) == 0
     check(read_dataset(tmp_path))
+
+
+def test_points_in_a_tank() -> None:
+    folder = SAMPLES / WINDOWED
+    described = json.loads((folder / "dataset.json").read_text())
+    truth = json.loads((folder / "truth.json").read_text())
+    stated = StatedWindow(**{**described["window"], "cameras": CAMERAS})
+    rig = calibrate_rig(replace(read_recording(folder), windows=(stated,)))
+    assert not (rig.warnings or rig.left_out or rig.wrong)
+    # Measured: 0.11 mm, 0.09 and 0.33 mm, 0.04 and 0.03 degrees, 0.014 %.
+    assert rig.poses["secondary"].baseline == pytest.approx(np.linalg.norm(truth["T"]), abs=5e-4)
+    for number, true in enumerate(truth["windows"].values()):
+        found = window_at(rig.fit.at, number)
+        assert found is not None
+        assert found.distance_m == pytest.approx(true["distance_m"], abs=1e-3)
+        assert np.abs(np.subtract(found.normal, true["normal"])).max() < 2e-3
+    assert np.abs(rig.length_errors).mean() < 3e-4
 
 
 @pytest.mark.soak

@@ -16,6 +16,7 @@ SAMPLES = {
     "photographs": "photographs of a bar and of a chessboard",
     "boards": "OpenCV's photographs of a chessboard by two cameras",
     "balls": "simulated photographs of a bar with a red and a yellow ball",
+    "tank": "simulated photographs of a bar in water, through the wall of a tank",
     "flight": "simulated videos of something that flies, by the cameras of photographs",
     "rig": "a real recording of three cameras",
     "by_hand": "the same, as if each camera had been started by hand",

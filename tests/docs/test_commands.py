@@ -27,6 +27,7 @@ NOT_RUN = {
     "stereocal serve": "serves until it is stopped; tests/browser/test_kills.py runs it",
     "python -m tools.photographs": "a minute; tests/tools renders some",
     "python -m tools.photographs.ball_sample": "half a minute; tests/tools renders a frame of it",
+    "python -m tools.photographs.tank_sample": "half a minute; tests/tools renders a frame of it",
     "python -m tools.photographs.flight_sample": "tests/browser/test_clicks.py uses its videos",
     "docker": "needs Docker",
 }

@@ -18,6 +18,7 @@ from scipy.interpolate import RectBivariateSpline
 from stereocal.errors import StereocalError
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
+from stereocal.rig.window import rays_through
 from stereocal.system.array_types import FloatArray
 from tools.photographs.area_sampling import (
     BLUR_REACH,
@@ -31,6 +32,11 @@ Picture = npt.NDArray[np.float32]
 """(height, width) grey levels before the sensor; 255 is full scale."""
 Rays = Callable[[npt.NDArray[np.floating], npt.NDArray[np.floating]], FloatArray]
 """Normalised x or y (rows, columns) as a function of ascending rows and columns in pixels."""
+OnBoard = Callable[
+    [npt.NDArray[np.floating], npt.NDArray[np.floating]], tuple[FloatArray, FloatArray]
+]
+"""Coordinates x and y (rows, columns) on a board, in metres, seen at rows and columns of pixels;
+NaN where its plane is not seen."""
 Photograph = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 HERE = Pose(np.eye(3), np.zeros(3))
@@ -175,9 +181,9 @@ def paint(picture: Picture, camera: Camera, placed: Placed, blur_px: float) -> N
     weights = pixel_weights(blur_px, parts)
     pad = (len(weights) // parts - 1) // 2
     columns = np.arange(left - pad, right + pad + 1) - 0.5
-    rays = ray_splines(camera, columns, np.arange(top - pad, bottom + pad + 1) - 0.5)
+    every_row = np.arange(top - pad, bottom + pad + 1) - 0.5
     pose = placed.camera_from_board
-    board_from_ray = np.linalg.inv(np.column_stack([pose.R[:, :2], pose.T]))
+    on_board = _on_board(camera, pose, columns, every_row)
     cells = placed.board.cells
     if pose.R[:, 2] @ pose.T <= 0:
         cells = np.full_like(cells, cells.mean())
@@ -187,7 +193,7 @@ def paint(picture: Picture, camera: Camera, placed: Placed, blur_px: float) -> N
     for start in range(top, bottom, STRIP_ROWS):
         stop = min(start + STRIP_ROWS, bottom)
         rows = np.arange(start - pad, stop + pad + 1) - 0.5
-        s, t = on_plane(rays[0](rows, columns), rays[1](rows, columns), board_from_ray)
+        s, t = on_board(rows, columns)
         s, t = s * per_metre[0] + middle[0], t * per_metre[1] + middle[1]
         fine = np.empty((2, (len(rows) - 1) * parts, (len(columns) - 1) * parts), dtype=np.float32)
         fill_parts(s, t, cells, offsets, parts, fine)
@@ -231,8 +237,8 @@ def _box(camera: Camera, placed: Placed, reach: float) -> tuple[int, int, int, i
     """Left, top, right and bottom of the blurred board in the image; None if outside."""
     width, height = camera.image_size
     points = placed.camera_from_board.apply(outline_of(np.array(placed.board.size_m), 17))
-    if (points[:, 2] <= 0).any():
-        raise StereocalError("A board is not completely in front of the camera.")
+    if not (camera.seen_in_air(points)[:, 2] > 0).all():
+        raise StereocalError("A board is not completely in front of its camera and its window.")
     pixels = pixels_of(camera, points)
     if pixels is None:
         return 0, 0, width, height
@@ -254,8 +260,8 @@ def outline_of(size_m: FloatArray, points: int) -> FloatArray:
 def pixels_of(camera: Camera, points: FloatArray) -> FloatArray | None:
     """Pixels (n, 2) of points; None where one is so far outside the view that the distortion
     polynomial folds back."""
-    pixels = camera.project(points)
-    back = np.abs(camera.undistort(pixels) - points[:, :2] / points[:, 2:])
+    pixels, in_air = camera.project(points), camera.seen_in_air(points)
+    back = np.abs(camera.undistort(pixels) - in_air[:, :2] / in_air[:, 2:])
     return pixels if (back < 1e-6).all() else None
 
 
@@ -268,6 +274,7 @@ def ray_splines(
     camera: Camera, columns: npt.NDArray[np.floating], rows: npt.NDArray[np.floating]
 ) -> tuple[Rays, Rays]:
     """Normalised x and y; of a fisheye, which has rays in a part of the image only, of each pixel.
+    Before a window they are those in air.
 
     Args:
         columns, rows: ascending pixel coordinates; the splines are valid from first to last.
@@ -286,6 +293,35 @@ def ray_splines(
     between = rays(v, u)
     x, y = (RectBivariateSpline(v, u, between[..., i]) for i in range(2))
     return x, y
+
+
+def _on_board(
+    camera: Camera, pose: Pose, columns: npt.NDArray[np.floating], rows: npt.NDArray[np.floating]
+) -> OnBoard:
+    """Where the rays of the camera meet the plane of a board; behind a window, those that leave its
+    wet face (as of `Camera.rays_from`).
+
+    Args:
+        columns, rows: as of `ray_splines`.
+    """
+    x, y = ray_splines(camera, columns, rows)
+    window = camera.window
+    if window is None:
+        board_from_ray = np.linalg.inv(np.column_stack([pose.R[:, :2], pose.T]))
+        return lambda of, at: on_plane(x(of, at), y(of, at), board_from_ray)
+
+    def behind(
+        of: npt.NDArray[np.floating], at: npt.NDArray[np.floating]
+    ) -> tuple[FloatArray, FloatArray]:
+        in_air = np.stack([x(of, at), y(of, at), np.ones((len(of), len(at)))], axis=-1)
+        origins, directions = rays_through(window, in_air.reshape(-1, 3))
+        from_board, along = (origins - pose.T) @ pose.R, directions @ pose.R
+        ahead = -from_board[:, 2] / along[:, 2]
+        ahead[~(ahead > 0.0)] = np.nan
+        s, t = (from_board[:, :2] + ahead[:, None] * along[:, :2]).T.reshape(2, len(of), len(at))
+        return s, t
+
+    return behind
 
 
 def on_plane(
