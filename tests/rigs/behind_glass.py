@@ -57,11 +57,22 @@ class Submerged:
     """`camera_from_reference`."""
     ends_m: FloatArray
     """(frames, 2, 3): in the reference's frame."""
+    world: dict[str, Pose]
+    """`camera_from_world`."""
     settings: RefineSettings = field(default_factory=RefineSettings)
 
     @property
     def true_poses(self) -> list[Pose]:
         return list(self.poses.values())
+
+    def further(self, rng: np.random.Generator, bars: int) -> tuple[FloatArray, FloatArray]:
+        """Ends (bars, 2, 3) of other bars, in the reference's frame, and their images
+        (bars, 2, c, 2) in all cameras."""
+        ends = _bars(self.tank, self.cameras, self.world, rng, bars)
+        images = _images(self.tank, self.cameras, self.world, ends, rng)
+        reference = next(iter(self.world.values()))
+        in_reference = reference.apply(ends.reshape(-1, 3)).reshape(ends.shape)
+        return in_reference, np.stack(images, axis=2)
 
     def asked(self, **stated: object) -> Recording:
         """The recording with its window stated, with other entries than the true ones."""
@@ -108,12 +119,7 @@ def submerged(tank: Tank, rng: np.random.Generator, bars: int = 80) -> Submerged
         world[name] = pose
     ends = _bars(tank, cameras, world, rng, bars)
     reference = world[names[0]]
-    pixels = [
-        seen_by(camera, world[name].apply(ends.reshape(-1, 3)), tank.noise_px, rng).reshape(
-            -1, 2, 2
-        )
-        for name, camera in cameras.items()
-    ]
+    pixels = _images(tank, cameras, world, ends, rng)
     held = RigidObject.bar(tank.bar_m, 2e-5)
     recording = recording_of("tank", _nominal(cameras, rng), held, pixels)
     if tank.cameras == 2:
@@ -124,12 +130,27 @@ def submerged(tank: Tank, rng: np.random.Generator, bars: int = 80) -> Submerged
         )
     poses = {name: pose @ reference.inverse() for name, pose in world.items()}
     in_reference = reference.apply(ends.reshape(-1, 3)).reshape(ends.shape)
-    return Submerged(tank, recording, cameras, poses, in_reference)
+    return Submerged(tank, recording, cameras, poses, in_reference, world)
 
 
 def _tilted(pose: Pose, tilted: FloatArray) -> Pose:
     """`camera_from_wall`, where the wall is tilted about the world's origin."""
     return Pose(pose.R @ tilted, pose.T)
+
+
+def _images(
+    tank: Tank,
+    cameras: dict[str, Camera],
+    world: dict[str, Pose],
+    ends: FloatArray,
+    rng: np.random.Generator,
+) -> list[FloatArray]:
+    """Of each camera (bars, 2, 2): pixels of ends (bars, 2, 3) in the world; NaN if not seen."""
+    flat = ends.reshape(-1, 3)
+    return [
+        seen_by(camera, world[name].apply(flat), tank.noise_px, rng).reshape(-1, 2, 2)
+        for name, camera in cameras.items()
+    ]
 
 
 def _bars(
