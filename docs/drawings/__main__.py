@@ -17,6 +17,7 @@ DRAWINGS: Mapping[str, Callable[[], Canvas]] = {
         measuring.baseline,
         measuring.pupil,
         measuring.synchronisation,
+        measuring.water,
         photographing.places,
         photographing.images,
         photographing.board,

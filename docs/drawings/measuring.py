@@ -1,8 +1,8 @@
 """Drawings of the field guide: what to build, and between which points to measure."""
 
-from math import cos, radians, sin
+from math import asin, cos, radians, sin, tan
 
-from docs.drawings.canvas import BAD, BLUE, FAINT, GREY, INK, ORANGE, Canvas
+from docs.drawings.canvas import BAD, BLUE, FAINT, GREY, INK, ORANGE, Canvas, Point
 
 
 def rig() -> Canvas:
@@ -142,3 +142,50 @@ def synchronisation() -> Canvas:
         GREY,
     )
     return c
+
+
+def water() -> Canvas:
+    """Two cameras in air before the wall of a tank, from above. Each ray bends at both faces of the
+    wall. Thickness and indices are given; where the wall is, is found, or measured too.
+    """
+    c = Canvas(720, 440)
+    dry, wet = 240.0, 226.0
+    c.rectangle((20, 40), (680, wet - 40), "#E4F1F8", "none", 0)
+    c.rectangle((20, wet), (680, dry - wet), "#B9C6CE", GREY, 1)
+    left, right, bar = (150.0, 390.0), (570.0, 390.0), ((330.0, 120.0), (412.0, 84.0))
+    for camera, angle in ((left, 50.0), (right, 130.0)):
+        for end in bar:
+            face, inside = _bent(camera, end, dry, wet)
+            straight = (1.6 * face[0] - 0.6 * camera[0], 1.6 * face[1] - 0.6 * camera[1])
+            c.line(face, straight, GREY, 1, "3 5")
+            for start, stop in ((camera, face), (face, inside), (inside, end)):
+                c.line(start, stop, BLUE, 2)
+        c.camera(camera, angle)
+    c.bar(*bar, 22)
+    c.text((306, 116), "A", INK, bold=True)
+    c.text((438, 82), "B", INK, bold=True)
+    c.arrow((172, 408), (548, 408), BLUE, both=True)
+    c.text((360, 429), "baseline, in air", BLUE)
+    c.line((30, 390), (128, 390), GREY, 1.5, "5 4")
+    c.arrow((40, 388), (40, dry + 2), GREY, both=True)
+    c.text((50, 266), "distance,\nalong the normal:\nfound, or measured", GREY, 16, anchor="start")
+    c.arrow((676, 194), (676, wet - 2), ORANGE)
+    c.arrow((676, 272), (676, dry + 2), ORANGE)
+    c.text((666, 292), "thickness,\nby caliper", ORANGE, anchor="end")
+    c.text((40, 70), "water: index 1.333", INK, anchor="start")
+    c.text((490, 190), "wall: index 1.49 (acrylic)\nor 1.52 (glass)", INK, 16, anchor="start")
+    c.text((360, 350), "air", INK)
+    c.text((450, 114), "bar: distance A–B", ORANGE, anchor="start")
+    return c
+
+
+def _bent(camera: Point, end: Point, dry: float, wet: float) -> tuple[Point, Point]:
+    """Where the ray from a camera to a point passes the dry and the wet face of a wall."""
+    layers = ((camera[1] - dry, 1.0), (dry - wet, 1.5), (wet - end[1], 1.333))
+    low, high, passed = -0.99, 0.99, [camera[0]]
+    for _ in range(50):
+        sine, passed = 0.5 * (low + high), [camera[0]]
+        for depth, index in layers:
+            passed.append(passed[-1] + depth * tan(asin(sine / index)))
+        low, high = (sine, high) if passed[-1] < end[0] else (low, sine)
+    return (passed[1], dry), (passed[2], wet)
