@@ -34,9 +34,9 @@ from stereocal.fit.least_squares.views import fit_points
 from stereocal.fit.refine import refine
 from stereocal.fit.rig_calibration import RigCalibration
 from stereocal.rig.camera import Camera
-from stereocal.rig.geometry import Pose
+from stereocal.rig.geometry import AT_ORIGIN, Pose
 from stereocal.rig.recording import Recording
-from stereocal.rig.rig import AT_ORIGIN, Rig
+from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
 from tests.rigs.behind_glass import FREE_LENS, Submerged, Tank, submerged
 
