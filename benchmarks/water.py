@@ -38,7 +38,7 @@ from stereocal.rig.geometry import AT_ORIGIN, Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.system.array_types import FloatArray
-from tests.rigs.behind_glass import FREE_LENS, Submerged, Tank, submerged
+from tests.rigs.behind_glass import FREE_LENS, Submerged, Tank, further, submerged
 
 BARS = (25, 80)
 FRESH = 200
@@ -107,7 +107,8 @@ def tried(drawn: Submerged, recording: Recording, free: bool, rng: np.random.Gen
     except StereocalError:
         return Found(np.inf)
     spent = time.process_time() - begun
-    truth, pixels = drawn.further(rng, FRESH)
+    fresh = further(drawn, rng, FRESH)
+    truth, pixels = fresh.ends_m, fresh.recording.images()[1]
     exact = ends_of([*drawn.cameras.values()], drawn.true_poses, pixels)
     ends = ends_of(cameras, poses, pixels)
     least, error = (

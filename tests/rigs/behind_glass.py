@@ -58,21 +58,12 @@ class Submerged:
     ends_m: FloatArray
     """(frames, 2, 3): in the reference's frame."""
     world: dict[str, Pose]
-    """`camera_from_world`."""
+    """`camera_from_world`: the wall's dry face is at z = 0."""
     settings: RefineSettings = field(default_factory=RefineSettings)
 
     @property
     def true_poses(self) -> list[Pose]:
         return list(self.poses.values())
-
-    def further(self, rng: np.random.Generator, bars: int) -> tuple[FloatArray, FloatArray]:
-        """Ends (bars, 2, 3) of other bars, in the reference's frame, and their images
-        (bars, 2, c, 2) in all cameras."""
-        ends = _bars(self.tank, self.cameras, self.world, rng, bars)
-        images = _images(self.tank, self.cameras, self.world, ends, rng)
-        reference = next(iter(self.world.values()))
-        in_reference = reference.apply(ends.reshape(-1, 3)).reshape(ends.shape)
-        return in_reference, np.stack(images, axis=2)
 
     def asked(self, **stated: object) -> Recording:
         """The recording with its window stated, with other entries than the true ones."""
@@ -117,11 +108,8 @@ def submerged(tank: Tank, rng: np.random.Generator, bars: int = 80) -> Submerged
         K = np.array([[focal, 0.0, cx], [0.0, focal, cy], [0.0, 0.0, 1.0]])
         cameras[name] = Camera(K, np.array([-0.1, 0.05, 0.0, 0.0]), SIZE, window=window)
         world[name] = pose
-    ends = _bars(tank, cameras, world, rng, bars)
+    ends, recording = _recorded(tank, cameras, world, None, rng, bars)
     reference = world[names[0]]
-    pixels = _images(tank, cameras, world, ends, rng)
-    held = RigidObject.bar(tank.bar_m, 2e-5)
-    recording = recording_of("tank", _nominal(cameras, rng), held, pixels)
     if tank.cameras == 2:
         baseline = (world[names[1]] @ reference.inverse()).baseline
         stated = baseline + rng.normal(0.0, 0.002)
@@ -129,28 +117,42 @@ def submerged(tank: Tank, rng: np.random.Generator, bars: int = 80) -> Submerged
             recording, baselines_m={(names[0], names[1]): stated}, baseline_sigma_m=0.002
         )
     poses = {name: pose @ reference.inverse() for name, pose in world.items()}
-    in_reference = reference.apply(ends.reshape(-1, 3)).reshape(ends.shape)
-    return Submerged(tank, recording, cameras, poses, in_reference, world)
+    return Submerged(tank, recording, cameras, poses, ends, world)
+
+
+def further(scene: Submerged, rng: np.random.Generator, bars: int = 30) -> Submerged:
+    """Further bars of the same cameras, and what they see of them; they may have been moved."""
+    stated = scene.recording
+    ends, new = _recorded(scene.tank, scene.cameras, scene.world, dict(stated.cameras), rng, bars)
+    known = replace(new, baselines_m=stated.baselines_m, baseline_sigma_m=stated.baseline_sigma_m)
+    return replace(scene, recording=known, ends_m=ends)
+
+
+def _recorded(
+    tank: Tank,
+    cameras: dict[str, Camera],
+    world: dict[str, Pose],
+    nominal: dict[str, Camera] | None,
+    rng: np.random.Generator,
+    bars: int,
+) -> tuple[FloatArray, Recording]:
+    """The ends of bars in the reference's frame, and their recording; lenses that are not given are
+    drawn."""
+    ends = _bars(tank, cameras, world, rng, bars)
+    flat = ends.reshape(-1, 3)
+    pixels = [
+        seen_by(camera, world[name].apply(flat), tank.noise_px, rng).reshape(-1, 2, 2)
+        for name, camera in cameras.items()
+    ]
+    lenses = _nominal(cameras, rng) if nominal is None else nominal
+    recording = recording_of("tank", lenses, RigidObject.bar(tank.bar_m, 2e-5), pixels)
+    reference = next(iter(world.values()))
+    return reference.apply(flat).reshape(ends.shape), recording
 
 
 def _tilted(pose: Pose, tilted: FloatArray) -> Pose:
     """`camera_from_wall`, where the wall is tilted about the world's origin."""
     return Pose(pose.R @ tilted, pose.T)
-
-
-def _images(
-    tank: Tank,
-    cameras: dict[str, Camera],
-    world: dict[str, Pose],
-    ends: FloatArray,
-    rng: np.random.Generator,
-) -> list[FloatArray]:
-    """Of each camera (bars, 2, 2): pixels of ends (bars, 2, 3) in the world; NaN if not seen."""
-    flat = ends.reshape(-1, 3)
-    return [
-        seen_by(camera, world[name].apply(flat), tank.noise_px, rng).reshape(-1, 2, 2)
-        for name, camera in cameras.items()
-    ]
 
 
 def _bars(

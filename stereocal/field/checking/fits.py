@@ -10,6 +10,7 @@ covariance included.
 
 from dataclasses import dataclass
 from itertools import product
+from typing import Protocol, Self
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -76,6 +77,17 @@ class Change:
         )
 
 
+class CamerasKnown(Protocol):
+    """Cameras by their parameters: normal, a step root N(0, 1) from where they are."""
+
+    @property
+    def at(self) -> Cameras: ...
+
+    @property
+    def root(self) -> FloatArray:
+        """(Q, r)."""
+
+
 NOTHING = Change(np.zeros((OF_PAIR, 0)), np.zeros(0))
 
 
@@ -117,11 +129,12 @@ def turn_in_place(pose: Pose, camera: int) -> Change:
     return Change(directions, np.full(3, WIDE_ANGLE))
 
 
-class Fit(RobustFit):
-    """One hypothesis: a prior, what may have changed, and new images."""
+class PriorFit(RobustFit):
+    """One hypothesis: old parameters as prior, what may have changed, and new images."""
 
-    def __init__(self, prior: Prior, images: NewImages, change: Change, sigma_px: float) -> None:
-        settings = RefineSettings(sigma_px=sigma_px, scatter_m=prior.scatter_m)
+    def __init__(
+        self, seen: Observations, prior: CamerasKnown, change: Change, settings: RefineSettings
+    ) -> None:
         known = prior.root.shape[1]
         unknowns = Unknowns(
             names=tuple(f"value {i}" for i in range(known + len(change))),
@@ -130,24 +143,11 @@ class Fit(RobustFit):
             sigma=np.concatenate([np.ones(known), change.sigma]),
             precision=block_diag(np.eye(known), np.diag(1.0 / change.sigma**2)),
         )
-        seen = Observations.of(images.dataset.recording)
         super().__init__(seen, unknowns, settings, prior.at.R, np.empty((0, 4)))
-        self.prior, self.images, self.change, self.known = prior, images, change, known
-        self.set_limits(len(change) - round(prior.degrees))
+        self.root, self.change, self.known = prior.root, change, known
 
-    def start_from(self, pose: Pose) -> None:
-        """Start with the pose changed to this one; the change must begin with the pose."""
-        old = self.prior.rig
-        step = step_between(rig_at(Rig(old.primary, old.secondary, pose)), rig_at(old))
-        of_pose = slice(self.known, self.known + min(len(self.change), SCALE + 1))
-        self.p[:] = 0.0
-        self.p[of_pose] = np.linalg.lstsq(self.unknowns.M[:, of_pose], step, rcond=None)[0]
-        self.points[:] = np.nan
-
-    def minimise(self, outlying: BoolArray, start: Pose | None = None) -> "Fit":
-        """Fit all groups but the outlying ones, by plain least squares, from a pose if stated."""
-        if start is not None:
-            self.start_from(start)
+    def fit_all_but(self, outlying: BoolArray) -> Self:
+        """Fit all groups but the outlying ones, by plain least squares."""
         self.outlying = outlying
         self._solve(np.where(outlying, 0.0, np.inf))
         return self
@@ -163,14 +163,39 @@ class Fit(RobustFit):
         return self.p[self.known :]
 
     @property
-    def before(self) -> Cameras:
-        """The cameras before the change, by these images too."""
-        return moved(self.prior.at, self.prior.root @ self.p[: self.known])
-
-    @property
     def change_covariance(self) -> FloatArray:
         """(m, m): covariance of the change."""
         return np.asarray(self.unknowns.covariance(self.H)[self.known :, self.known :])
+
+
+class Fit(PriorFit):
+    """One hypothesis of two cameras."""
+
+    def __init__(self, prior: Prior, images: NewImages, change: Change, sigma_px: float) -> None:
+        settings = RefineSettings(sigma_px=sigma_px, scatter_m=prior.scatter_m)
+        super().__init__(Observations.of(images.dataset.recording), prior, change, settings)
+        self.prior, self.images = prior, images
+        self.set_limits(len(change) - round(prior.degrees))
+
+    def start_from(self, pose: Pose) -> None:
+        """Start with the pose changed to this one; the change must begin with the pose."""
+        old = self.prior.rig
+        step = step_between(rig_at(Rig(old.primary, old.secondary, pose)), rig_at(old))
+        of_pose = slice(self.known, self.known + min(len(self.change), SCALE + 1))
+        self.p[:] = 0.0
+        self.p[of_pose] = np.linalg.lstsq(self.unknowns.M[:, of_pose], step, rcond=None)[0]
+        self.points[:] = np.nan
+
+    def minimise(self, outlying: BoolArray, start: Pose | None = None) -> "Fit":
+        """Fit all groups but the outlying ones, by plain least squares, from a pose if stated."""
+        if start is not None:
+            self.start_from(start)
+        return self.fit_all_but(outlying)
+
+    @property
+    def before(self) -> Cameras:
+        """The cameras before the change, by these images too."""
+        return moved(self.prior.at, self.prior.root @ self.p[: self.known])
 
     @property
     def covariance(self) -> FloatArray:
@@ -294,13 +319,14 @@ class Power:
         return self.turn >= ENOUGH and (self.baseline is None or self.baseline >= ENOUGH)
 
 
-def information_of(fit: Fit) -> FloatArray:
-    """(m, m): information I of the images of a fit about its change d, old parameters eliminated.
+def information_of(fit: PriorFit, change: Change | None = None) -> FloatArray:
+    """(m, m): information I of the images of a fit about its change d, or about another one that it
+    leaves free, old parameters eliminated.
 
     With the information H of the images and the root L of the old parameters' covariance, it is
     U'HU - U'HL (L'HL + 1)^-1 L'HU: the 1 is the prior of p (docs/check.md, "How").
     """
-    root, U = fit.prior.root, fit.change.directions
+    root, U = fit.root, (change or fit.change).directions
     across = U.T @ fit.H @ root
     known = root.T @ fit.H @ root + np.eye(root.shape[1])
     return np.asarray(U.T @ fit.H @ U - across @ np.linalg.solve(known, across.T))

@@ -12,6 +12,7 @@ from stereocal.fit.least_squares.small_steps import FACTOR, lens_places, pose_pl
 from stereocal.fit.least_squares.unknowns import DEFAULT_DISTANCE
 from stereocal.fit.least_squares.views import Cameras
 from stereocal.matching.reconstruction import noise_of_file
+from stereocal.rig.camera import Camera
 from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters
 from stereocal.system.array_types import FloatArray
@@ -59,12 +60,8 @@ class Prior:
         of_cameras = (rows.primary, dataset.primary), (rows.secondary, dataset.secondary)
         for number, (pixels, camera) in enumerate(of_cameras):
             places = lens_places(number)
-            x = camera.undistort(pixels)
-            f, r2 = float(np.mean(self.at.q[places[:2]])), np.square(x).sum(axis=1)
-            # Images move by these, over the change of fx, fy, cx, cy, k1, k2, p1, p2.
-            moves = [*np.abs(x).T, 1.0, 1.0, f * r2**1.5, f * r2**2.5, 2 * f * r2, 2 * f * r2]
-            sizes = np.array([np.sqrt(np.mean(np.square(move))) for move in moves])
-            covariance[places, places] += (LENS_ERROR * self.sigma_px / sizes) ** 2
+            f = float(np.mean(self.at.q[places[:2]]))
+            covariance[places, places] += lens_variances(camera, f, pixels, self.sigma_px)
         return replace(self, root=root_of(covariance))
 
     def with_bar_of(self, dataset: Pair) -> "Prior":
@@ -79,6 +76,19 @@ class Prior:
         sigma = dataset.target_distance_sigma_m or DEFAULT_DISTANCE * length
         covariance[FACTOR, FACTOR] = (sigma / length) ** 2
         return replace(self, at=self.at._replace(q=q), root=root_of(covariance))
+
+
+def lens_variances(
+    camera: Camera, focal_px: float, pixels: FloatArray, sigma_px: float
+) -> FloatArray:
+    """(8,): variances of fx, fy, cx, cy, k1, k2, p1, p2 by which pixels (n, 2) move by
+    `LENS_ERROR`."""
+    x = camera.undistort(pixels)
+    f, r2 = focal_px, np.square(x).sum(axis=1)
+    # Images move by these, over the change of fx, fy, cx, cy, k1, k2, p1, p2.
+    moves = [*np.abs(x).T, 1.0, 1.0, f * r2**1.5, f * r2**2.5, 2 * f * r2, 2 * f * r2]
+    sizes = np.array([np.sqrt(np.mean(np.square(move))) for move in moves])
+    return np.asarray((LENS_ERROR * sigma_px / sizes) ** 2)
 
 
 def prior_of(rig: RigParameters, source: str = "parameters") -> Prior:

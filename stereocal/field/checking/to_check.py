@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from stereocal.field.checking import check_words
+from stereocal.field.checking.behind_windows import WindowCheck, check_behind_windows
 from stereocal.field.checking.findings import Verdict
 from stereocal.field.checking.fits import Smallest
+from stereocal.field.checking.known_behind_windows import known_of_pair, known_of_rig
 from stereocal.field.checking.new_images import NewImages
 from stereocal.field.checking.prior import prior_of
 from stereocal.field.checking.recheck import recheck
@@ -68,6 +70,10 @@ class PairToCheck:
         Raises:
             StereocalError: the parameters have no covariance, or nothing fits the points.
         """
+        if self.parameters.has_windows:
+            known, images = known_of_pair(self.parameters, source), self.images
+            recording = images.dataset.recording
+            return _of_windows(check_behind_windows(known, recording, smallest, images.own))
         checked = recheck(prior_of(self.parameters, source), self.images, smallest)
         offered = checked.offers_repair
         return CheckAnswer(
@@ -101,11 +107,23 @@ class RigToCheck:
         Raises:
             StereocalError: no pair of its cameras can be checked.
         """
+        rig = self.parameters
+        if any(camera.window is not None for camera in rig.cameras.values()):
+            own = rig.about.inputs.get("sha256") == self.recording.sha256
+            known = known_of_rig(rig)
+            return _of_windows(check_behind_windows(known, self.recording, smallest, own))
         checked = check_rig(self.parameters, self.recording, smallest)
         residuals = {pair: residuals_of(check) for pair, check in checked.pairs.items()}
         return CheckAnswer(
             checked.verdict, checked.sentence, checked.notes, checked.to_json(), residuals, None
         )
+
+
+def _of_windows(checked: WindowCheck) -> CheckAnswer:
+    """The answer of cameras behind windows, which are calibrated again, not repaired."""
+    return CheckAnswer(
+        checked.verdict, checked.sentence, checked.notes, checked.to_json(), checked.residuals, None
+    )
 
 
 ToCheck = PairToCheck | RigToCheck
