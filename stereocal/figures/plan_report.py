@@ -10,9 +10,17 @@ import plotly.graph_objects as go
 
 from stereocal.field.planning.forecast import PlanForecast, plan_answer
 from stereocal.field.planning.plan import AimedPose, Plan
+from stereocal.field.planning.through_window import WindowForecast
 from stereocal.figures.accuracy import Quantity, describe_accuracy, plot_accuracy
 from stereocal.figures.html import html_figure, html_list, html_page, html_table, paragraphs
-from stereocal.figures.style import METHOD_COLOURS, add_trace, blank, line_of, sentence_only
+from stereocal.figures.style import (
+    METHOD_COLOURS,
+    add_trace,
+    blank,
+    line_of,
+    sentence_only,
+    with_gaps,
+)
 from stereocal.figures.tables import plan_table
 from stereocal.system.numbers import rounded
 from stereocal.verdict.in_words import digits, percent
@@ -124,6 +132,61 @@ def plan_report(forecast: PlanForecast) -> str:
     return html_page(f"Forecast of the plan {forecast.plan.name}", plan_answer(forecast), sections)
 
 
+def plot_window_plan(forecast: WindowForecast) -> go.Figure:
+    """The cameras, the window and bars behind it, from above."""
+    plan, figure = forecast.plan, blank(HEIGHT)
+    add_trace(figure, with_gaps(forecast.bars[..., [0, 2]]), name="bars", line=line_of())
+    centres = np.array([np.zeros(3), plan.pose.inverse().T])[:, [0, 2]]
+    marker = {"size": 12, "symbol": "triangle-up", "color": PLAN_STYLES[0][0]}
+    text = {"text": ["primary", "secondary"], "textposition": "top center", "cliponaxis": False}
+    add_trace(figure, centres, name="cameras", marker=marker, mode="markers+text", **text)
+    window = plan.primary.window
+    assert window is not None
+    shown = np.concatenate([centres, forecast.bars[..., [0, 2]].reshape(-1, 2)])
+    x, (across, _, ahead) = np.array([shown[:, 0].min(), shown[:, 0].max()]), window.normal
+    for distance_m in (window.distance_m, window.distance_m + window.thickness_m):
+        face = np.column_stack([x, (distance_m - across * x) / ahead])
+        add_trace(figure, face, name="window", line=line_of(PLAN_STYLES[2][0], 2))
+    figure.update_layout(showlegend=False)
+    figure.update_xaxes(title_text="To the right of the primary camera (m)")
+    ahead_title = "Ahead of the primary camera (m)"
+    figure.update_yaxes(title_text=ahead_title, scaleanchor="x", constrain="domain")
+    return figure
+
+
+def describe_window_plan(forecast: WindowForecast) -> str:
+    """The figure in words."""
+    plan, window = forecast.plan, forecast.plan.primary.window
+    assert window is not None
+    return (
+        f"From above: both cameras, the window {rounded(window.distance_m, 3)} m from the primary "
+        f"camera, and bars behind it from {rounded(plan.near_m, 3)} to {rounded(plan.far_m, 3)} m."
+    )
+
+
+def window_report(forecast: WindowForecast) -> str:
+    """The text of the file of a plan with a window."""
+    figure = html_figure(plot_window_plan(forecast), describe_window_plan(forecast))
+    sections = {
+        "From above": figure,
+        "How it was computed": paragraphs(window_computed(forecast)),
+        "The plan": html_table(_contents(forecast.plan)),
+    }
+    return html_page(f"Forecast of the plan {forecast.plan.name}", forecast.answer, sections)
+
+
+def window_computed(forecast: WindowForecast) -> str:
+    """What was simulated, in words."""
+    return (
+        f"{len(forecast.p95)} field days were simulated, whose focal lengths, principal points, "
+        f"baseline and bar differ from the plan as it says; each recording of "
+        f"{forecast.plan.frames} bars was calibrated with the distance and the tilt of the window "
+        f"to be found, and {len(forecast.bars)} fresh bars were measured. The median is given, "
+        "with the least and the largest. Length errors are relative to true lengths. Computed by "
+        f"stereocal {__version__} with the seed {forecast.seed}."
+    )
+
+
 def how_computed(forecast: PlanForecast) -> str:
     """What was drawn and simulated, in words."""
     plan, rigs = forecast.plan, forecast.rigs
@@ -159,4 +222,10 @@ def _contents(plan: Plan) -> pd.DataFrame:
     else:
         angle = np.degrees(np.arccos(np.clip((np.trace(plan.pose.R) - 1) / 2, -1, 1)))
         lines["Angle between the cameras"] = f"{rounded(angle, 3)}°"
+    if (window := plan.primary.window) is not None:
+        lines["Window"] = (
+            f"{rounded(window.distance_m, 4)} m from the primary camera, "
+            f"{rounded(1000 * window.thickness_m, 3)} mm of index {window.glass:g}; behind it "
+            f"{window.medium:g}"
+        )
     return pd.DataFrame({"Value": lines}).rename_axis("Planned")

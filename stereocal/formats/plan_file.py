@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from stereocal.errors import StereocalError, naming
-from stereocal.field.planning.plan import AimedPose, Plan, SensorLens, Uncertainty
+from stereocal.field.planning.plan import AimedPose, Plan, PlannedWindow, SensorLens, Uncertainty
 from stereocal.formats.camera_file import CAMERA_FORMAT, read_camera, write_camera
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.geometry import Pose
@@ -80,10 +80,14 @@ def parse_plan(
     needed: Any = None
     if "needed" in data:
         needed = _part(data["needed"], _Needed, f"{source}: needed").length_error
+    window: PlannedWindow | None = None
+    if "window" in data:
+        usual = ("thickness_m", "medium", "glass", "normal")
+        window = _part(data["window"], PlannedWindow, f"{source}: window", usual)
     name = label_of(str(data.get("name") or Path(source).stem))
     stated = {**vars(volume), **vars(recording), "uncertainty": uncertainty, "needed": needed}
     with naming(source):
-        return Plan(name, primary, secondary, pose, **stated)
+        return Plan(name, primary, secondary, pose, window=window, **stated)
 
 
 def write_plan(plan: Plan) -> bytes:
@@ -107,8 +111,13 @@ def write_plan(plan: Plan) -> bytes:
         "noise_px": plan.noise_px,
         "uncertainty": asdict(plan.uncertainty),
         **({} if plan.needed is None else {"needed": {"length_error": plan.needed}}),
+        **({} if plan.window is None else {"window": _given(asdict(plan.window))}),
     }
     return (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode()
+
+
+def _given(entry: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in entry.items() if value is not None}
 
 
 def _camera_entry(stated: Camera | SensorLens) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import streamlit as st
 from stereocal.errors import DAMAGED, StereocalError
 from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer, points_per_frame
 from stereocal.field.planning.plan import Plan
+from stereocal.field.planning.through_window import forecast_through_window
 from stereocal.figures import plan_report as figures
 from stereocal.figures.tables import plan_table
 from stereocal.formats.camera_file import write_camera
@@ -41,6 +42,8 @@ INSTANT_FRAMES = 60
 """Up to this number, the forecast takes about a second and shows no progress."""
 QUANTITIES = {"Length error": "distance", "Position error": "point"}
 PLAN, FORECAST = "plan", "plan_forecast"
+SIMULATED = "plan_simulated"
+"""The plan with a window that was asked to be simulated."""
 START = (
     "A new project with these cameras and uncertainties, and with these lengths until they are "
     "measured. The forecast is then shown beside the result."
@@ -98,6 +101,9 @@ def open_plan(project: Project | None) -> None:
 
 def show_forecast(project: Project | None, plan: Plan) -> None:
     """What the plan will measure, what would help, errors by place, plans side by side, files."""
+    if plan.window is not None:
+        _show_through_window(plan)
+        return
     result = _forecast_of(plan)
     shown = {"yes": st.success, "no": st.warning, "not sure": st.info}[result.reached or "yes"]
     shown(f"**{escape_markdown(plan_answer(result))}**")
@@ -131,6 +137,35 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
     with st.expander("What each file will do, and how this was computed"):
         st.table(plan_table(result))
         st.caption(escape_markdown(figures.how_computed(result)))
+
+
+def _show_through_window(plan: Plan) -> None:
+    """What a plan with a window will measure: simulated by a press, as it takes a while."""
+    text = write_plan(plan).decode()
+    if st.session_state.get(SIMULATED) != text:
+        st.info("Behind a window, field days are simulated and calibrated: about a minute.")
+        button("Simulate the field days", "plan_simulate", partial(_simulate, text), first=True)
+        return
+    place = st.empty()
+
+    def show(done: int, total: int) -> None:
+        place.progress(done / total, f"{done} of {total} field days simulated.")
+
+    found = once("plan", text, lambda: forecast_through_window(plan, pool(), progress=show))
+    place.empty()
+    st.success(f"**{escape_markdown(found.answer)}**")
+    words = figures.describe_window_plan(found)
+    show_figure(figures.plot_window_plan(found), words, "plan_window")
+    with st.container(horizontal=True):
+        offer("Save plan", partial(write_plan, plan), "plan.json", "download_plan.json")
+        offer("Forecast", found.dumps, "forecast.json", "download_forecast.json")
+        report = partial(figures.window_report, found)
+        offer("Report", report, "report.html", "download_report.html")
+    st.caption(escape_markdown(figures.window_computed(found)))
+
+
+def _simulate(text: str) -> None:
+    st.session_state[SIMULATED] = text
 
 
 def _offer_files(project: Project | None, result: PlanForecast) -> None:

@@ -16,6 +16,7 @@ from stereocal.field.planning.plan import (
     SMALLEST_MM,
     AimedPose,
     Plan,
+    PlannedWindow,
     SensorLens,
     Uncertainty,
 )
@@ -23,6 +24,7 @@ from stereocal.formats.camera_file import read_camera, write_camera
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS, Camera, CameraName
 from stereocal.rig.geometry import Pose
+from stereocal.rig.window import GLASS, LARGEST_INDEX, SMALLEST_INDEX, WATER
 from stereocal.system.numbers import rounded
 from stereocal.ui.fields import Field, Fit, Number, one_of, setting, yes_or_no
 from stereocal.ui.intake import CAMERA_KINDS, take_one
@@ -36,6 +38,7 @@ LENGTHS = tuple(float(f"{tens * 10.0**power:.3g}") for power in range(-2, 3) for
 FRAMES = (5, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 75, 100, 150, 200, 300, 500, 1000, 2000)
 USUAL = Uncertainty()
 POSITIVE = Number(0.0)
+INDEX = Number(SMALLEST_INDEX, LARGEST_INDEX)
 MM = Number(SMALLEST_MM, LARGEST_MM)
 TOE_IN_DEG = (-10.0, 60.0)
 TOE_IN, HIGHER = "Each camera turned in by (°)", "Secondary higher by (m)"
@@ -79,7 +82,14 @@ _NUMBERS = {
     ),
     "bar_mm": _Control("uncertainty.bar_m", "Bar, ± mm", USUAL.bar_m, scale=1000),
     "height_m": _Control("stated_pose.height_difference_m", HIGHER, 0.0, Number(-1000.0, 1000.0)),
+    "window_m": _Control("window.distance_m", "Primary camera to window (m)", 0.4, step=0.05),
+    "window_mm": _Control(
+        "window.thickness_m", "Thickness (mm)", 0.01, Number(0.0, 1000.0), scale=1000, step=1.0
+    ),
+    "medium": _Control("window.medium", "Index behind it", WATER, INDEX, step=0.001),
+    "glass": _Control("window.glass", "Index of the window", GLASS, INDEX, step=0.01),
 }
+_WINDOW = ("window_m", "window_mm", "medium", "glass")
 _SENSOR = {
     "width_mm": "Sensor width (mm)",
     "height_mm": "Sensor height (mm)",
@@ -99,6 +109,8 @@ _FIELDS: dict[str, tuple[Any, Fit]] = {
     **{name: (control.scale * control.usual, control.bounds) for name, control in _NUMBERS.items()},
     "name": ("Plan", str),
     "alike": (True, yes_or_no),
+    "window": (False, yes_or_no),
+    "window_normal": (None, lambda normal: normal and [float(part) for part in normal]),
     "stated_pose": (None, _pose_or_none),  # R and T; None for cameras that are aimed
     # Of a camera:
     "camera": (CHOICES[0], one_of(CHOICES)),
@@ -144,6 +156,7 @@ def plan_controls(project: Project | None) -> Plan:
     with st.expander("How well known, and heights"):
         names = ("focal_percent", "centre_px", "baseline_mm", "bar_mm", "height_m")
         *known, _ = _ask(project, st.columns(5), *names)
+    window = _window(project)
     return Plan(
         str(plan_field(project, "name").value()) or "Plan",
         primary,
@@ -156,7 +169,19 @@ def plan_controls(project: Project | None) -> Plan:
         noise_px,
         Uncertainty(*known),
         needed,
+        window,
     )
+
+
+def _window(project: Project | None) -> PlannedWindow | None:
+    """The window that both cameras look through; None in air."""
+    field, normal = plan_field(project, "window"), plan_field(project, "window_normal").value()
+    st.toggle("The cameras look through a window, as into water", **field.widget())
+    if not field.value():
+        return None
+    distance_m, thickness_m, medium, glass = _ask(project, st.columns(4), *_WINDOW)
+    along = None if normal is None else tuple(normal)
+    return PlannedWindow(distance_m, thickness_m, medium, glass, along)
 
 
 def _ask(project: Project | None, places: Sequence[DeltaGenerator], *names: str) -> list[Any]:
@@ -179,9 +204,13 @@ def show_plan(project: Project | None, plan: Plan) -> None:
     stated = None if isinstance(pose, AimedPose) else pose.to_json()
     values = {"name": plan.name, "alike": cameras[0] == cameras[1], "stated_pose": stated}
     for name, control in _NUMBERS.items():
+        if name in _WINDOW and plan.window is None:
+            continue
         if stated is None or not control.attribute.startswith("stated_pose."):
             stated_value = attrgetter(control.attribute)(plan)
             values[name] = control.scale * (control.usual if stated_value is None else stated_value)
+    values["window"] = plan.window is not None
+    values["window_normal"] = plan.window and plan.window.normal
     for name, value in values.items():
         plan_field(project, name).set(value)
     for which, camera in zip(CAMERAS, cameras, strict=True):

@@ -8,10 +8,12 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereocal.field.planning.forecast import forecast
+from stereocal.field.planning.through_window import forecast_through_window
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, write_plan
 from stereocal.verdict.in_words import percent
 from tests.field.plans import FIELD, contents, plan
+from tests.field.test_plan_through_window import TANK
 from tests.pages.stored_projects import FULL, drop, go, messages, page_of, placed, project_of, told
 from tests.rigs import known_rig
 
@@ -55,6 +57,23 @@ def test_a_plan_is_opened_with_its_camera_files(app: AppTest) -> None:
     assert app.select_slider(key="plan_frames").value == 33
     assert app.selectbox(key="plan_primary_camera").value == "A camera file"
     assert str(app.selectbox(key="plan_secondary_camera").value).startswith("IDT M5")
+
+
+def test_a_window_is_stated_and_a_plan_with_one_is_opened_and_simulated(
+    app: AppTest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = partial(forecast_through_window, days=2)
+    monkeypatch.setattr("stereocal.ui.plan.forecast_through_window", few)
+    drop(app, {"plan.json": write_plan(TANK)}, "upload_plan")
+    assert not app.error
+    assert app.number_input(key="plan_window_m").value == 0.4
+    assert app.number_input(key="plan_window_mm").value == 10.0
+    app.button(key="plan_simulate").click().run()
+    assert "through a window 0.4 m from the primary camera" in messages(app)
+    app.number_input(key="plan_medium").set_value(1.343).run()
+    assert app.button(key="plan_simulate")  # of another plan
+    app.toggle(key="plan_window").set_value(False).run()
+    assert "Limited by" in messages(app)
 
 
 def test_three_plans_side_by_side(app: AppTest) -> None:

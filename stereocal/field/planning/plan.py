@@ -4,7 +4,7 @@ A plan that exists can work: the numbers are possible, both cameras see a part o
 common, and the bar fits into it.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -14,6 +14,7 @@ from stereocal.rig.camera import Camera, LensModel
 from stereocal.rig.geometry import Pose
 from stereocal.rig.measured_lengths import check_length, check_uncertainty
 from stereocal.rig.rig import Rig
+from stereocal.rig.window import GLASS, WATER, Window, moved_window, rays_through
 from stereocal.system.array_types import BoolArray, FloatArray
 from stereocal.system.numbers import rounded
 
@@ -153,6 +154,31 @@ class Uncertainty:
             )
 
 
+@dataclass(frozen=True)
+class PlannedWindow:
+    """A window that both cameras look through.
+
+    Args:
+        distance_m: from the primary camera to the dry face, along the normal.
+        normal: towards the medium, in the primary's frame; None: along the mean of both axes.
+    """
+
+    distance_m: float
+    thickness_m: float = 0.0
+    medium: float = WATER
+    glass: float = GLASS
+    normal: tuple[float, float, float] | None = None
+
+    def before(self, pose: Pose) -> Window:
+        """The window as the primary sees it.
+
+        Args:
+            pose: `secondary_from_primary`.
+        """
+        x, y, z = self.normal or (pose.R[2] + np.eye(3)[2]).tolist()
+        return Window((x, y, z), self.distance_m, self.thickness_m, self.glass, self.medium)
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """A plan of a field day.
@@ -165,6 +191,7 @@ class Plan:
         frames: number of positions of the bar.
         noise_px: standard deviation of an image coordinate of a target.
         needed: relative error that 95 % of lengths have to be within; None if it is not stated.
+        window: that both cameras look through; None in air.
     """
 
     name: str
@@ -178,6 +205,7 @@ class Plan:
     noise_px: float = 0.2
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     needed: float | None = None
+    window: PlannedWindow | None = None
 
     def __post_init__(self) -> None:
         self._check_numbers()
@@ -191,11 +219,20 @@ class Plan:
 
     @cached_property
     def primary(self) -> Camera:
-        return _camera(self.stated_primary)
+        camera = _camera(self.stated_primary)
+        return camera if self.window is None else replace(camera, window=self._window)
 
     @cached_property
     def secondary(self) -> Camera:
-        return _camera(self.stated_secondary)
+        camera = _camera(self.stated_secondary)
+        if self.window is None:
+            return camera
+        return replace(camera, window=moved_window(self._window, self.pose))
+
+    @property
+    def _window(self) -> Window:
+        assert self.window is not None
+        return self.window.before(self.pose)
 
     @property
     def pose(self) -> Pose:
@@ -288,6 +325,7 @@ def sees(camera: Camera, points_m: FloatArray, margin_px: float = 0.0) -> BoolAr
         inside = (pixels >= margin_px) & (pixels <= np.array(camera.image_size) - 1.0 - margin_px)
     in_image = np.asarray(inside.all(axis=1))
     if camera.distortion.any():
+        points = camera.seen_in_air(points)
         most = FOLD_MARGIN**2 * np.square(rays_of_image(camera)[:, :2]).sum(axis=1).max()
         in_image &= np.square(points[:, :2]).sum(axis=1) <= most * points[:, 2] ** 2
     return in_image
@@ -295,7 +333,13 @@ def sees(camera: Camera, points_m: FloatArray, margin_px: float = 0.0) -> BoolAr
 
 def common_points(rig: Rig, depths_m: FloatArray) -> FloatArray:
     """(n, 3): grid points of the primary's view at some depths that the secondary sees too."""
-    points = (np.asarray(depths_m)[:, None, None] * rays_of_image(rig.primary)).reshape(-1, 3)
+    depths, rays = np.asarray(depths_m)[:, None, None], rays_of_image(rig.primary)
+    if rig.primary.window is None:
+        points = (depths * rays).reshape(-1, 3)
+    else:
+        origins, along = rays_through(rig.primary.window, rays)
+        away = (depths - origins[:, 2:]) / along[:, 2:]
+        points = (origins + away * along)[away[..., 0] > 0.0]  # behind the window
     seen = rig.pose.apply(points)
     near, far = float(depths_m[0]), float(depths_m[-1])
     if not (seen[:, 2] > 0).any():
