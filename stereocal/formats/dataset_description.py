@@ -12,6 +12,7 @@ import numpy as np
 
 from stereocal.errors import StereocalError, naming
 from stereocal.formats.camera_file import read_camera
+from stereocal.formats.window_entry import WINDOW, windows_in
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.frame_rates import RATES
 from stereocal.rig.measured_lengths import check_length, check_lengths, check_uncertainty
@@ -41,6 +42,7 @@ ENTRIES = (
     *("format", "name", "notes", "cameras", "points", "frames", STARTS, RATES, "object"),
     *("baseline_m", "baselines_m", "baseline_sigma_m"),
     *("target_distance_m", "target_distance_sigma_m", "object_sigma_m"),
+    WINDOW,
 )
 """Those of `dataset.json`; others that look like one of these are taken for slips of the pen."""
 ALIKE = 0.85
@@ -106,6 +108,8 @@ class Description:
             baselines = _baselines(self, cameras)
         else:
             rigid_object, baselines, sigma = self._bar_and_baseline()
+        with naming(self.where):
+            windows = windows_in(self.entries.get(WINDOW), cameras)
         return Recording(
             self.name,
             cameras,
@@ -115,6 +119,7 @@ class Description:
             baseline_sigma_m=sigma,
             notes=str(self.entries.get("notes", "")),
             start_frames={} if self.is_recording else self.start_frames,
+            windows=windows,
         )
 
     def _bar_and_baseline(self) -> tuple[RigidObject, dict[CameraPair, float], float | None]:

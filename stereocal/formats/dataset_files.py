@@ -30,6 +30,7 @@ from stereocal.formats.dataset_description import (
     find_description,
 )
 from stereocal.formats.points_csv import read_points_csv, write_points
+from stereocal.formats.window_entry import WINDOW, windows_entry
 from stereocal.rig.camera import CAMERAS, Camera, LensModel
 from stereocal.rig.frame_rates import RATES, at_stated_rates
 from stereocal.rig.pair import Pair
@@ -224,6 +225,7 @@ def pack_dataset(dataset: Pair) -> dict[str, bytes]:
         "notes": dataset.notes or None,
         STARTS: {"secondary": dataset.start_frame} if dataset.start_frame else None,
         "cameras": {which: f"{which}.json" for which in CAMERAS},
+        WINDOW: windows_entry(dataset.recording, CAMERAS),
     }
     cameras = dict(zip(CAMERAS, (dataset.primary, dataset.secondary), strict=True))
     return _packed(entries, cameras, {TABLE: write_table(dataset.correspondences)})
@@ -248,6 +250,7 @@ def pack_recording(recording: Recording) -> dict[str, bytes]:
         "notes": recording.notes or None,
         "frames": "own" if recording.own_frames or recording.start_frames else None,
         STARTS: dict(recording.start_frames) or None,
+        WINDOW: windows_entry(recording),
     }
     return _packed(entries, recording.cameras, {POINTS: write_points(recording)})
 

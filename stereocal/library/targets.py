@@ -165,7 +165,7 @@ class DataSetSearch:
         """What was found, with the cameras and lengths of the data set, if there is one."""
         if not self.is_described:
             return replace(targets.recording, name=self.path.stem)
-        names = ("name", "cameras", "baselines_m", "baseline_sigma_m", "notes")
+        names = ("name", "cameras", "baselines_m", "baseline_sigma_m", "notes", "windows")
         stated = {name: getattr(self.known, name) for name in names}
         if targets.object.board is None:
             stated["object"] = self.known.object

@@ -28,6 +28,8 @@ GLASS, WATER = 1.52, 1.333
 SMALLEST_INDEX, LARGEST_INDEX = 1.0, 2.5
 LARGEST_M = 1000.0
 """Of a window's distance and thickness."""
+THICKEST_M = 1.0
+"""Of a window that a person states."""
 MOST_STEPS, ROUNDING = 30, 1e-12
 TURNED_AWAY = "a window's normal must point away from its camera, within 85 degrees of its axis."
 LEAST_COSINE = float(np.cos(np.radians(85.0)))
@@ -118,7 +120,25 @@ class StatedWindow:
                 "a standard error of a window must be 0 or more.",
             ),
         )
-        self.at(self.normal or (0.0, 0.0, 1.0), self.distance_m or 1.0)
+        away, thick = self.distance_m, self.thickness_m
+        seen = self.at(self.normal or (0.0, 0.0, 1.0), 1.0 if away is None else away)
+        refuse(
+            (
+                thick > THICKEST_M,
+                f"a window's thickness is {thick:g} m: it must be in metres, and at most "
+                f"{THICKEST_M:g} m.",
+            ),
+            (
+                away is None and self.distance_sigma_m is not None,
+                "a window has a distance_sigma_m, but no distance_m: state both, or neither.",
+            ),
+            (
+                self.normal is None and self.normal_sigma_deg is not None,
+                "a window has a normal_sigma_deg, but no normal: state both, or neither.",
+            ),
+        )
+        if self.normal is not None and abs(np.linalg.norm(self.normal) - 1.0) > ROUNDING:
+            object.__setattr__(self, "normal", seen.normal)
 
     def at(self, normal: tuple[float, float, float], distance_m: float) -> Window:
         """The window where its first camera sees it."""
