@@ -33,7 +33,7 @@ from stereocal.formats.inputs import read_input
 from stereocal.paper_kit.kit import paper_kit
 from stereocal.rig.camera import CAMERAS
 from stereocal.rig.lengths_in_words import question_about_units, rig_in_words, word_of
-from stereocal.rig.recording import Recording
+from stereocal.rig.recording import REFINED_ONLY, Recording
 from stereocal.system.executors import engine
 from stereocal.system.numbers import count
 from stereocal.verdict.file_figures import stated_in
@@ -80,7 +80,7 @@ def run(parsed: argparse.Namespace) -> None:
             "A paper kit describes the validation of its own run: give --kit or --validation."
         )
     recording = read_input(parsed.dataset, parsed.lens_model)
-    if parsed.pair is None and len(recording.cameras) > 2:
+    if parsed.pair is None and (len(recording.cameras) > 2 or recording.has_windows):
         _all(recording, parsed)
         return
     refuse_given(parsed, "is for three cameras and more", "pairs")
@@ -106,6 +106,8 @@ def _all(recording: Recording, parsed: argparse.Namespace) -> None:
     from stereocal.commands.rig import write  # its report is drawn, which takes an extra
 
     for option in changed(parsed, OPTIONS, DEFAULTS):
+        if recording.has_windows and (option not in OF_ALL or option == "--pairs"):
+            raise StereocalError(f"{option} is for cameras in air: {REFINED_ONLY}.")
         if option not in OF_ALL and (option not in SEARCH or option in OF_FRAMES):
             raise StereocalError(f"{option} {OF_TWO}.")
         if option not in OF_ALL and not parsed.pairs:

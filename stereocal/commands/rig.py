@@ -12,6 +12,7 @@ from stereocal.errors import StereocalError
 from stereocal.figures.rig_report import rig_report
 from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.fit.rig_file import RIG, RigFile
+from stereocal.rig.recording import REFINED_ONLY
 from stereocal.system.tasks import Progress
 from stereocal.workflow.run import Run
 
@@ -33,6 +34,8 @@ def run(parsed: argparse.Namespace) -> None:
         )
     recording = recording_from(parsed, parsed.inputs[0])
     settings = RefineSettings(baseline_sigma_m=parsed.baseline_sigma)
+    if parsed.pairs and recording.has_windows:
+        raise StereocalError(f"--pairs is for cameras in air: {REFINED_ONLY}.")
     searches = CalibrationSettings() if parsed.pairs else None
     write(Run(recording, settings, parsed.time_offset or None, searches), parsed.out)
 

@@ -30,7 +30,7 @@ from stereocal.library.drawing import draw, of_figures
 from stereocal.rig.camera import LensModel
 from stereocal.rig.pair import Pair
 from stereocal.rig.parameters import RigParameters
-from stereocal.rig.recording import Recording
+from stereocal.rig.recording import REFINED_ONLY, Recording
 from stereocal.system.answers import TableAnswer, answering
 from stereocal.system.arguments import checked
 from stereocal.system.atomic_files import write_all
@@ -53,7 +53,8 @@ Look = Literal["rig", "errors", "validation", "disagreement", "accuracy", "resid
 def read(
     path: str | Path, pair: str | None = None, lens_model: LensModel | None = None
 ) -> Pair | Recording:
-    """Read a data set from a folder or a zip: two cameras, or more.
+    """Read a data set from a folder or a zip: two cameras as a pair; more, or behind a window, as a
+    recording.
 
     Args:
         pair: such as `left-right`: two of more cameras.
@@ -64,7 +65,7 @@ def read(
     """
     recording = read_recording(path, lens_model)
     with naming(str(path)):
-        if pair is None and len(recording.cameras) > 2:
+        if pair is None and (len(recording.cameras) > 2 or recording.has_windows):
             return in_step(recording)
         return pair_to_calibrate(recording, pair)
 
@@ -246,8 +247,8 @@ def calibrate(
     progress: Callable[[str], None] | None = None,
     refined: RefineSettings | None = DEFAULT_REFINED,
 ) -> CalibrationRun | CalibratedRig:
-    """Calibrate two cameras with the paper's three methods and the refined method; three and more
-    as `calibrate_rig` does, with the refined method.
+    """Calibrate two cameras with the paper's three methods and the refined method; three and more,
+    and two behind a window, as `calibrate_rig` does, with the refined method.
 
     Frames that contradict the others are left out first, unless `settings.all_frames` is set. The
     2D and the 3D search use independent random streams derived from `settings.search.seed`.
@@ -265,7 +266,11 @@ def calibrate(
             do.
     """
     recording = recording_of(dataset)
-    if len(recording.cameras) > 2:
+    if recording.has_windows and (settings is not None or trace or refined is None):
+        raise StereocalError(
+            f"{recording.name}: {REFINED_ONLY}, without settings of the paper's methods."
+        )
+    if len(recording.cameras) > 2 or recording.has_windows:
         if settings is not None or trace or refined is None:
             raise StereocalError(
                 f"{recording.name}: it has {len(recording.cameras)} cameras. Settings of the "

@@ -94,7 +94,8 @@ def detect(
         if not targets.frames:
             return FoundTargets(search.recording(targets), messages)
         recording = search.known.with_pairs(correspondences_of(targets.frames))
-        return FoundTargets(pair_to_calibrate(recording), messages, targets.frames)
+        found = recording if recording.has_windows else pair_to_calibrate(recording)
+        return FoundTargets(found, messages, targets.frames)
 
 
 @dataclass(frozen=True)

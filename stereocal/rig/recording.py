@@ -43,6 +43,8 @@ OF_TABLES = ("distance_m", "known_points_m", "time_frame", "source", "line")
 """Columns that `correspondences.csv` may have; its two points of a row have the same values."""
 SHIFTED = ("recorded", "motion")
 """Columns that a shift in time adds."""
+REFINED_ONLY = "behind a window there is no essential matrix, and so only the refined set"
+"""Why nothing else is made of a recording through windows."""
 MOST_IMAGES = 50_000_000
 """The most images of all targets in all frames and cameras: 800 MB of pixels."""
 

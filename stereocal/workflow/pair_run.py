@@ -47,6 +47,7 @@ from stereocal.fit.start.baseline import with_baseline_found
 from stereocal.fit.start.free_baseline import note_on_free_baseline
 from stereocal.formats.evaluation_files import Evaluation
 from stereocal.rig.pair import Pair
+from stereocal.rig.recording import REFINED_ONLY
 from stereocal.system.array_types import IntArray
 from stereocal.system.latest import step
 from stereocal.system.tasks import Progress
@@ -80,6 +81,13 @@ class PairRun:
     """Whether every move of the searches is recorded."""
     progress: Callable[[str], None] = _untold
     """Called with the name of each of `STEPS` when it begins."""
+
+    def __post_init__(self) -> None:
+        if self.dataset.recording.has_windows:
+            raise StereocalError(
+                f"{self.dataset.name}: {REFINED_ONLY}, which all cameras together give: "
+                "`stereocal calibrate` without a pair, or `stereocal.calibrate(recording)`."
+            )
 
     @classmethod
     def of(cls, finished: Calibration) -> "PairRun":

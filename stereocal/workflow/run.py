@@ -28,6 +28,8 @@ from stereocal.workflow.pair_run import PairRun
 
 Sets = Mapping[Method, RigParameters]
 """The parameter sets of a pair."""
+USUAL_FILE = "parameters_refined.json"
+"""As of `PairAnswer.parameter_files`."""
 FORECAST = (
     *("fcp_reprojection", "median_error_3d", "p95_error_3d", "p95_metric_error_3d"),
     "threshold_px",
@@ -135,12 +137,16 @@ class Run:
 
     @property
     def pair_files(self) -> dict[str, bytes]:
-        """The files of the pairs, by name."""
-        return {
+        """The files of the pairs, by name; of two cameras behind a window also under the name that
+        two in air have."""
+        files = {
             f"{name}_{method}.json": parameters.dumps().encode()
             for name, of_pair in self.sets.items()
             for method, parameters in of_pair.items()
         }
+        if self.recording.has_windows and len(self.recording.cameras) == 2:
+            files |= dict.fromkeys([USUAL_FILE] if files else [], *files.values())
+        return files
 
     @property
     def sentences(self) -> list[str]:

@@ -91,6 +91,11 @@ def bring_into_step(
     Raises:
         StereocalError: the data do not tell it, or pairs contradict each other.
     """
+    if recording.has_windows:
+        raise StereocalError(
+            "Cameras that were started by hand are brought into step by an essential matrix, which "
+            'there is not behind a window: state their "start_frames" in dataset.json.'
+        )
     names = list(recording.cameras)
     of_pairs, failed = dict[CameraPair, OffsetOfPair](), dict[CameraPair, str]()
     for pair in recording.pairs:

@@ -72,4 +72,5 @@ def pair_to_calibrate(recording: Recording, pair: str | None = None) -> Pair:
     chosen = recording.chosen_pair(pair)
     if recording.own_frames or recording.start_frames:
         recording = in_step(recording.of_cameras(chosen))
-    return with_baseline_found(recording.pair(*chosen))
+    two = recording.pair(*chosen)
+    return two if two.recording.has_windows else with_baseline_found(two)
