@@ -57,17 +57,22 @@ def _window_of(entry: Any, every: Sequence[str]) -> StatedWindow:
         raise
 
 
-def windows_entry(
-    recording: Recording, names: Sequence[str] = ()
-) -> dict[str, Any] | list[dict[str, Any]] | None:
-    """The inverse of `windows_in`; None without windows.
+def window_entries(recording: Recording, names: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """The inverse of `windows_in`, of a list.
 
     Args:
         names: what the file calls the cameras, in their order; empty: as the recording does.
     """
     named = dict(zip(recording.cameras, names or recording.cameras, strict=True))
-    entries = [
+    return [
         replace(window, cameras=tuple(named[name] for name in window.cameras)).to_json()
         for window in recording.windows
     ]
+
+
+def windows_entry(
+    recording: Recording, names: Sequence[str] = ()
+) -> dict[str, Any] | list[dict[str, Any]] | None:
+    """The entry of `dataset.json`: of one window an object; None without windows."""
+    entries = window_entries(recording, names)
     return entries[0] if len(entries) == 1 else entries or None

@@ -30,6 +30,7 @@ from stereocal.rig.correspondences import Correspondences, refuse_points_outside
 from stereocal.rig.measured_lengths import check_length
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
+from stereocal.rig.window import StatedWindow
 from stereocal.system import latest
 from stereocal.system.latest import once
 from stereocal.system.made_from import Parts, digest_of
@@ -38,8 +39,11 @@ from stereocal.workflow.pair_of_rig import data_of_pair, settings_of_pair
 
 OF_TABLE = ("exchanged", "put_back", "left_out", "start_frame", "step_notes")
 """Inputs that are valid for one table of points."""
-LENGTHS_OF_ALL = ("baselines_m", "baseline_sigma_m", "baseline_free", "target_distance_sigma_m")
-"""What is stated of the lengths of three cameras and more."""
+LENGTHS_OF_ALL = (
+    *("baselines_m", "baseline_sigma_m", "baseline_free", "target_distance_sigma_m"),
+    "windows",
+)
+"""What is stated of the lengths and windows of three cameras and more."""
 RESULTS = ("calibration", "recommended", "evaluation", VALIDATION)
 """What is computed of the data of two cameras."""
 SOURCE = "the recording of this project"
@@ -104,9 +108,29 @@ class ProjectData:
             self._check(self.inputs)
 
     @property
-    def is_rig(self) -> bool:
+    def holds_recording(self) -> bool:
         """Whether the data are those of three cameras and more."""
         return bool(self.database.files(RECORDING))
+
+    @property
+    def is_rig(self) -> bool:
+        """Whether all cameras are calibrated together: three and more, or two behind a window whose
+        data are complete."""
+        return self.holds_recording or self._are_two_behind_windows(self.inputs)
+
+    def _are_two_behind_windows(self, inputs: Inputs) -> bool:
+        if self.holds_recording or inputs.missing:
+            return False
+        known = (self._camera(inputs, "primary"), self._camera(inputs, "secondary"))
+        return bool(inputs.windows) or any(it is not None and it.window for it in known)
+
+    @property
+    def windows(self) -> tuple[StatedWindow, ...]:
+        """The windows that were stated, here or by the files of three cameras and more."""
+        inputs, as_given = self.inputs, self.recording_as_given
+        if inputs.windows is None and as_given is not None:
+            return as_given.windows
+        return inputs.stated_windows
 
     def is_given(self, files: Mapping[str, bytes]) -> bool:
         """Whether the data of three cameras and more are those of these files."""
@@ -141,7 +165,7 @@ class ProjectData:
     def forget_recording(self) -> None:
         """Delete the data of three cameras and more, for those of two."""
         with self.database.transaction():
-            if self.is_rig:
+            if self.holds_recording:
                 self.database.forget_files(RECORDING)
                 self._forget_results()
                 self.database.keep_values(INPUT, _unstated(*LENGTHS_OF_ALL))
@@ -203,15 +227,18 @@ class ProjectData:
 
     def dataset_of(self, inputs: Inputs) -> Pair | None:
         """The data of these inputs; None if one is missing."""
+        of_pair = self.pair is not None and self._are_two_behind_windows(inputs)
+        if self.holds_recording or of_pair:
+            return self._dataset_of_pair(inputs)
+        return self._dataset_of_two(inputs)
 
+    def _dataset_of_two(self, inputs: Inputs) -> Pair | None:
         def made() -> Pair:
             primary, secondary = self._camera(inputs, "primary"), self._camera(inputs, "secondary")
             file = self._file(inputs, "correspondences")
             assert primary and secondary and file
             return inputs.dataset(Path(file.label).stem, primary, secondary, _rows(file))
 
-        if self.is_rig:
-            return self._dataset_of_pair(inputs)
         key = json.dumps(dataclasses.asdict(inputs), sort_keys=True)
         return None if inputs.missing else once("data set", key, made)
 
@@ -234,7 +261,7 @@ class ProjectData:
     def recording_of(self, inputs: Inputs) -> Recording | None:
         """The data of all cameras with these inputs; None if some are missing."""
         if (recording := self.recording_as_given) is None:
-            dataset = self.dataset_of(inputs)
+            dataset = self._dataset_of_two(inputs)
             return None if dataset is None else dataset.recording
         return once("recording", self._key_of(inputs), lambda: inputs.applied_to(recording))
 
@@ -259,7 +286,7 @@ class ProjectData:
             with naming(SOURCE):
                 return in_step(recording)
 
-        return once("recording", self._given_digest, parsed) if self.is_rig else None
+        return once("recording", self._given_digest, parsed) if self.holds_recording else None
 
     @property
     def _given_digest(self) -> str:

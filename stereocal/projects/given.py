@@ -90,7 +90,7 @@ class ProjectGiven(ProjectPart):
     @property
     def of_more_than_two(self) -> bool:
         """Whether the data, or the files, are of three cameras and more."""
-        return self.project.is_rig or self.is_of_rig
+        return self.project.holds_recording or self.is_of_rig
 
     @property
     def rig_cameras(self) -> tuple[str, ...]:

@@ -8,10 +8,12 @@ from typing import Any, Literal
 import numpy as np
 
 from stereocal.fit.start.baseline import with_baseline_found
+from stereocal.formats.window_entry import window_entries, windows_in
 from stereocal.rig.camera import CAMERAS, Camera, CameraName, LensUncertainty
 from stereocal.rig.correspondences import Correspondences
 from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
+from stereocal.rig.window import StatedWindow
 from stereocal.system.names import can_be_shown
 from stereocal.system.records import of_plain
 
@@ -65,6 +67,9 @@ class Inputs:
     """The start frame of the table, as of `Pair`."""
     step_notes: list[str] = field(default_factory=list)
     """How the table was brought into step, as of `Pair`."""
+    windows: list[dict[str, Any]] | None = None
+    """The windows that the cameras look through, as of `windows_in`; empty: none, whatever the
+    files say; None: as they say."""
 
     def __post_init__(self) -> None:
         sigmas = [sigma for stated in self.lens_known.values() if stated for sigma in stated]
@@ -74,6 +79,7 @@ class Inputs:
             and all(getattr(self, name) is not None for name in self.planned)
             and all(map(can_be_shown, (*self.baselines_m, *self.exchanged)))
             and all(sigma is None or 0 <= sigma < math.inf for sigma in sigmas)
+            and all("cameras" in window for window in self.windows or ())
         )
         if not sound:
             raise ValueError(self)
@@ -98,11 +104,12 @@ class Inputs:
             measured,
             start_frames={CAMERAS[1]: self.start_frame} if self.start_frame else {},
             step_notes=tuple(self.step_notes),
+            windows=self._windows_of(measured),
         )
         dataset = recording.with_pairs(rows).pair(*CAMERAS)
         if exchanged := self.exchanged.get(CAMERAS[1]):
             dataset = dataset.with_targets_exchanged(exchanged)
-        return with_baseline_found(dataset)
+        return dataset if dataset.recording.has_windows else with_baseline_found(dataset)
 
     def applied_to(self, as_read: Recording) -> Recording:
         """A recording of three cameras and more, of the files as read, with what was stated and
@@ -126,7 +133,19 @@ class Inputs:
             recording = replace(recording, baseline_sigma_m=self.baseline_sigma_m)
         for camera, frames in self.exchanged.items():
             recording = recording.with_targets_exchanged(camera, frames)
+        if self.windows is not None:
+            recording = replace(recording, windows=self._windows_of(recording))
         return recording
+
+    @property
+    def stated_windows(self) -> tuple[StatedWindow, ...]:
+        """What was stated of windows; empty if nothing was."""
+        return of_plain(self.windows or [], tuple[StatedWindow, ...])
+
+    def _windows_of(self, recording: Recording) -> tuple[StatedWindow, ...]:
+        """Those stated of its cameras: others may have been given since."""
+        known = [it for it in self.windows or () if {*it["cameras"]} <= {*recording.cameras}]
+        return windows_in(known, recording.cameras)
 
     def _known(self, which: CameraName, camera: Camera) -> Camera:
         """A camera with the stated uncertainty instead of its file's.
@@ -184,4 +203,5 @@ def stated_in(dataset: Pair) -> dict[str, Any]:
         "target_distance_sigma_m": dataset.target_distance_sigma_m,
         "start_frame": dataset.start_frame,
         "step_notes": [*dataset.recording.step_notes],
+        "windows": window_entries(dataset.recording, CAMERAS) or None,
     }

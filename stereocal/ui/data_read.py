@@ -84,7 +84,8 @@ def _show_two_cameras(project: Project | None) -> None:
         end_here()
     st.header("What was read", divider="gray")
     _say_how_many(len(dataset.correspondences), len(dataset.correspondences.frames))
-    show_rig(project, dataset)
+    if not dataset.recording.has_windows:  # the rig in words is of lenses in air
+        show_rig(project, dataset)
     narrow, clicked = is_narrow(), partial(open_clicked_frame, project)
     key = f"{dataset.sha256} {narrow}"
     figure = once("coverage figure", key, lambda: plot_coverage(dataset, narrow))

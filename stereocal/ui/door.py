@@ -129,7 +129,7 @@ def _take(dropped: Dropped[StoredFile], use_videos: UseVideos) -> None:
     if dropped.of("data set"):
         intake.store_dataset(dropped)
         project = current_project()
-        if project is None or not project.is_rig:
+        if project is None or not project.holds_recording:
             dropped.use(partial(place_videos, dropped.of("video"), use_videos))
         return
     if not (dropped.photographs or dropped.files):

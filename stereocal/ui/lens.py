@@ -105,7 +105,7 @@ def show_cameras_of_rig(project: Project) -> bool:
     """The lenses of a recording of several cameras, or of the files given for one; with a rig,
     those that it refined too. False if there are none."""
     cameras = readable(lambda: ProjectGiven(project).cameras) or {}
-    if not (project.is_rig or len(cameras) > len(CAMERAS)):
+    if not (project.holds_recording or len(cameras) > len(CAMERAS)):
         return False
     _show_table(lens_table(cameras, project.rig))
     if project.rig is not None:

@@ -59,7 +59,9 @@ def _done_if(done: object, yes: str, no: str) -> PageState:
 
 def _of_several(project: Project) -> dict[str, PageState]:
     cameras, validate = f"{project.camera_count} cameras", NOT_VALIDATED
-    if (rig := project.rig) is not None:
+    if project.inputs.windows:
+        validate = PageState("missing", "Only for cameras in air")
+    elif (rig := project.rig) is not None:
         pair = project.of_pair(pair_field(project, rig).value())
         if (dataset := pair.dataset) is not None:
             validate = _validate(pair, dataset)
@@ -103,7 +105,7 @@ def _of_two(project: Project) -> dict[str, PageState]:
 
 def _calibrate(project: Project) -> PageState:
     calibration = None if project.is_rig else project.calibration
-    if calibration is None and project.rig is None:
+    if calibration is None and not (project.is_rig and project.rig):
         return PageState("missing", "Not calibrated yet")
     if changed := changed_since(project):
         return PageState("stale", f"Changed since: {changed}")

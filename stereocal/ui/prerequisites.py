@@ -6,6 +6,7 @@ from stereocal.projects.application import ProjectApplication
 from stereocal.projects.photographs import ProjectPhotographs
 from stereocal.projects.project import Project
 from stereocal.rig.pair import Pair
+from stereocal.rig.recording import REFINED_ONLY
 from stereocal.ui.holding import holds_board
 from stereocal.ui.lengths import ask_if_measured
 from stereocal.ui.messages import button, end_here, readable
@@ -62,10 +63,22 @@ def project_with_data() -> Project:
     return project
 
 
+def tell_no_pairs(project: Project) -> None:
+    """Say that there are no sets of a pair, and stop, where cameras look through a window."""
+    recording = project.recording if project.is_rig else None
+    if recording is not None and recording.has_windows:
+        st.info(
+            f"The paper's two sets and their validation are for cameras in air: {REFINED_ONLY}, "
+            "which *Calibrate* makes of all cameras."
+        )
+        end_here()
+
+
 def two_cameras_of(project: Project) -> tuple[Project, Pair]:
     """The project with the two cameras that the page is about, and their data: of three and more
     those that are chosen from a menu. Without a rig, the page says so, and stops."""
     if project.is_rig:
+        tell_no_pairs(project)
         if (rig := project.rig) is None:
             tell_not_calibrated()
             end_here()

@@ -1,6 +1,7 @@
 """Three cameras and more on the page Calibrate: their work, and the answer for all of them."""
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import streamlit as st
 
@@ -23,7 +24,7 @@ from stereocal.ui.figure import clicked_in, is_narrow, show_figure
 from stereocal.ui.messages import callback, show_each
 from stereocal.ui.texts import escape_markdown
 from stereocal.verdict.in_words import digits, in_percent
-from stereocal.workflow.made_from import DATA
+from stereocal.workflow.made_from import DATA, WINDOWS
 from stereocal.workflow.run import Run
 
 GRAPH = "rig_graph"
@@ -56,7 +57,8 @@ def rig_parts(project: Project) -> tuple[Parts, Parts]:
     if rig is None or run is None:
         return {}, {}
     if made_from:
-        return made_from, run.made_from
+        in_air = {WINDOWS: list[Any]()}
+        return in_air | {**made_from}, in_air | {**run.made_from}
     # An earlier version forgot a rig with everything that changed it.
     return {DATA: [rig.about.inputs.get("sha256")]}, {DATA: [run.recording.sha256]}
 

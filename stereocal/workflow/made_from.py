@@ -15,7 +15,7 @@ from stereocal.rig.pair import Pair
 from stereocal.rig.recording import Recording
 from stereocal.system.made_from import Parts, digest_of
 
-DATA = "data"
+DATA, WINDOWS = "data", "windows"
 
 
 def parts_of(recording: Recording) -> Parts:
@@ -43,6 +43,7 @@ def parts_of(recording: Recording) -> Parts:
         "uncertainty of the baseline": _metres(recording.baseline_sigma_m),
         "uncertainty of the distance between the targets": _metres(bar.sigma_m),
         "points": [recording.points_digest],
+        **({WINDOWS: [it.to_json() for it in recording.windows]} if recording.windows else {}),
     }
 
 

@@ -68,7 +68,6 @@ def test_the_library_calibrates_all_cameras(recorded: Path) -> None:
             stereocal.evaluate([given])
 
 
-@pytest.mark.xfail(raises=IndexError, reason="pairs of rigs have no windows in their covariance")
 def test_the_file_of_two_cameras_has_its_usual_name_too() -> None:
     files = Run(TANK.asked()).pair_files
     assert [*files] == ["c1-c2_refined.json", USUAL_FILE]
