@@ -233,12 +233,22 @@ def write_camera(camera: Camera, about: Mapping[str, Any] | None = None) -> byte
     return (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
 
 
+def refuse_window(camera: Camera, which: str, program: str) -> None:
+    """Refuse to write a camera behind a window for a program: to it, it would be one in air."""
+    if camera.window is not None:
+        raise StereocalError(
+            f"{which} looks through a window, which {program} does not know: its points would be "
+            "wrong, and nothing is written. Use stereocal's own JSON files."
+        )
+
+
 def write_opencv_camera(camera: Camera) -> bytes:
     """OpenCV's YAML file of a camera, with the names of its calibration program.
 
     Uncertainties are not written. Four coefficients of a usual lens get a fifth, k3 = 0, since
     four alone might be those of a fisheye.
     """
+    refuse_window(camera, "The camera", "OpenCV")
     # OpenCV 5 writes YAML 1.2 by default; version 4 reads 1.0 only and has no such flag.
     yaml = getattr(cv2, "FILE_STORAGE_FORMAT_YAML_1_0", cv2.FILE_STORAGE_FORMAT_YAML)
     storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | yaml)

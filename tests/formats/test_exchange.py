@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereocal.cli import main
+from stereocal.formats.camera_file import write_opencv_camera
 from stereocal.formats.exchange.camera_format import fewer_coefficients
 from stereocal.formats.exchange.exchange import (
     FORMATS,
@@ -23,6 +24,7 @@ from stereocal.formats.exchange.options import ExchangeOptions, Flip
 from stereocal.rig.camera import CAMERAS, Camera
 from stereocal.rig.geometry import Angles, Pose
 from stereocal.rig.parameters import RigParameters
+from stereocal.rig.window import Window
 from stereocal.system.array_types import FloatArray
 from tests.refused import refused
 from tests.rigs.fisheye_rig import fisheye_rig
@@ -288,6 +290,16 @@ class TestFisheye:
         with refused("OpenCV", "fisheye"):
             export_files(mixed, "opencv")
         assert import_files(export_files(mixed, "ros"), "ros").primary.model == "brown"
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_window_is_refused_and_nothing_written(name: str, tmp_path: Path) -> None:
+    primary = replace(PRIMARY, window=Window((0.0, 0.0, 1.0), 0.4))
+    with refused("The primary camera looks through a window", FORMATS[name].title):
+        export(replace(RICHEST[name], primary=primary), name, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    with refused("looks through a window", "OpenCV"):
+        write_opencv_camera(primary)
 
 
 def test_a_size_with_the_height_first_is_told() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
 from stereocal.errors import StereocalError, disk_errors
+from stereocal.formats.camera_file import refuse_window
 from stereocal.formats.described import PROGRAMS
 from stereocal.formats.exchange.camera_format import (
     OUR_UNIT,
@@ -182,6 +183,8 @@ def export_files(
     """
     known = _named(FORMATS, name)
     cameras: list[Posed] = [(name, *it) for name, it in rig.placed.items()]
+    for which, camera, _ in cameras:
+        refuse_window(camera, f"The {which} camera", known.title)
     if len(cameras) != 2 and not known.of_rigs:
         others = ", ".join(key for key, known in FORMATS.items() if known.of_rigs)
         raise StereocalError(
