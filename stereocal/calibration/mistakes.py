@@ -49,6 +49,8 @@ SHIFTS, SHIFT_GAIN = (1, -1, 2, -2, 3, -3), 4.0
 """Frames by which the numbers of a camera may be off. One that is late by a part of a frame fits
 somewhat better a whole frame off."""
 WATER = 1.333
+INTO_WATER = "taken through a flat window into water"
+"""In the message about such images."""
 """Refractive index, of fresh water at 20 degrees; of the sea 1.34."""
 
 
@@ -138,7 +140,8 @@ def _in_water(recording: Recording, group: Group) -> Iterator[Way]:
         return np.asarray(homogeneous(in_water) @ scaled(camera, WATER, False).K[:2].T)
 
     lenses = (recording.cameras[name] for name in group.names)
-    if all(len(group.names) > 1 and not camera.is_fisheye for camera in lenses):
+    is_stated = recording.has_windows
+    if not is_stated and all(len(group.names) > 1 and not it.is_fisheye for it in lenses):
         yield Way(partial(_pinholes_in_water, recording, group.names, change))
 
 
@@ -297,9 +300,10 @@ OF_CAMERAS = (
         "lenses with distortion",
     ),
     Row(
-        "The images of {which} seem to be taken through a flat window into water, where focal "
+        f"The images of {{which}} seem to be {INTO_WATER}, where focal "
         "lengths are 1.33 times those in air",
-        "Calibrate the lenses in the water, with a board there, and give these files.",
+        'State the window, which the calibration then finds: "window" in dataset.json, as '
+        '{{"thickness_m": 0.01, "medium": 1.333}}, or the question on the page Data.',
         "all",
         _in_water,
         "lenses that are no fisheyes",

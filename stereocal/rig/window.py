@@ -28,8 +28,8 @@ GLASS, WATER = 1.52, 1.333
 SMALLEST_INDEX, LARGEST_INDEX = 1.0, 2.5
 LARGEST_M = 1000.0
 """Of a window's distance and thickness."""
-THICKEST_M = 1.0
-"""Of a window that a person states."""
+THICKNESS_M, THICKEST_M = 0.01, 1.0
+"""Of a window that a person states: where the thickness is not known yet, and at most."""
 MOST_STEPS, ROUNDING = 30, 1e-12
 TURNED_AWAY = "a window's normal must point away from its camera, within 85 degrees of its axis."
 LEAST_COSINE = float(np.cos(np.radians(85.0)))

@@ -3,18 +3,23 @@ cameras and more all of them together first, then the pair that is looked at.
 
 A press starts a job, which takes the place of one that runs, and the page follows it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import streamlit as st
 
 from stereocal.calibration.methods import CalibrationSettings, Method
+from stereocal.calibration.mistakes import INTO_WATER
 from stereocal.errors import StereocalError
 from stereocal.evaluation.evaluate import EvaluationSettings
+from stereocal.fit.in_words import rig_notes
+from stereocal.fit.results import Calibration
+from stereocal.fit.rig_file import RigFile
 from stereocal.projects.application import Use
 from stereocal.projects.inputs import Inputs
 from stereocal.projects.project import Project
 from stereocal.rig.pair import Pair
+from stereocal.rig.window import THICKNESS_M, StatedWindow
 from stereocal.system.latest import is_made
 from stereocal.system.made_from import changed
 from stereocal.system.tasks import StoppedError
@@ -144,6 +149,9 @@ def show_press(project: Project, only_if_stale: bool = False) -> None:
     if jobs.is_running(project, kind):
         return
     is_there = readable(lambda: project.rig if all_cameras else project.calibration, warn=False)
+    if not only_if_stale:
+        failed = last_job is not None and last_job.state == "failed" and last_job.sentence
+        _offer_window(project, [failed or "", *_warnings(is_there)])
     stale = changed_since(project) if is_there else ""
     if (only_if_stale or project.pair) and is_there and not stale:
         return
@@ -153,6 +161,28 @@ def show_press(project: Project, only_if_stale: bool = False) -> None:
     label = f"Calibrate{' this pair' if project.pair else ''}{' again' if is_there else ''}"
     key = "run_pair" if project.pair else "run"
     button(label, key, press, project, first=bool(stale) or not is_there)
+
+
+def _warnings(result: Calibration | RigFile | None) -> Sequence[str]:
+    if result is None:
+        return ()
+    return result.warnings if isinstance(result, Calibration) else rig_notes(result)
+
+
+def _offer_window(project: Project, messages: Sequence[str]) -> None:
+    """A button to calibrate behind a window, if a message says that images are taken through it."""
+    if not project.windows and any(INTO_WATER in message for message in messages):
+        hint = "One window for all cameras, 10 mm of glass before water, unless *Data* has another."
+        label, key = "Calibrate behind a window", "behind_window"
+        button(label, key, _behind_window, project, icon="water_drop", help=hint)
+
+
+def _behind_window(project: Project) -> None:
+    """State a window of all cameras, and calibrate again (a callback)."""
+    if (recording := project.whole.recording) is not None:
+        window = StatedWindow(tuple(recording.cameras), THICKNESS_M)
+        project.give({}, windows=[window.to_json()])
+        press(project.whole)
 
 
 def result_state(project: Project) -> ResultState:

@@ -11,7 +11,7 @@ from streamlit.delta_generator import DeltaGenerator
 from stereocal.projects.given import ProjectGiven
 from stereocal.projects.project import Project
 from stereocal.rig.camera import CAMERAS
-from stereocal.rig.window import GLASS, LARGEST_INDEX, WATER, StatedWindow
+from stereocal.rig.window import GLASS, LARGEST_INDEX, THICKNESS_M, WATER, StatedWindow
 from stereocal.ui.fields import Field, Number, one_of
 from stereocal.ui.length_known import ask_number, give_lengths, scaled
 from stereocal.ui.messages import readable
@@ -20,8 +20,6 @@ from stereocal.ui.texts import escape_markdown
 QUESTION = "Filmed through glass or into water?"
 NO, ONE, EACH = "No", "One window for all cameras", "One for each camera"
 AS_STATED = "As the data set states"
-THICKNESS_M = 0.01
-"""Of a window of which nothing is stated yet."""
 LEAST_INDEX, LEAST_M = 1.001, 0.001
 OTHER = "Other"
 Index = Literal["medium", "glass"]
@@ -29,7 +27,7 @@ INDICES: Mapping[Index, Mapping[str, float]] = {
     "glass": {"Glass (1.52)": GLASS, "Acrylic (1.49)": 1.49},
     "medium": {"Fresh water (1.333)": WATER, "Sea water (1.340)": 1.34},
 }
-TITLES: Mapping[Index, str] = {"glass": "Window of", "medium": "Behind it"}
+TITLES: Mapping[Index, str] = {"glass": "Window made of", "medium": "Behind the window"}
 HELP = (
     "Glass or acrylic between the cameras and the water refracts their rays. The thickness is 0 mm "
     "where a camera looks into the water from above."
@@ -134,7 +132,7 @@ class _Asked:
             before, after = self.windows[:number], self.windows[number + 1 :]
             self._store([*before, changed, *after])
 
-        title, key = f"{escape_markdown(camera)} to the glass, m", f"window_distance_{camera}"
+        title, key = f"From {escape_markdown(camera)} to the glass, m", f"window_distance_{camera}"
         ask_number(title, key, lambda: window.distance_m, take, place, LEAST_M, DISTANCE_HELP)
 
     def _change(self, settings: Mapping[str, str] | None = None, /, **values: float) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereocal.calibration.mistakes import INTO_WATER
 from stereocal.formats.dataset_files import pack_recording, parse_zip
 from stereocal.projects.archive import pack_project, unpack_project
 from stereocal.projects.project import Project
@@ -15,7 +16,7 @@ from stereocal.ui.intake import give_dataset
 from stereocal.ui.page_states import page_states
 from stereocal.ui.press import changed_since
 from stereocal.ui.windows import EACH, NO, ONE, OTHER
-from tests.pages.stored_projects import go, page_of, run_job
+from tests.pages.stored_projects import go, messages, page_of, run_job
 from tests.rigs.behind_glass import Tank, submerged
 
 BOTH = ("primary", "secondary")
@@ -28,17 +29,21 @@ def project_of(home: Path, cameras: int = 2, asked: bool = False) -> Project:
     return project
 
 
+def is_together(project: Project) -> bool:
+    return project.is_rig
+
+
 def choose(app: AppTest, key: str, value: str) -> None:
     app.selectbox(key=key).set_value(value).run()
 
 
 def test_the_window_of_two_cameras_is_stated_and_stays(home: Path) -> None:
     project = project_of(home)
-    assert not project.is_rig and project.dataset is not None
+    assert not is_together(project) and project.dataset is not None
     app = page_of(project, "data")
     assert app.selectbox(key="window_kind").value == NO
     choose(app, "window_kind", ONE)
-    assert project.windows == (StatedWindow(BOTH, 0.01),) and project.is_rig
+    assert project.windows == (StatedWindow(BOTH, 0.01),) and is_together(project)
     app.number_input(key="window_thickness_mm").set_value(12.0).run()
     choose(app, "window_glass", "Acrylic (1.49)")
     choose(app, "window_medium", OTHER)
@@ -55,12 +60,12 @@ def test_the_window_of_two_cameras_is_stated_and_stays(home: Path) -> None:
     again.number_input(key="window_distance_secondary").set_value(0.3).run()
     assert [window.distance_m for window in project.windows] == [None, 0.3]
     choose(again, "window_kind", NO)
-    assert project.windows == () and not project.is_rig and not again.exception
+    assert not (Project.open(home, project.id).windows or is_together(project) or again.exception)
 
 
 def test_two_cameras_behind_a_window_are_calibrated_as_a_rig(home: Path, tmp_path: Path) -> None:
     project = project_of(home, asked=True)
-    assert project.is_rig and project.windows[0].cameras == BOTH
+    assert is_together(project) and project.windows[0].cameras == BOTH
     app = page_of(project, "calibrate")
     run_job(app, "run", project, "rig")
     rig = project.rig
@@ -79,7 +84,7 @@ def test_two_cameras_behind_a_window_are_calibrated_as_a_rig(home: Path, tmp_pat
     assert unpack_project(archive, "tank.zip", home).windows == project.windows
     assert parse_zip(archive.read_bytes(), "tank.zip").windows == project.windows
     project.give({}, windows=[])
-    assert not project.is_rig and page_states(project)["calibrate"].mark == "missing"
+    assert not is_together(project) and page_states(project)["calibrate"].mark == "missing"
 
 
 def test_three_cameras_keep_the_windows_of_their_files_until_others_are_stated(home: Path) -> None:
@@ -93,6 +98,16 @@ def test_three_cameras_keep_the_windows_of_their_files_until_others_are_stated(h
     choose(app, "window_kind", ONE)
     assert project.recording is not None and project.recording.windows == (window,)
     assert not app.exception
+
+
+def test_points_that_seem_to_be_of_water_are_calibrated_behind_a_window(home: Path) -> None:
+    project = project_of(home)
+    app = page_of(project, "calibrate")
+    run_job(app, "run", project, "calibration")
+    assert INTO_WATER in messages(app)
+    run_job(app, "behind_window", project, "rig")
+    assert project.windows == (StatedWindow(BOTH, 0.01),) and project.rig is not None
+    assert "behind_window" not in [button.key for button in app.button]
 
 
 @pytest.mark.parametrize("wrong", [{"cameras": [*BOTH], "medium": 9.0}, {"medium": 1.3}])
