@@ -28,7 +28,7 @@ from stereocal.fit.least_squares.windows import (
     nearest_behind_windows,
     seen_in_air,
 )
-from stereocal.rig.compiled import compiled, contiguous
+from stereocal.rig.compiled import compiled, contiguous, inlined
 from stereocal.rig.decompositions import backward, factor, forward
 from stereocal.system.array_types import FloatArray
 
@@ -183,16 +183,24 @@ def fill_residuals(
                 Jx[e, c, 0, j] = ux * R[c, 0, j] + uy * R[c, 1, j] + uz * R[c, 2, j]
                 Jx[e, c, 1, j] = vx * R[c, 0, j] + vy * R[c, 1, j] + vz * R[c, 2, j]
     if length_weight > 0.0:
-        factor_of_length, square = q[len(q) - 1], 0.0
-        for j in range(3):
-            square += (x[j] - x[j + 3]) ** 2
-        length = np.sqrt(square)
-        along[OWN] = length_weight * (length / factor_of_length - distance)
-        for j in range(3):
-            along[j] = length_weight / (factor_of_length * length) * (x[j] - x[j + 3])
-            along[j + 3] = -along[j]
-        total += along[OWN] ** 2
+        total += _fill_length(q[len(q) - 1], distance, length_weight, x, along)
     return total
+
+
+@inlined
+def _fill_length(
+    factor_of_length: float, distance: float, length_weight: float, x: FloatArray, along: FloatArray
+) -> float:
+    """Write the derivatives of the length's residual and itself; return its square."""
+    square = 0.0
+    for j in range(3):
+        square += (x[j] - x[j + 3]) ** 2
+    length = np.sqrt(square)
+    along[OWN] = length_weight * (length / factor_of_length - distance)
+    for j in range(3):
+        along[j] = length_weight / (factor_of_length * length) * (x[j] - x[j + 3])
+        along[j + 3] = -along[j]
+    return float(along[OWN] ** 2)
 
 
 @compiled
