@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import erf
 
 from stereocal.errors import StereocalError
+from stereocal.fit.least_squares.small_steps import FACTOR
 from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.fit.least_squares.views import fit_points
 from stereocal.fit.refine import refine
@@ -24,6 +25,8 @@ DRAWS = 200
 LARGEST_EXCESS = 1.1
 """Of the length errors over those of what is known exactly, in 95 % of the draws. With 80 bars it
 was 1.03 to 1.09 in 12 simulated rigs, with 25 bars 1.10 to 1.37 in 37."""
+SMALL_ERROR = 5e-4
+"""A mean error of lengths, a fraction, that is of no concern."""
 
 
 def no_window(recording: Recording, noise_px: float) -> str:
@@ -65,7 +68,8 @@ def window_warnings(rig: RigCalibration, recording: Recording) -> list[str]:
             "towards each other, and hold the bar where they see it at the edges of their images."
         )
     excess = length_excess(rig)
-    if excess > LARGEST_EXCESS:
+    error = np.mean(np.abs(rig.length_errors)) if len(rig.length_errors) else 0.0
+    if excess > LARGEST_EXCESS and excess * error > SMALL_ERROR:
         warnings.append(
             "The window and the cameras are determined by few bars: lengths may be up to "
             f"{rounded(excess, 3)} times as far off as if both were known exactly. More bars near "
@@ -75,8 +79,9 @@ def window_warnings(rig: RigCalibration, recording: Recording) -> list[str]:
 
 
 def length_excess(rig: RigCalibration) -> float:
-    """How many times larger the mean length error of the recorded bars is than if cameras and
-    windows were known exactly: up to this, in 95 % of the cases; NaN without known lengths.
+    """How many times larger the mean length error of the recorded bars, relative to the object, is
+    than if cameras and windows were known exactly: up to this, in 95 % of the cases; NaN without
+    known lengths.
 
     A length has a normal error by the noise of its images, with the deviation s, and by the rig one
     that all bars share to first order, d: the mean of |error| is s sqrt(2 / pi) exp(-d^2 / 2 s^2) +
@@ -94,7 +99,9 @@ def length_excess(rig: RigCalibration) -> float:
     covariances = fits.covariances.reshape(-1, 2, 3, 3).sum(axis=1)
     s = fit.sigma_px * np.sqrt(np.einsum("ni,nij,nj->n", along, covariances, along))
     by_end = fits.by_shared.reshape(-1, 2, 3, fits.by_shared.shape[-1])
-    slopes = np.einsum("ni,niq->nq", along, by_end[:, 0] - by_end[:, 1]) @ fit.unknowns.M
+    by_unknown = np.einsum("ni,niq->nq", along, by_end[:, 0] - by_end[:, 1])
+    by_unknown[:, FACTOR] -= seen.distances[known]  # relative to the object as it was found
+    slopes = by_unknown @ fit.unknowns.M
     usable = np.isfinite(s) & np.isfinite(slopes).all(axis=1)
     if not usable.any():
         return float("nan")
