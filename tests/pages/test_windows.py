@@ -22,10 +22,14 @@ from tests.rigs.behind_glass import Tank, submerged
 BOTH = ("primary", "secondary")
 
 
-def project_of(home: Path, cameras: int = 2, asked: bool = False) -> Project:
-    tank = submerged(Tank(cameras=cameras), np.random.default_rng(3), bars=40)
+NEAR = Tank(wall_m=0.03, turned_deg=2.0)
+"""Whose images are nearly those of pinholes in water."""
+
+
+def project_of(home: Path, tank: Tank, asked: bool = False) -> Project:
+    drawn = submerged(tank, np.random.default_rng(3), bars=40)
     project = Project.create(home)
-    give_dataset(project, pack_recording(tank.asked() if asked else tank.recording), "tank")
+    give_dataset(project, pack_recording(drawn.asked() if asked else drawn.recording), "tank")
     return project
 
 
@@ -38,7 +42,7 @@ def choose(app: AppTest, key: str, value: str) -> None:
 
 
 def test_the_window_of_two_cameras_is_stated_and_stays(home: Path) -> None:
-    project = project_of(home)
+    project = project_of(home, Tank())
     assert not is_together(project) and project.dataset is not None
     app = page_of(project, "data")
     assert app.selectbox(key="window_kind").value == NO
@@ -64,7 +68,7 @@ def test_the_window_of_two_cameras_is_stated_and_stays(home: Path) -> None:
 
 
 def test_two_cameras_behind_a_window_are_calibrated_as_a_rig(home: Path, tmp_path: Path) -> None:
-    project = project_of(home, asked=True)
+    project = project_of(home, Tank(), asked=True)
     assert is_together(project) and project.windows[0].cameras == BOTH
     app = page_of(project, "calibrate")
     run_job(app, "run", project, "rig")
@@ -88,7 +92,7 @@ def test_two_cameras_behind_a_window_are_calibrated_as_a_rig(home: Path, tmp_pat
 
 
 def test_three_cameras_keep_the_windows_of_their_files_until_others_are_stated(home: Path) -> None:
-    project = project_of(home, 3, asked=True)
+    project = project_of(home, Tank(cameras=3), asked=True)
     (window,) = project.windows
     app = page_of(project, "data")
     assert app.selectbox(key="window_kind").value == ONE
@@ -101,7 +105,7 @@ def test_three_cameras_keep_the_windows_of_their_files_until_others_are_stated(h
 
 
 def test_points_that_seem_to_be_of_water_are_calibrated_behind_a_window(home: Path) -> None:
-    project = project_of(home)
+    project = project_of(home, NEAR)
     app = page_of(project, "calibrate")
     run_job(app, "run", project, "calibration")
     assert INTO_WATER in messages(app)
@@ -112,7 +116,7 @@ def test_points_that_seem_to_be_of_water_are_calibrated_behind_a_window(home: Pa
 
 @pytest.mark.parametrize("wrong", [{"cameras": [*BOTH], "medium": 9.0}, {"medium": 1.3}])
 def test_impossible_windows_are_refused(home: Path, wrong: dict[str, object]) -> None:
-    project = project_of(home)
+    project = project_of(home, Tank())
     with pytest.raises(ValueError):
         project.give({}, windows=[wrong])
     assert project.windows == ()

@@ -115,7 +115,7 @@ def test_what_is_taken_out_of_the_list_is_missed(
 
 
 def test_a_new_entry_has_the_next_number() -> None:
-    """So that zips of before are said to lack it; an input that they do not state is not lacking."""
+    """So that zips of before are said to lack it, but for inputs that need not be stated."""
     since = [each.since for each in CONTENTS.values()]
     assert {number: since.count(number) for number in since} == {1: 52, 2: 1}
 
