@@ -22,7 +22,7 @@ from stereocal.fit.readings.diagnosis import (
     view_warnings,
 )
 from stereocal.fit.readings.moving_cameras import LEAST_PX, moving_cameras
-from stereocal.fit.readings.windows import no_window, window_warnings
+from stereocal.fit.readings.windows import into_water, no_window, window_warnings
 from stereocal.fit.readings.wrong_inputs import (
     check_inputs,
     contradicting_lengths,
@@ -81,6 +81,7 @@ def calibrate_rig(
     except (StereocalError, np.linalg.LinAlgError) as error:  # LinAlgError: no rig is near
         named = (
             (recording.windows and no_window(recording, np.inf))
+            or into_water(recording)
             or contradicting_lengths(recording)
             or find_wrong_input(recording)
             or moving_cameras(recording)

@@ -35,6 +35,7 @@ from stereocal.fit.readings.likely_cause import (
     offer_time_offset,
     warnings_about_fit,
 )
+from stereocal.fit.readings.windows import into_water
 from stereocal.fit.readings.wrong_inputs import check_inputs, instead_of_movement
 from stereocal.fit.refine import refine
 from stereocal.fit.refined_result import RefinedResult
@@ -120,6 +121,15 @@ class PairRun:
         """The sets of all methods. If the refined method fails, a warning has the reason."""
         if self.finished is not None:
             return self.finished
+        try:
+            return self._calibrated()
+        except StereocalError as error:
+            if water := into_water(self.dataset.recording):
+                raise StereocalError(water) from error
+            raise
+
+    def _calibrated(self) -> Calibration:
+        """The sets of all methods, computed."""
         settings = self.settings
         if self.refined is not None:
             check_stated(self.refined, self.dataset.recording)
@@ -150,6 +160,8 @@ class PairRun:
         )
         results = dict(zip(METHODS, [start, *searched], strict=True))
         poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
+        if poor and (water := into_water(chosen.recording)):
+            warnings.insert(0, water)
         warnings += warnings_about_fit(chosen, screening, poor, offer)
         refined, focal = None, ""
         if self.refined is not None:
