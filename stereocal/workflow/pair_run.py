@@ -161,7 +161,7 @@ class PairRun:
         results = dict(zip(METHODS, [start, *searched], strict=True))
         poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
         if poor and (water := into_water(chosen.recording)):
-            warnings.insert(0, water)
+            raise StereocalError(water)
         warnings += warnings_about_fit(chosen, screening, poor, offer)
         refined, focal = None, ""
         if self.refined is not None:
