@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from stereocal.field.checking.behind_windows import WindowCheck, check_behind_windows
 from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.known_behind_windows import Known
-from stereocal.field.checking.to_check import RigToCheck
+from stereocal.field.checking.new_images import images_of_matches
+from stereocal.field.checking.to_check import PairToCheck, RigToCheck
 from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.least_squares.small_steps import cameras_at
 from stereocal.fit.rig_file import rig_file
@@ -30,7 +31,7 @@ def true_parameters(scene: Submerged) -> Known:
     placed = {name: PlacedCamera(it, scene.poses[name]) for name, it in scene.cameras.items()}
     nothing = np.zeros((unknowns, unknowns))
     tank = scene.tank
-    return Known(placed, nothing, 1.0, tank.bar_m, tank.noise_px, 1000.0, 1e-6, 1.0)
+    return Known(placed, nothing, tank.noise_px, 1000.0, 1e-6, 1.0)
 
 
 def turned(scene: Submerged, name: str, degrees: float, rng: np.random.Generator) -> Submerged:
@@ -76,8 +77,8 @@ def test_what_has_moved_is_named(scene: Submerged) -> None:
         assert f"camera {name} seems to have turned by 0." in found.sentence
     wall = checked(scene, with_wall_moved(scene, 0.02), 5)
     assert wall.causes == ["the wall"]
-    assert wall.sentence.startswith("Moved: the wall seems to have moved by ")
-    assert " mm) away from the cameras, or all cameras together." in wall.sentence
+    assert wall.sentence.startswith("Moved: the wall seems to have moved away by 2")
+    assert ") and tilted by 0." in wall.sentence and "or all cameras moved" in wall.sentence
 
 
 def test_ports_go_along_with_their_cameras() -> None:
@@ -99,8 +100,21 @@ def test_a_calibrated_rig_is_checked_as_the_page_does() -> None:
     assert json.loads(json.dumps(answer.content, allow_nan=False))["verdict"] == "moved"
     ((pair, errors),) = answer.residuals.items()
     assert pair == ("c1", "c3") and np.isfinite(errors.before.reprojection_px).all()
-    with refused("without camera c1", "check with images of that camera too"):
-        RigToCheck(rig, moved.of_cameras(["c2", "c3"])).check(COARSE)
+    without_reference = RigToCheck(rig, moved.of_cameras(["c2", "c3"])).check(COARSE)
+    assert without_reference.verdict == "moved" and "wall" in without_reference.sentence
+    with refused("share fewer than two"):
+        RigToCheck(rig, moved.of_cameras(["c2"])).check(COARSE)
+
+
+def test_matched_points_are_checked_with_the_file_of_two_cameras() -> None:
+    scene = submerged(Tank(), np.random.default_rng(11), 60)
+    parameters = rig_file(calibrate_rig(scene.asked())).pair("c1", "c2")
+    after = turned(scene, "c2", 1.5, np.random.default_rng(12))
+    for now, verdict in ((scene, "same"), (after, "moved")):
+        rows = further(now, np.random.default_rng(13)).recording.pair("c1", "c2").correspondences
+        points = rows.frame, rows.primary, rows.secondary
+        images = images_of_matches(*points, parameters, "points")
+        assert PairToCheck(parameters, images).check(Smallest.of(1.5)).verdict == verdict
 
 
 @of_a_whole_soak

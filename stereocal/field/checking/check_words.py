@@ -20,6 +20,10 @@ FEW = 1.5
 """Independent bars or points that are as good as one."""
 NEAR_AXIS, MOSTLY = 0.94, 0.8
 """Cosines of 20 and 37 degrees."""
+OWN_IMAGES = (
+    "Cannot tell with these: the parameters come from these images, which do not show what "
+    "has changed since. Check with new ones."
+)
 
 
 def sentence(check: Recheck) -> str:
@@ -32,10 +36,7 @@ def sentence(check: Recheck) -> str:
             "px). Check that the pairs are right, and of the same cameras."
         )
     if check.images.own:
-        return (
-            "Cannot tell with these: the parameters come from these images, which do not show what "
-            "has changed since. Check with new ones."
-        )
+        return OWN_IMAGES
     if not check.changed:
         return _unchanged(check)
     text, since = what_changed(check), check.since
@@ -143,7 +144,7 @@ def _turn(check: Recheck) -> str:
                 f"{rounded(np.degrees(turn.high))}°"
             )
         return f"the pose of the cameras changed a little, {_limits(check)}"
-    angle = _range(turn, 180 / np.pi, "°")
+    angle = size_range(turn, 180 / np.pi, "°")
     match check.possible_causes:
         case ("primary",):
             in_primary = -check.prior.rig.pose.R.T @ vector
@@ -229,10 +230,10 @@ def _unchanged(check: Recheck) -> str:
 
 
 def _longer(change: Estimate) -> str:
-    return f"{_range(change, 100, ' %')} {'longer' if change.value > 0 else 'shorter'}"
+    return f"{size_range(change, 100, ' %')} {'longer' if change.value > 0 else 'shorter'}"
 
 
-def _range(estimate: Estimate, factor: float, unit: str) -> str:
+def size_range(estimate: Estimate, factor: float, unit: str) -> str:
     """The size of a value with its interval, in the digits that the interval leaves."""
     places = decimals_of(factor * (estimate.high - estimate.low))
     ends = (estimate.low, estimate.high) if estimate.value >= 0 else (-estimate.high, -estimate.low)

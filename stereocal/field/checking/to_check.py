@@ -71,9 +71,9 @@ class PairToCheck:
             StereocalError: the parameters have no covariance, or nothing fits the points.
         """
         if self.parameters.has_windows:
-            known, images = known_of_pair(self.parameters, source), self.images
-            recording = images.dataset.recording
-            return _of_windows(check_behind_windows(known, recording, smallest, images.own))
+            recording = self.images.dataset.recording
+            known = known_of_pair(self.parameters, source, recording.cameras)
+            return _of_windows(check_behind_windows(known, recording, smallest, self.images.own))
         checked = recheck(prior_of(self.parameters, source), self.images, smallest)
         offered = checked.offers_repair
         return CheckAnswer(
