@@ -21,14 +21,12 @@ from stereocal.field.planning.expected import planned_dataset
 from stereocal.field.planning.plan import Plan
 from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings
-from stereocal.rig.camera import CAMERAS, Camera
+from stereocal.rig.camera import CAMERAS
 from stereocal.rig.geometry import Pose
-from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
 from stereocal.rig.window import StatedWindow, moved_window
 from stereocal.simulation.simulate import lens_off_by
 from stereocal.system.array_types import FloatArray
-from stereocal.system.numbers import rounded
 from stereocal.system.tasks import Progress, Task, run_tasks
 from stereocal.verdict.in_words import percent
 
@@ -69,38 +67,31 @@ class WindowForecast:
         """The median relative change of lengths with an index of the medium that is too large by
         `WRONG_INDEX`."""
         rig = self.plan.rig
-        wrong = Rig(_with_index(rig.primary), _with_index(rig.secondary), rig.pose)
-        return float(np.median(_lengths(wrong, _seen(rig, self.bars)) / self.plan.bar_m - 1.0))
+        one, other = (
+            replace(it, window=replace(it.window, medium=it.window.medium + WRONG_INDEX))
+            for it in (rig.primary, rig.secondary)
+            if it.window is not None
+        )
+        wrong = _lengths(Rig(one, other, rig.pose), _seen(rig, self.bars))
+        return float(np.median(wrong / self.plan.bar_m - 1.0))
 
     @property
     def answer(self) -> str:
-        """What the plan will measure."""
-        window, errors = self.plan.rig.primary.window, self.length_p95
-        assert window is not None
-        reached, needed = "", self.plan.needed
-        if needed is not None:
-            words = {
-                errors.high <= needed: "Yes, it reaches what you need",
-                errors.low > needed: "No, it does not reach what you need",
-            }
-            reached = f"{words.get(True, 'It is not sure that it reaches what you need')}: "
-        text = (
+        """What the plan will measure, and what a wrong index costs."""
+        errors, needed, wrong = self.length_p95, self.plan.needed, self.of_wrong_index
+        reached = ""
+        if needed is not None and errors.low <= needed < errors.high:
+            reached = "It is not sure that it reaches what you need: "
+        elif needed is not None:
+            yes = errors.high <= needed
+            reached = f"{'Yes, it reaches' if yes else 'No, it does not reach'} what you need: "
+        failed = f" {self.failed} of {len(self.p95)} simulated recordings could not be calibrated."
+        return (
             f"{reached}95 % of lengths are within {percent(errors.value)} % "
             f"({percent(errors.low)} to {percent(errors.high)} % in {len(self.p95) - self.failed} "
-            f"simulated field days), through a window {rounded(window.distance_m, 3)} m from the "
-            f"primary camera. {self.index_in_words}"
-        )
-        failed = f" {self.failed} of {len(self.p95)} simulated recordings could not be calibrated."
-        return text + failed * (self.failed > 0)
-
-    @property
-    def index_in_words(self) -> str:
-        """What a wrong index costs."""
-        longer = "longer" if self.of_wrong_index > 0 else "shorter"
-        return (
-            f"With an index of the medium that is {WRONG_INDEX:g} too large, lengths become "
-            f"{percent(abs(self.of_wrong_index))} % {longer}."
-        )
+            f"simulated field days). With an index of the medium that is {WRONG_INDEX:g} too "
+            f"large, lengths become {percent(abs(wrong))} % {'longer' if wrong > 0 else 'shorter'}."
+        ) + failed * (self.failed > 0)
 
     def dumps(self) -> bytes:
         """The content of `forecast.json`."""
@@ -146,46 +137,34 @@ def field_day(plan: Plan, seed: int, day: int) -> float:
     Lengths are relative to true ones, so that the error of the bar is among theirs.
     """
     rng, sigma = np.random.default_rng([seed, 2, day]), plan.uncertainty
-    longer = 1.0 + sigma.baseline_m / plan.baseline_m * rng.standard_normal()
-    pose, window = Pose(plan.pose.R, plan.pose.T * longer), plan.primary.window
+    window = plan.primary.window
     assert window is not None
-    lenses = [
-        lens_off_by(it, sigma.focal * rng.standard_normal(), _centre(sigma.centre_px, rng))
-        for it in (plan.primary, plan.secondary)
-    ]
-    truth = Rig(lenses[0], replace(lenses[1], window=moved_window(window, pose)), pose)
+    longer = 1.0 + sigma.baseline_m / plan.baseline_m * rng.standard_normal()
+    pose = Pose(plan.pose.R, plan.pose.T * longer)
+    off = np.array([sigma.focal, sigma.centre_px, sigma.centre_px]) * rng.standard_normal((2, 3))
+    one, other = (
+        lens_off_by(it, focal, (u, v))
+        for it, (focal, u, v) in zip((plan.primary, plan.secondary), off.tolist(), strict=True)
+    )
+    truth = Rig(one, replace(other, window=moved_window(window, pose)), pose)
     held = 1.0 + sigma.bar_m / plan.bar_m * rng.standard_normal()
     placed = place_planned_bars(plan, plan.frames + TEST_BARS, rng)
     middle = placed.mean(axis=1, keepdims=True)
     pixels = _seen(truth, middle + held * (placed - middle))
     pixels += plan.noise_px * rng.standard_normal(pixels.shape)
     recorded, tests = np.split(pixels, [2 * plan.frames])
+    stated = StatedWindow(CAMERAS, window.thickness_m, window.glass, window.medium)
+    recording = planned_dataset(plan, recorded).recording
+    bare = {name: replace(camera, window=None) for name, camera in recording.cameras.items()}
+    recording = replace(recording, cameras=bare, windows=(stated,))
+    known = dict.fromkeys(map(str, CAMERAS), LensPrior(sigma.focal, sigma.centre_px))
+    settings = RefineSettings(known, sigma.baseline_m, sigma.bar_m)
     try:
-        rig = calibrate_rig(_recording_of(plan, recorded), _settings(plan)).pair(*CAMERAS)
+        rig = calibrate_rig(recording, settings).pair(*CAMERAS)
     except StereocalError:
         return float("nan")
     errors = np.abs(_lengths(rig, tests) / (held * plan.bar_m) - 1.0)
     return float(np.nanpercentile(errors, 95)) if np.isfinite(errors).any() else float("nan")
-
-
-def _centre(sigma_px: float, rng: np.random.Generator) -> tuple[float, float]:
-    u, v = (sigma_px * rng.standard_normal(2)).tolist()
-    return u, v
-
-
-def _recording_of(plan: Plan, pixels: FloatArray) -> Recording:
-    """The recording as stated, the window's distance and tilt to be found."""
-    window, recording = plan.primary.window, planned_dataset(plan, pixels).recording
-    assert window is not None
-    stated = StatedWindow(CAMERAS, window.thickness_m, window.glass, window.medium)
-    bare = {name: replace(camera, window=None) for name, camera in recording.cameras.items()}
-    return replace(recording, cameras=bare, windows=(stated,))
-
-
-def _settings(plan: Plan) -> RefineSettings:
-    sigma = plan.uncertainty
-    lens = LensPrior(sigma.focal, sigma.centre_px)
-    return RefineSettings({str(name): lens for name in CAMERAS}, sigma.baseline_m, sigma.bar_m)
 
 
 def _seen(rig: Rig, bars: FloatArray) -> FloatArray:
@@ -198,9 +177,3 @@ def _lengths(rig: Rig, pixels: FloatArray) -> FloatArray:
     """(n,): the lengths of bars by their pixels (2 n, 4)."""
     ends = rig.reconstruct(pixels[:, :2], pixels[:, 2:])
     return np.asarray(np.linalg.norm(ends[0::2] - ends[1::2], axis=1))
-
-
-def _with_index(camera: Camera) -> Camera:
-    window = camera.window
-    assert window is not None
-    return replace(camera, window=replace(window, medium=window.medium + WRONG_INDEX))
