@@ -114,7 +114,13 @@ class WindowCheck:
     @cached_property
     def p_value(self) -> float:
         """Probability that unmoved cameras look as changed as these."""
-        return self._p(self.nothing, self.everything)
+        smallest = min(self._p(self.nothing, it) for it in (*self.single, self.everything))
+        return min(1.0, self._things * smallest)
+
+    @property
+    def _things(self) -> int:
+        """How many cameras and windows may have moved."""
+        return len({it.moves[0].what for it in self.single})
 
     @cached_property
     def likely(self) -> list[Explanation]:
@@ -141,8 +147,7 @@ class WindowCheck:
         """The least move, by the information about its three values, that is found."""
         moves = (it.fit.change for it in self.single if it.moves[0].how == how)
         known = [least(information_of(self.everything.fit, change)) for change in moves]
-        m = len(self.everything.u)
-        needed = chndtrinc(chdtri(m, LEVEL), m, 1.0 - ENOUGH)
+        needed = chndtrinc(chdtri(3, LEVEL / self._things), 3, 1.0 - ENOUGH)
         return float(np.sqrt(needed / max(min(known, default=0.0), 1e-300)))
 
     @property
