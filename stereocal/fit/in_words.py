@@ -156,6 +156,20 @@ def loops_sentence(rig: RigFile) -> str:
     return text
 
 
+def windows_sentence(rig: RigFile) -> str:
+    """Where the windows are, as each camera sees its own; empty without any."""
+    found = list[str]()
+    for name, camera in rig.cameras.items():
+        if camera.window is not None:
+            away, error = camera.window.distance_m, rig.standard_errors[name]["window_distance"]
+            turned = math.degrees(math.acos(min(camera.window.normal[2], 1.0)))
+            found.append(
+                f"{rounded(away, 4)} m (± {rounded(1000 * error, 2)} mm) from "
+                f"{camera_in_words(name)} and {turned:.1f}° from square to it"
+            )
+    return f"The window is {', '.join(found)}." if found else ""
+
+
 def _best_partner(pairs: Mapping[str, PairOfRig], name: str) -> tuple[str, int]:
     """With which camera a camera shares most bars, and how many."""
     shared = [

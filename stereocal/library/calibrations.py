@@ -18,7 +18,7 @@ from stereocal.errors import StereocalError, naming
 from stereocal.evaluation.evaluate import EvaluationSettings, Splits
 from stereocal.evaluation.evaluate import evaluate as evaluate_runs
 from stereocal.evaluation.summary import MethodSummary, summarise_all
-from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence, windows_sentence
 from stereocal.fit.least_squares.unknowns import RefineSettings, check_stated
 from stereocal.fit.results import Calibration
 from stereocal.fit.rig_file import RigFile
@@ -381,7 +381,7 @@ class CalibratedRig(TableAnswer, RigFile):
 
     @property
     def answer(self) -> list[str]:
-        sentences = (rig_sentence(self), loops_sentence(self))
+        sentences = (rig_sentence(self), windows_sentence(self), loops_sentence(self))
         return [*filter(None, sentences), *(f"Note: {note}" for note in rig_notes(self))]
 
     def to_dataframe(self) -> pd.DataFrame:

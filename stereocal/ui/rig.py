@@ -8,7 +8,7 @@ import streamlit as st
 from stereocal.errors import StereocalError
 from stereocal.figures import rig_report
 from stereocal.figures.space import view_names
-from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence, windows_sentence
 from stereocal.fit.rig_file import RIG, RigFile
 from stereocal.fit.start.pairs import pair_name
 from stereocal.projects.data import PAIRS
@@ -103,6 +103,8 @@ def show_rig(project: Project, rig: RigFile) -> None:
         with st.expander(count(len(notes[1:]), "more note")):
             show_each(st.warning, notes[1:])
     show_tiles(dict(zip(TILES, _tiles(rig), strict=True)))
+    if windows := windows_sentence(rig):
+        st.caption(escape_markdown(windows))
     with st.container(horizontal=True):
         offer("rig.json", rig.dumps(), RIG, "download_rig_json", primary=True)
         if project.pair_files is not None:

@@ -10,7 +10,7 @@ from stereocal.calibration.methods import CalibrationSettings, Method
 from stereocal.errors import StereocalError
 from stereocal.fit.about_rig import PairOfRig
 from stereocal.fit.calibrate import calibrate_rig
-from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence
+from stereocal.fit.in_words import loops_sentence, rig_notes, rig_sentence, windows_sentence
 from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.fit.parameter_file import refined_parameters
 from stereocal.fit.refine import refine
@@ -151,7 +151,12 @@ class Run:
     @property
     def sentences(self) -> list[str]:
         """How good the rig is."""
-        return list(filter(None, (rig_sentence(self.rig), loops_sentence(self.rig))))
+        rig = self.rig
+        return [
+            words
+            for words in (rig_sentence(rig), windows_sentence(rig), loops_sentence(rig))
+            if words
+        ]
 
     @property
     def notes(self) -> list[str]:

@@ -8,6 +8,7 @@ import pytest
 from stereocal.calibration.mistakes import INTO_WATER
 from stereocal.errors import StereocalError
 from stereocal.fit.calibrate import calibrate_rig
+from stereocal.fit.in_words import windows_sentence
 from stereocal.fit.least_squares.small_steps import (
     camera_at,
     cameras_at,
@@ -27,6 +28,7 @@ from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
 from stereocal.rig.window import StatedWindow
 from stereocal.system.array_types import FloatArray
+from stereocal.system.numbers import rounded
 from stereocal.workflow.run import Run
 from tests.further import further as more
 from tests.rigs.behind_glass import Submerged, Tank, further, submerged
@@ -155,6 +157,8 @@ def test_files_keep_windows_and_what_is_uncertain_of_them() -> None:
     rig = run.rig
     back = RigFile.loads(rig.dumps().encode(), "rig.json")
     assert back.dumps() == rig.dumps()
+    sigma_mm = 1000 * back.standard_errors["c1"]["window_distance"]
+    assert 0.0 < sigma_mm < 20.0 and f"± {rounded(sigma_mm, 2)} mm" in windows_sentence(back)
     assert back.q == pytest.approx(rig_file(calibrate_rig(run.recording)).q)
     pair = RigParameters.loads(run.pair_files["c1-c2_refined.json"], "pair")
     assert pair.primary.window == back.cameras["c1"].window
