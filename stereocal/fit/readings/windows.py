@@ -44,11 +44,11 @@ def no_window(recording: Recording, noise_px: float) -> str:
     Args:
         noise_px: that the window leaves; infinite if nothing fits.
     """
-    in_air_px = noise_in_air(recording)
-    if not CLEARLY * in_air_px < noise_px:
+    air = in_air(recording)
+    if not (air.is_sound and CLEARLY * air.px < noise_px):
         return ""
     return (
-        f"There is no window: in air the points fit to {rounded(in_air_px)} px, through the stated "
+        f"There is no window: in air the points fit to {rounded(air.px)} px, through the stated "
         "window worse. Calibrate without it, or check the index of its medium."
     )
 
@@ -64,10 +64,10 @@ def into_water(recording: Recording) -> str:
         return ""
     window = StatedWindow(tuple(recording.cameras), THICKNESS_M)
     for pair in pairs_worth_a_fit(recording)[:1]:
-        in_air, through = (
+        air, through = (
             _fit_of(replace(recording, windows=windows), pair) for windows in ((), (window,))
         )
-        if through.is_sound and through.px < CLEARLY * in_air.px and through.p95 < in_air.p95 / FEW:
+        if through.is_sound and through.px < CLEARLY * air.px and through.p95 < air.p95 / FEW:
             return (
                 f"The images seem to be {INTO_WATER}: so the lengths of {camera_in_words(*pair)} "
                 f"are right to {rounded(100 * through.p95)} %, 95 % of the time. State the window, "
@@ -98,11 +98,11 @@ def _fit_of(recording: Recording, pair: CameraPair) -> _Fit:
     return _Fit(math.inf, math.inf)
 
 
-def noise_in_air(recording: Recording) -> float:
-    """What the points of the two cameras that share most leave without windows; infinite if nothing
-    fits."""
+def in_air(recording: Recording) -> _Fit:
+    """The fit of the two cameras that share most points, without windows."""
     worth = pairs_worth_a_fit(recording)
-    return _fit_of(replace(recording, windows=()), worth[0]).px if worth else math.inf
+    nothing = _Fit(math.inf, math.inf)
+    return _fit_of(replace(recording, windows=()), worth[0]) if worth else nothing
 
 
 def window_warnings(rig: RigCalibration, recording: Recording) -> list[str]:
@@ -112,7 +112,8 @@ def window_warnings(rig: RigCalibration, recording: Recording) -> list[str]:
         recording: that the rig was calibrated from.
     """
     warnings = list[str]()
-    if noise_in_air(recording) < ALIKE * rig.fit.sigma_px:
+    air = in_air(recording)
+    if air.is_sound and air.px < ALIKE * rig.fit.sigma_px:
         warnings.append(
             "The points fit as well in air: they hardly tell of the window. Turn the cameras "
             "towards each other, and hold the bar where they see it at the edges of their images."
