@@ -49,6 +49,8 @@ def begins_behind_windows(dataset: Pair, rays: FloatArray, robust: bool) -> Iter
                 yield pose, {}
                 continue
             points = triangulate_rays(pose.R, pose.T, bent)
+            if np.isnan(points[:, 2]).all():
+                continue
             for normal in _normals(shared, pose, turn):
                 nearest = float(np.nanquantile(points @ normal, NEAREST))
                 for part in PARTS_OF_NEAREST:
