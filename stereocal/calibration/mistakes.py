@@ -49,9 +49,9 @@ SHIFTS, SHIFT_GAIN = (1, -1, 2, -2, 3, -3), 4.0
 """Frames by which the numbers of a camera may be off. One that is late by a part of a frame fits
 somewhat better a whole frame off."""
 WATER = 1.333
+"""Refractive index, of fresh water at 20 degrees; of the sea 1.34."""
 INTO_WATER = "taken through a flat window into water"
 """In the message about such images."""
-"""Refractive index, of fresh water at 20 degrees; of the sea 1.34."""
 
 
 def counted_apart(frames: IntArray, whole: int) -> str:

@@ -26,7 +26,7 @@ from stereocal.fit.least_squares.small_steps import (
 )
 from stereocal.fit.least_squares.unknowns import RefineSettings, Unknowns, unknowns_of
 from stereocal.fit.least_squares.views import EACH, LENS, TIME, TRANSLATION, Cameras
-from stereocal.fit.least_squares.windows import OF_WINDOW
+from stereocal.fit.least_squares.windows import MEDIUM, OF_WINDOW
 from stereocal.fit.refined_result import RefinedResult
 from stereocal.rig.geometry import Pose
 from stereocal.rig.recording import CameraPair, Recording
@@ -172,7 +172,7 @@ def difference(
 def pair_at(first: int, second: int, q: FloatArray, R: FloatArray, lenses: FloatArray) -> Cameras:
     """Two cameras of a rig, the first of which is their reference; without what is held of their
     windows."""
-    q_pair, (a, b) = np.zeros(_size_of_pair(q, R)), (EACH * first, EACH * second)
+    q_pair, (a, b) = np.zeros(_size_of_pair(first, second, q, R)), (EACH * first, EACH * second)
     R_pair = R[second] @ R[first].T
     q_pair[pose_places(1)][TRANSLATION:] = q[b + 3 : b + 6] - R_pair @ q[a + 3 : a + 6]
     for number, camera in enumerate((first, second)):
@@ -185,7 +185,7 @@ def pair_at(first: int, second: int, q: FloatArray, R: FloatArray, lenses: Float
 
 def pair_derivatives(first: int, second: int, q: FloatArray, R: FloatArray) -> FloatArray:
     """(33, Q), with windows (43, Q): derivatives of the unknowns of a pair by those of the rig."""
-    a, b, J = EACH * first, EACH * second, np.zeros((_size_of_pair(q, R), len(q)))
+    a, b, J = EACH * first, EACH * second, np.zeros((_size_of_pair(first, second, q, R), len(q)))
     R_pair, of_pose = R[second] @ R[first].T, J[pose_places(1)]
     of_pose[:3, b : b + 3], of_pose[:3, a : a + 3] = np.eye(3), -R_pair
     # T turns with R_pair: dT = dT_b - R_pair dT_a - (w_b - R_pair w_a) x (R_pair T_a)
@@ -209,6 +209,9 @@ def pair_covariance(
     return np.asarray(J @ covariance @ J.T)
 
 
-def _size_of_pair(q: FloatArray, R: FloatArray) -> int:
-    """How many unknowns a pair has of a rig with these."""
-    return OF_PAIR if len(q) == EACH * len(R) + 1 else OF_PAIR_BEHIND_WINDOWS
+def _size_of_pair(first: int, second: int, q: FloatArray, R: FloatArray) -> int:
+    """How many unknowns a pair has of a rig with these; the index of no window is 0."""
+    if len(q) == EACH * len(R) + 1:
+        return OF_PAIR
+    indices = [q[window_places(number, len(R))][MEDIUM] for number in (first, second)]
+    return OF_PAIR_BEHIND_WINDOWS if any(indices) else OF_PAIR
