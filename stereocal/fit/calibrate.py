@@ -22,7 +22,7 @@ from stereocal.fit.readings.diagnosis import (
     view_warnings,
 )
 from stereocal.fit.readings.moving_cameras import LEAST_PX, moving_cameras
-from stereocal.fit.readings.windows import into_water, no_window, window_warnings
+from stereocal.fit.readings.windows import in_air, into_water, no_window, window_warnings
 from stereocal.fit.readings.wrong_inputs import (
     check_inputs,
     contradicting_lengths,
@@ -80,7 +80,7 @@ def calibrate_rig(
         raise MovedError(instead_of_movement(recording) or str(error)) from error
     except (StereocalError, np.linalg.LinAlgError) as error:  # LinAlgError: no rig is near
         named = (
-            (recording.windows and no_window(recording, np.inf))
+            (recording.windows and no_window(in_air(recording), np.inf))
             or into_water(recording)
             or contradicting_lengths(recording)
             or find_wrong_input(recording)
@@ -88,8 +88,12 @@ def calibrate_rig(
         )
         known = str(error) if isinstance(error, StereocalError) else NO_RIG
         raise StereocalError(named or known) from error
-    if recording.windows and (none := no_window(recording, rig.fit.sigma_px)):
-        raise StereocalError(none)
+    of_windows = list[str]()
+    if recording.windows:
+        air = in_air(recording)
+        if none := no_window(air, rig.fit.sigma_px):
+            raise StereocalError(none)
+        of_windows = window_warnings(rig, air)
     if rig.moved and (wrong := instead_of_movement(recording)):
         raise MovedError(wrong)
     disagree = {name for pair in rig.pairs.failed for name in pair} & {*rig.unreached}
@@ -101,7 +105,6 @@ def calibrate_rig(
     swaying = moving_cameras(recording) if rig.fit.sigma_px > LEAST_PX else ""
     focal = changing_focal(rig.fit, rig.fit.points.reshape(-1, 2, 3), lambda: rig.design_effect)
     contradicted = [] if focal else contradicted_inputs(rig.fit)
-    of_windows = window_warnings(rig, recording) if recording.windows else []
     of_cameras = [focal, *view_warnings(rig.fit), *of_windows, *contradicted]
     warnings = [_misplaced(rig), *possible, *of_cameras, rig.moved, swaying, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, warnings)), sha256=recording.sha256)

@@ -124,9 +124,14 @@ class PairRun:
         try:
             return self._calibrated()
         except StereocalError as error:
-            if water := into_water(self.dataset.recording):
-                raise StereocalError(water) from error
+            if self._into_water:
+                raise StereocalError(self._into_water) from error
             raise
+
+    @step
+    def _into_water(self) -> str:
+        """As of `into_water`, of all frames."""
+        return into_water(self.dataset.recording)
 
     def _calibrated(self) -> Calibration:
         """The sets of all methods, computed."""
@@ -160,8 +165,8 @@ class PairRun:
         )
         results = dict(zip(METHODS, [start, *searched], strict=True))
         poor = errors_of(chosen, results["3d"].pose).p95_length > POOR_LENGTH
-        if poor and (water := into_water(chosen.recording)):
-            raise StereocalError(water)
+        if poor and self._into_water:
+            raise StereocalError(self._into_water)
         warnings += warnings_about_fit(chosen, screening, poor, offer)
         refined, focal = None, ""
         if self.refined is not None:

@@ -38,13 +38,13 @@ SMALL_ERROR = 5e-4
 """A mean error of lengths, a fraction, that is of no concern."""
 
 
-def no_window(recording: Recording, noise_px: float) -> str:
+def no_window(air: "Fit", noise_px: float) -> str:
     """A message if the points fit better in air than through the stated window; else empty.
 
     Args:
+        air: as of `in_air`.
         noise_px: that the window leaves; infinite if nothing fits.
     """
-    air = in_air(recording)
     if not (air.is_sound and CLEARLY * air.px < noise_px):
         return ""
     return (
@@ -77,7 +77,7 @@ def into_water(recording: Recording) -> str:
     return ""
 
 
-class _Fit(NamedTuple):
+class Fit(NamedTuple):
     """The noise of a pair's points, and 95 % of the errors of its lengths."""
 
     px: float
@@ -89,30 +89,29 @@ class _Fit(NamedTuple):
         return self.px < SOUND_PX and self.p95 < POOR_LENGTH
 
 
-def _fit_of(recording: Recording, pair: CameraPair) -> _Fit:
+def _fit_of(recording: Recording, pair: CameraPair) -> Fit:
     """Of two cameras; infinite where nothing fits."""
     with suppress(StereocalError):
         fit = refine(with_rough_baseline(recording.pair(*pair)), RefineSettings())
         errors = errors_of(fit.apply(fit.dataset), fit.pose)
-        return _Fit(float(fit.sigma_px.value), errors.p95_length)
-    return _Fit(math.inf, math.inf)
+        return Fit(float(fit.sigma_px.value), errors.p95_length)
+    return Fit(math.inf, math.inf)
 
 
-def in_air(recording: Recording) -> _Fit:
+def in_air(recording: Recording) -> Fit:
     """The fit of the two cameras that share most points, without windows."""
     worth = pairs_worth_a_fit(recording)
-    nothing = _Fit(math.inf, math.inf)
+    nothing = Fit(math.inf, math.inf)
     return _fit_of(replace(recording, windows=()), worth[0]) if worth else nothing
 
 
-def window_warnings(rig: RigCalibration, recording: Recording) -> list[str]:
+def window_warnings(rig: RigCalibration, air: Fit) -> list[str]:
     """That the points do not tell of the window, or how much more its being known would help.
 
     Args:
-        recording: that the rig was calibrated from.
+        air: as of `in_air`, of what the rig was calibrated from.
     """
     warnings = list[str]()
-    air = in_air(recording)
     if air.is_sound and air.px < ALIKE * rig.fit.sigma_px:
         warnings.append(
             "The points fit as well in air: they hardly tell of the window. Turn the cameras "
