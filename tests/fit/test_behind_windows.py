@@ -10,6 +10,8 @@ from stereocal.errors import StereocalError
 from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.in_words import windows_sentence
 from stereocal.fit.least_squares.small_steps import (
+    OF_PAIR,
+    OF_PAIR_BEHIND_WINDOWS,
     camera_at,
     cameras_at,
     moved,
@@ -23,6 +25,7 @@ from stereocal.fit.least_squares.windows import KIND, SHARED
 from stereocal.fit.readings.windows import into_water, length_excess
 from stereocal.fit.rig_calibration import RigCalibration
 from stereocal.fit.rig_file import RigFile, rig_file
+from stereocal.fit.start.fuse import pair_derivatives
 from stereocal.rig.camera import Camera
 from stereocal.rig.geometry import Pose
 from stereocal.rig.parameters import RigParameters
@@ -168,6 +171,13 @@ def test_files_keep_windows_and_what_is_uncertain_of_them() -> None:
     of_file, of_rig = (np.array(it["covariance"]["matrix"]) for it in (stated, at_hand))
     errors = np.sqrt(np.diag(of_file)), np.sqrt(np.diag(of_rig))
     assert errors[0] == pytest.approx(errors[1], rel=0.2, abs=1e-9)
+
+
+def test_two_cameras_in_air_of_a_rig_with_a_window_have_unknowns_of_air() -> None:
+    q, R = np.zeros(3 * (EACH + 5) + 1), np.tile(np.eye(3), (3, 1, 1))
+    q[window_places(0, 3)] = [0.0, 0.0, 0.3, 1.333, 1.52]
+    sizes = [len(pair_derivatives(*pair, q, R)) for pair in ((0, 1), (1, 2))]
+    assert sizes == [OF_PAIR_BEHIND_WINDOWS, OF_PAIR]
 
 
 def test_a_recording_in_air_is_told_that_there_is_no_window() -> None:
