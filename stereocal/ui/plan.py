@@ -155,7 +155,7 @@ def _show_through_window(plan: Plan) -> None:
     place.empty()
     st.success(f"**{escape_markdown(found.answer)}**")
     words = figures.describe_window_plan(found)
-    show_figure(figures.plot_window_plan(found), words, "plan_window")
+    show_figure(figures.plot_window_plan(found), words, "plan_window_view")
     with st.container(horizontal=True):
         offer("Save plan", partial(write_plan, plan), "plan.json", "download_plan.json")
         offer("Forecast", found.dumps, "forecast.json", "download_forecast.json")

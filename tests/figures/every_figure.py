@@ -17,6 +17,7 @@ from stereocal.evaluation.evaluate import EvaluationSettings, evaluate
 from stereocal.evaluation.summary import summarise_all
 from stereocal.field.checking.repair import FrameErrors, Residuals
 from stereocal.field.planning.forecast import forecast
+from stereocal.field.planning.through_window import WindowForecast
 from stereocal.figures.story import read_story
 from stereocal.figures.two_sets import frame_views, telling_frame
 from stereocal.fit.errors.disagreement import compare_inputs
@@ -32,6 +33,7 @@ from stereocal.intrinsics.lens_fit import LensSettings
 from stereocal.library.calibrations import calibrate
 from stereocal.matching.lengths import check_lengths
 from tests.field.plans import plan
+from tests.field.test_plan_through_window import TANK
 from tests.figures import test_apply_figures as applied
 from tests.photographs.lens import search
 from tests.rigs.known_rig import BAR_M
@@ -131,6 +133,7 @@ def every_figure() -> dict[str, Drawn]:
         "two_rays": ((story,),),
         "validation": ((pooled,),),
         "view_errors": ((lens,),),
+        "window_plan": ((WindowForecast(TANK, np.array([0.01]), seed=0),),),
     }
     return {
         name: Drawn(DRAWS[f"plot_{name}"](*own[0]), DRAWS[f"describe_{name}"](*own[-1]))

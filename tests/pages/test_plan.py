@@ -69,8 +69,11 @@ def test_a_window_is_stated_and_a_plan_with_one_is_opened_and_simulated(
     assert app.number_input(key="plan_window_m").value == 0.4
     assert app.number_input(key="plan_window_mm").value == 10.0
     app.button(key="plan_simulate").click().run()
-    assert "through a window 0.4 m from the primary camera" in messages(app)
+    assert not app.exception
+    # Two days tell nothing of what is reached; that an answer stands here is the page's part.
+    assert any(item.value.startswith("**") for item in app.success)
     app.number_input(key="plan_medium").set_value(1.343).run()
+    assert not app.success
     assert app.button(key="plan_simulate")  # of another plan
     app.toggle(key="plan_window").set_value(False).run()
     assert "Limited by" in messages(app)
