@@ -9,7 +9,13 @@ from typing import Any
 import streamlit as st
 
 from stereocal.errors import DAMAGED, StereocalError
-from stereocal.field.planning.forecast import PlanForecast, forecast, plan_answer, points_per_frame
+from stereocal.field.planning.forecast import (
+    PlanForecast,
+    Reached,
+    forecast,
+    plan_answer,
+    points_per_frame,
+)
 from stereocal.field.planning.plan import Plan
 from stereocal.field.planning.through_window import forecast_through_window
 from stereocal.figures import plan_report as figures
@@ -105,8 +111,7 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
         _show_through_window(plan)
         return
     result = _forecast_of(plan)
-    shown = {"yes": st.success, "no": st.warning, "not sure": st.info}[result.reached or "yes"]
-    shown(f"**{escape_markdown(plan_answer(result))}**")
+    _show_answer(plan_answer(result), result.reached)
     if result.rigs.failed:
         st.warning(
             f"{result.rigs.failed} of {result.rigs.count} simulated recordings could not be "
@@ -139,6 +144,11 @@ def show_forecast(project: Project | None, plan: Plan) -> None:
         st.caption(escape_markdown(figures.how_computed(result)))
 
 
+def _show_answer(answer: str, reached: Reached | None) -> None:
+    shown = {"yes": st.success, "no": st.warning, "not sure": st.info}[reached or "yes"]
+    shown(f"**{escape_markdown(answer)}**")
+
+
 def _show_through_window(plan: Plan) -> None:
     """What a plan with a window will measure: simulated by a press, as it takes a while."""
     text = write_plan(plan).decode()
@@ -153,7 +163,7 @@ def _show_through_window(plan: Plan) -> None:
 
     found = once("plan", text, lambda: forecast_through_window(plan, pool(), progress=show))
     place.empty()
-    st.success(f"**{escape_markdown(found.answer)}**")
+    _show_answer(found.answer, found.reached)
     words = figures.describe_window_plan(found)
     show_figure(figures.plot_window_plan(found), words, "plan_window_view")
     with st.container(horizontal=True):

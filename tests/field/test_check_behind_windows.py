@@ -1,6 +1,7 @@
 """The check of cameras behind windows: what has moved, a camera or the wall."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from stereocal.field.checking.behind_windows import WindowCheck, check_behind_windows
 from stereocal.field.checking.fits import Smallest
 from stereocal.field.checking.known_behind_windows import Known
-from stereocal.field.checking.new_images import images_of_matches
+from stereocal.field.checking.new_images import images_of_bars, images_of_matches
 from stereocal.field.checking.to_check import PairToCheck, RigToCheck
 from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.least_squares.small_steps import cameras_at
@@ -18,6 +19,7 @@ from stereocal.fit.rig_file import rig_file
 from stereocal.rig.geometry import Pose
 from stereocal.rig.rig import PlacedCamera
 from stereocal.rig.window import moved_window
+from stereocal.workflow.run import Run
 from tests.further import of_a_whole_soak
 from tests.refused import refused
 from tests.rigs.behind_glass import Submerged, Tank, further, submerged
@@ -46,10 +48,11 @@ def turned(scene: Submerged, name: str, degrees: float, rng: np.random.Generator
     return replace(scene, cameras={**scene.cameras, name: camera}, world=world)
 
 
-def with_wall_moved(scene: Submerged, by_m: float) -> Submerged:
-    """The wall farther away by so much."""
-    cameras = {}
-    for name, camera in scene.cameras.items():
+def with_wall_moved(scene: Submerged, by_m: float, of: Sequence[str] = ()) -> Submerged:
+    """The wall farther away by so much, or the ports of some cameras."""
+    cameras = dict(scene.cameras)
+    for name in of or scene.cameras:
+        camera = scene.cameras[name]
         assert camera.window is not None
         farther = replace(camera.window, distance_m=camera.window.distance_m + by_m)
         cameras[name] = replace(camera, window=farther)
@@ -85,6 +88,8 @@ def test_ports_go_along_with_their_cameras() -> None:
     scene = submerged(Tank(each=True, wall_m=0.05), np.random.default_rng(6), 10)
     found = checked(scene, turned(scene, "c2", 0.5, np.random.default_rng(7)), 8)
     assert found.verdict == "moved" and "camera c2" in found.causes
+    port = checked(scene, with_wall_moved(scene, 0.02, ["c2"]), 8)
+    assert port.causes == ["the window of camera c2"] and "all cameras" not in port.sentence
 
 
 def test_a_calibrated_rig_is_checked_as_the_page_does() -> None:
@@ -104,6 +109,14 @@ def test_a_calibrated_rig_is_checked_as_the_page_does() -> None:
     assert without_reference.verdict == "moved" and "wall" in without_reference.sentence
     with refused("share fewer than two"):
         RigToCheck(rig, moved.of_cameras(["c2"])).check(COARSE)
+
+
+def test_the_images_that_a_pairs_file_comes_from_are_known() -> None:
+    recording = submerged(Tank(), np.random.default_rng(16)).asked()
+    parameters = Run(recording).sets["c1-c2"]["refined"]
+    images = images_of_bars(recording.pair("c1", "c2"), parameters)
+    assert PairToCheck(parameters, images).check(COARSE).verdict == "cannot tell"
+    assert images.own
 
 
 def test_matched_points_are_checked_with_the_file_of_two_cameras() -> None:

@@ -21,6 +21,7 @@ from stereocal.field.checking.check_words import OWN_IMAGES, size_range
 from stereocal.field.checking.findings import AS_LIKELY, LARGEST_NOISE_RATIO, Verdict
 from stereocal.field.checking.fits import ENOUGH, LEVEL, PriorFit, Smallest, information_of
 from stereocal.field.checking.known_behind_windows import (
+    WALL,
     Known,
     Move,
     after,
@@ -77,7 +78,8 @@ class Explanation:
         if how == "shifted":
             where = "moved away" if self.u[2] > 0 else "come closer"
             away = f"{where} by {self.size(slice(2, 3), 1e3, ' mm')}"
-            return f"{away} and tilted by {turn}, or all cameras moved together"
+            together = ", or all cameras moved together" * (self.moves[0].what == WALL)
+            return f"{away} and tilted by {turn}{together}"
         shift = f" and moved by {self.size(slice(3, 6), 1e3, ' mm')}" if how == "moved" else ""
         return f"turned by {turn}{shift}"
 

@@ -30,6 +30,8 @@ from stereocal.system.array_types import FloatArray
 Placed = Mapping[str, PlacedCamera]
 SAME_WALL = 1e-6
 """Difference of normals, and of distances in m, within which cameras look through one window."""
+WALL = "the wall"
+"""What all cameras that have a window look through, where it is one."""
 WIDE_M = 1.0
 """Standard deviation of a shift; it only keeps finite what the images do not determine."""
 
@@ -93,7 +95,7 @@ class Move:
     """What may have happened to one camera or one window."""
 
     what: str
-    """Such as `camera c1`, or `the wall`."""
+    """Such as `camera c1`, or `WALL`."""
     how: str
     """`turned` or `moved`; of a window `shifted`."""
     sigma: tuple[float, ...]
@@ -126,6 +128,7 @@ def moves_of(placed: Placed, seen: Sequence[str]) -> list[Move]:
 
     A wall that several cameras look through stays when one of them moves; a port goes along.
     """
+    behind = [name for name, it in placed.items() if it.camera.window]
     groups = [group for group in _groups_of(placed) if not {*group}.isdisjoint(seen)]
     moves = list[Move]()
     for name in seen:
@@ -134,7 +137,8 @@ def moves_of(placed: Placed, seen: Sequence[str]) -> list[Move]:
         moves.append(Move(camera_in_words(name), "turned", turn, by))
         moves.append(Move(camera_in_words(name), "moved", (*turn, *(WIDE_M,) * 3), by))
     for group in groups:
-        what = "the wall" if len(group) > 1 else f"the window of {camera_in_words(*group)}"
+        is_wall = len(group) == len(behind) > 1
+        what = WALL if is_wall else f"the window of {camera_in_words(*group)}"
         sigma = WIDE_ANGLE, WIDE_ANGLE, WIDE_M
         moves.append(Move(what, "shifted", sigma, partial(_window_moved, group)))
     return moves

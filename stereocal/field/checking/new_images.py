@@ -135,7 +135,9 @@ def images_of_bars(dataset: Pair, rig: RigParameters) -> NewImages:
     used = dataset.of_frames(rig.inputs.get("frames") or [])
     # Of a long recording of which a few frames were calibrated, the others are new.
     mostly = 2 * len(used.correspondences.frames) > len(dataset.correspondences.frames)
-    is_own = rig.inputs.get("sha256") in (dataset.sha256, used.sha256 if mostly else "")
+    # The files of a rig's pairs name the whole recording.
+    own = dataset.sha256, dataset.recording.sha256, used.sha256 if mostly else ""
+    is_own = rig.inputs.get("sha256") in own
     seen = dataset.changed(primary=rig.primary, secondary=rig.secondary)
     rows = seen.correspondences
     notes = list(filter(None, [beyond_in_words(dataset.recording.beyond_view)]))

@@ -18,6 +18,7 @@ from stereocal.errors import StereocalError
 from stereocal.evaluation.summary import Estimate
 from stereocal.field.planning.bars import place_planned_bars
 from stereocal.field.planning.expected import planned_dataset
+from stereocal.field.planning.forecast import Reached
 from stereocal.field.planning.plan import Plan
 from stereocal.fit.calibrate import calibrate_rig
 from stereocal.fit.least_squares.unknowns import LensPrior, RefineSettings
@@ -35,6 +36,12 @@ FIELD_DAYS, TEST_BARS = 8, 100
 WRONG_INDEX = 0.002
 """Error of the medium's index whose cost is stated: in water about 20 degrees of temperature, or 1
 per cent of salt."""
+
+REACHED: dict[Reached, str] = {
+    "yes": "Yes, it reaches what you need: ",
+    "no": "No, it does not reach what you need: ",
+    "not sure": "It is not sure that it reaches what you need: ",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,15 +83,19 @@ class WindowForecast:
         return float(np.median(wrong / self.plan.bar_m - 1.0))
 
     @property
+    def reached(self) -> Reached | None:
+        """Whether the accuracy that is needed is reached on all field days, or on none; None if not
+        asked."""
+        errors, needed = self.length_p95, self.plan.needed
+        if needed is None:
+            return None
+        return "yes" if errors.high <= needed else "no" if needed < errors.low else "not sure"
+
+    @property
     def answer(self) -> str:
         """What the plan will measure, and what a wrong index costs."""
-        errors, needed, wrong = self.length_p95, self.plan.needed, self.of_wrong_index
-        reached = ""
-        if needed is not None and errors.low <= needed < errors.high:
-            reached = "It is not sure that it reaches what you need: "
-        elif needed is not None:
-            yes = errors.high <= needed
-            reached = f"{'Yes, it reaches' if yes else 'No, it does not reach'} what you need: "
+        errors, wrong = self.length_p95, self.of_wrong_index
+        reached = REACHED[self.reached] if self.reached else ""
         failed = f" {self.failed} of {len(self.p95)} simulated recordings could not be calibrated."
         return (
             f"{reached}95 % of lengths are within {percent(errors.value)} % "
@@ -100,6 +111,7 @@ class WindowForecast:
             "plan": self.plan.name,
             "length_error_p95": vars(self.length_p95),
             "of_field_days": [None if np.isnan(error) else error for error in self.p95.tolist()],
+            "reached": self.reached,
             "index_error": WRONG_INDEX,
             "length_change_by_index_error": self.of_wrong_index,
             "seed": self.seed,
