@@ -49,7 +49,7 @@ INSTANT_FRAMES = 60
 QUANTITIES = {"Length error": "distance", "Position error": "point"}
 PLAN, FORECAST = "plan", "plan_forecast"
 SIMULATED = "plan_simulated"
-"""The plan with a window that was asked to be simulated."""
+"""Name of the setting with the plan behind a window that is to be simulated."""
 START = (
     "A new project with these cameras and uncertainties, and with these lengths until they are "
     "measured. The forecast is then shown beside the result."
@@ -108,7 +108,7 @@ def open_plan(project: Project | None) -> None:
 def show_forecast(project: Project | None, plan: Plan) -> None:
     """What the plan will measure, what would help, errors by place, plans side by side, files."""
     if plan.window is not None:
-        _show_through_window(plan)
+        _show_through_window(project, plan)
         return
     result = _forecast_of(plan)
     _show_answer(plan_answer(result), result.reached)
@@ -149,12 +149,15 @@ def _show_answer(answer: str, reached: Reached | None) -> None:
     shown(f"**{escape_markdown(answer)}**")
 
 
-def _show_through_window(plan: Plan) -> None:
+def _show_through_window(project: Project | None, plan: Plan) -> None:
     """What a plan with a window will measure: simulated by a press, as it takes a while."""
     text = write_plan(plan).decode()
-    if st.session_state.get(SIMULATED) != text:
+    simulated = setting(project, SIMULATED, "", str)
+    if simulated.value() != text:
         st.info("Behind a window, field days are simulated and calibrated: about a minute.")
-        button("Simulate the field days", "plan_simulate", partial(_simulate, text), first=True)
+        ask = partial(simulated.set, text)
+        button("Simulate the field days", "plan_simulate", ask, first=True)
+        st.session_state[PRESS_FIRST] = True
         return
     place = st.empty()
 
@@ -172,10 +175,6 @@ def _show_through_window(plan: Plan) -> None:
         report = partial(figures.window_report, found)
         offer("Report", report, "report.html", "download_report.html")
     st.caption(escape_markdown(figures.window_computed(found)))
-
-
-def _simulate(text: str) -> None:
-    st.session_state[SIMULATED] = text
 
 
 def _offer_files(project: Project | None, result: PlanForecast) -> None:

@@ -11,6 +11,7 @@ from stereocal.field.planning.forecast import forecast
 from stereocal.field.planning.through_window import forecast_through_window
 from stereocal.formats.camera_file import write_camera
 from stereocal.formats.plan_file import parse_plan, write_plan
+from stereocal.projects.project import Project
 from stereocal.verdict.in_words import percent
 from tests.field.plans import FIELD, contents, plan
 from tests.field.test_plan_through_window import TANK
@@ -70,13 +71,25 @@ def test_a_window_is_stated_and_a_plan_with_one_is_opened_and_simulated(
     assert app.number_input(key="plan_window_mm").value == 10.0
     app.button(key="plan_simulate").click().run()
     assert not app.exception
-    # Two days tell nothing of what is reached; that an answer stands here is the page's part.
-    assert any(item.value.startswith("**") for item in app.success)
+    assert "simulated field days)" in messages(app)
     app.number_input(key="plan_medium").set_value(1.343).run()
-    assert not app.success
+    assert "simulated field days)" not in messages(app)
     assert app.button(key="plan_simulate")  # of another plan
     app.toggle(key="plan_window").set_value(False).run()
     assert "Limited by" in messages(app)
+
+
+def test_what_was_simulated_is_there_when_the_page_is_opened_again(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = partial(forecast_through_window, days=2)
+    monkeypatch.setattr("stereocal.ui.plan.forecast_through_window", few)
+    project = Project.create(home)
+    app = page_of(project, "plan")
+    drop(app, {"plan.json": write_plan(TANK)}, "upload_plan")
+    app.button(key="plan_simulate").click().run()
+    again = page_of(project, "plan")
+    assert not again.exception and "simulated field days)" in messages(again)
 
 
 def test_three_plans_side_by_side(app: AppTest) -> None:
