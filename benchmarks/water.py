@@ -11,14 +11,19 @@ median and middle 90 %.
 - ports: a window for each camera;
 - cameras: 2 to 4, before one wall and behind ports of their own;
 - wrong: a thickness wrong by 2 mm, an index of water wrong by 0.002, and that index free;
-- lenses: refined sets without a window of the same points (`calibrate` itself refuses these).
+- lenses: refined sets without a window of the same points (`calibrate` itself refuses these);
+- boards: the same with lenses that were calibrated in the water, by boards at some of the
+  distances; errors at those distances, and beyond them.
 """
 
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
+import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchmarks.studies import Asked, Study, rms, run_studies, spread
 from stereocal.errors import StereocalError
@@ -33,10 +38,11 @@ from stereocal.fit.least_squares.unknowns import RefineSettings
 from stereocal.fit.least_squares.views import fit_points
 from stereocal.fit.refine import refine
 from stereocal.fit.rig_calibration import RigCalibration
-from stereocal.rig.camera import Camera
+from stereocal.rig.camera import Camera, LensUncertainty
 from stereocal.rig.geometry import AT_ORIGIN, Pose
 from stereocal.rig.recording import Recording
 from stereocal.rig.rig import Rig
+from stereocal.simulation.rigs import seen_by
 from stereocal.system.array_types import FloatArray
 from tests.rigs.behind_glass import FREE_LENS, Submerged, Tank, further, submerged
 
@@ -44,6 +50,8 @@ BARS = (25, 80)
 FRESH = 200
 WITHIN = 1.15
 OFF_M, OFF_INDEX = 0.002, 0.002
+BOARDS, BOARDS_M, SQUARE_M = 20, (0.3, 0.45), 0.02
+"""How many photographs of a board, at which distances behind the wall, and its squares."""
 WALL = slice(0, 3)
 """Of `window_values`: both numbers of the normal, and the distance."""
 Way = Callable[[Submerged], Recording]
@@ -198,6 +206,63 @@ def lenses(asked: Asked) -> None:
         row(f"{name}: those, freed", tank, BARS[1], asked, in_water, free=True)
 
 
+def by_boards(drawn: Submerged, rng: np.random.Generator) -> Recording:
+    """No window, and lenses from photographs of boards in the water at `BOARDS_M`."""
+    corners = np.stack([*np.mgrid[:9, :6], np.zeros((9, 6))], axis=-1).reshape(-1, 3)
+    corners = SQUARE_M * (corners - corners.mean(axis=0))
+    cameras = dict[str, Camera]()
+    for name, lens in drawn.recording.cameras.items():
+        true, from_world, seen = drawn.cameras[name], drawn.world[name], list[Any]()
+        while len(seen) < BOARDS:
+            turn = Rotation.from_euler("xyz", rng.uniform(-25.0, 25.0, 3), degrees=True)
+            middle = rng.uniform([-0.4, -0.3, BOARDS_M[0]], [0.4, 0.3, BOARDS_M[1]])
+            points = from_world.apply(turn.apply(corners) + middle)
+            pixels = seen_by(true, points, drawn.tank.noise_px, rng)
+            if np.isfinite(pixels).all():
+                seen.append(pixels.astype(np.float32)[:, None])
+        board, flags = corners.astype(np.float32), cv2.CALIB_FIX_K3
+        _, matrix, bends, _, _, sigmas, *_ = cv2.calibrateCameraExtended(
+            [board] * BOARDS, seen, lens.image_size, lens.K.copy(), np.zeros(5), flags=flags
+        )
+        K = np.asarray(matrix, dtype=np.float64)
+        d = np.asarray(bends, dtype=np.float64).ravel()[:4]
+        fx, fy, cx, cy, *of_lens = sigmas.ravel()[:8].tolist()
+        known = LensUncertainty(fx, fy, cx, cy, np.array(of_lens))
+        cameras[name] = replace(lens, K=K, distortion=d, uncertainty=known)
+    return replace(drawn.recording, cameras=cameras)
+
+
+def boards(asked: Asked) -> None:
+    """Lenses that were calibrated in the water, at the distances of the boards and beyond them."""
+    for wall_m in (0.1, 0.4):
+        found = list[FloatArray]()
+        for number in asked.numbers:
+            drawn = submerged(Tank(wall_m), np.random.default_rng([number, 64]), BARS[1])
+            rng = np.random.default_rng([number, 66])
+            recording = by_boards(drawn, rng)
+            try:
+                fit = refine(recording.pair(*recording.cameras), RefineSettings())
+            except StereocalError:
+                found.append(np.full(4, np.nan))
+                continue
+            fresh = further(drawn, rng, FRESH)
+            in_world = next(iter(drawn.world.values())).inverse().apply(fresh.ends_m.reshape(-1, 3))
+            depths = in_world[:, 2].reshape(-1, 2).mean(axis=1)
+            zones = np.digitize(depths, BOARDS_M)
+            pixels, poses = fresh.recording.images()[1], [AT_ORIGIN, fit.pose]
+            ends = ends_of([fit.primary, fit.secondary], poses, pixels)
+            lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+            error = np.abs(lengths / drawn.tank.bar_m - 1.0)
+            by_zone = [100 * np.nanmean(error[zones == zone]) for zone in (1, 0, 2)]
+            found.append(np.array([*by_zone, fit.sigma_px.value]))
+        at, near, far, px = (spread(column) for column in np.array(found).T)
+        print(
+            f"  wall at {wall_m:g} m, lenses by boards in the water: lengths {at} % off at their "
+            f"distances, {near} % nearer, {far} % farther; the points fit to {px} px",
+            flush=True,
+        )
+
+
 STUDIES: Mapping[str, Study] = {
     "distances": rows({f"wall at {m:g} m": Tank(m) for m in (0.03, 0.1, 0.2, 0.4, 1.0)}),
     "angles": rows({f"{a:g} degrees": Tank(turned_deg=a) for a in (0.0, 10.0, 30.0, 45.0)}),
@@ -213,6 +278,7 @@ STUDIES: Mapping[str, Study] = {
     ),
     "wrong": wrong,
     "lenses": lenses,
+    "boards": boards,
 }
 
 

@@ -71,6 +71,8 @@ def tell_no_pairs(project: Project) -> None:
             f"The paper's two sets and their validation are for cameras in air: {REFINED_ONLY}, "
             "which *Calibrate* makes of all cameras."
         )
+        if project.rig is not None:
+            st.page_link("pages/apply.py", label="Match and measure with it on the Apply page")
         end_here()
 
 
