@@ -22,7 +22,13 @@ from stereocal.fit.readings.diagnosis import (
     view_warnings,
 )
 from stereocal.fit.readings.moving_cameras import LEAST_PX, moving_cameras
-from stereocal.fit.readings.windows import in_air, into_water, no_window, window_warnings
+from stereocal.fit.readings.windows import (
+    in_air,
+    into_water,
+    no_window,
+    stated_otherwise,
+    window_warnings,
+)
 from stereocal.fit.readings.wrong_inputs import (
     check_inputs,
     contradicting_lengths,
@@ -42,8 +48,8 @@ from stereocal.rig.camera import camera_in_words
 from stereocal.rig.correspondences import TARGETS
 from stereocal.rig.lengths_in_words import question_about_units
 from stereocal.rig.recording import Recording
-from stereocal.rig.window import Window
-from stereocal.system.numbers import count
+from stereocal.rig.window import NOT_BEFORE, TURNED_AWAY, Window
+from stereocal.system.numbers import count, rounded
 from stereocal.system.tasks import Progress
 
 MOST_MISFIT = 400.0
@@ -81,12 +87,15 @@ def calibrate_rig(
     except (StereocalError, np.linalg.LinAlgError) as error:  # LinAlgError: no rig is near
         named = (
             (recording.windows and no_window(in_air(recording), np.inf))
+            or _otherwise(recording, settings or RefineSettings(), late)
             or into_water(recording)
             or contradicting_lengths(recording)
             or find_wrong_input(recording)
             or moving_cameras(recording)
         )
-        known = str(error) if isinstance(error, StereocalError) else NO_RIG
+        # A fit may have brought a window beside its camera, or behind it.
+        by_fit = isinstance(error, np.linalg.LinAlgError) or str(error) in (TURNED_AWAY, NOT_BEFORE)
+        known = NO_RIG if by_fit else str(error)
         raise StereocalError(named or known) from error
     of_windows = list[str]()
     if recording.windows:
@@ -108,6 +117,21 @@ def calibrate_rig(
     of_cameras = [focal, *view_warnings(rig.fit), *of_windows, *contradicted]
     warnings = [_misplaced(rig), *possible, *of_cameras, rig.moved, swaying, _question(rig)]
     return replace(rig, warnings=tuple(filter(None, warnings)), sha256=recording.sha256)
+
+
+def _otherwise(recording: Recording, settings: RefineSettings, late: bool | None) -> str:
+    """Which windows fit instead of the stated ones, through which no rig does; empty if none."""
+    for said, windows in stated_otherwise(recording).items() if recording.windows else ():
+        with suppress(StereocalError, np.linalg.LinAlgError):
+            rig = _calibrated(replace(recording, windows=windows), settings, late, None)
+            refuse_poor_fit(rig)
+            if not rig.unreached:
+                return (
+                    "The points do not fit through the window as it is stated. They do "
+                    f"{said}: to {rounded(rig.fit.sigma_px)} px. Correct what is stated of it (on "
+                    "the page Data, or in dataset.json); or a camera file, if that is right."
+                )
+    return ""
 
 
 def _misplaced(rig: RigCalibration) -> str:

@@ -32,6 +32,7 @@ THICKNESS_M, THICKEST_M = 0.01, 1.0
 """Of a window that a person states: where the thickness is not known yet, and at most."""
 MOST_STEPS, ROUNDING = 30, 1e-12
 TURNED_AWAY = "a window's normal must point away from its camera, within 85 degrees of its axis."
+NOT_BEFORE = "a window's distance must be above 0 m, and its thickness 0 m or more."
 LEAST_COSINE = float(np.cos(np.radians(85.0)))
 
 
@@ -58,7 +59,7 @@ class Window:
             (not self.normal[-1] > LEAST_COSINE * length, TURNED_AWAY),
             (
                 not (0.0 < self.distance_m < LARGEST_M and 0.0 <= self.thickness_m < LARGEST_M),
-                "a window's distance must be above 0 m, and its thickness 0 m or more.",
+                NOT_BEFORE,
             ),
             *(
                 (

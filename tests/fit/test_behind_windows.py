@@ -1,6 +1,7 @@
 """The fit of cameras behind windows: derivatives, the rig that is found, and what is refused."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -187,6 +188,34 @@ def test_a_recording_in_air_is_told_that_there_is_no_window() -> None:
     with pytest.raises(StereocalError, match="no window"):
         calibrate_rig(replace(scene.recording, windows=(window,)))
     assert into_water(scene.recording) == ""
+
+
+OTHERWISE: dict[str, tuple[Tank, dict[str, Any]]] = {
+    "one window for each camera": (TANKS["port"], {"cameras": ("c1", "c2")}),
+    "one window for all cameras": (Tank(cameras=3), {"cameras": ("c1", "c2")}),
+    "its distance and direction left to be found": (
+        Tank(),
+        {"cameras": ("c1", "c2"), "distance_m": 1.0},
+    ),
+}
+
+
+@pytest.mark.parametrize("said", OTHERWISE)
+def test_what_is_stated_wrongly_of_a_window_is_named(said: str) -> None:
+    tank, stated = OTHERWISE[said]
+    scene = submerged(tank, np.random.default_rng(0), 40)
+    with pytest.raises(StereocalError, match=f"They do with {said}: to 0"):
+        calibrate_rig(replace(scene.recording, windows=(StatedWindow(thickness_m=0.01, **stated),)))
+
+
+def test_where_no_window_fits_none_is_accused() -> None:
+    scene = submerged(Tank(cameras=3), np.random.default_rng(0), 14)
+    mirrored = scene.recording.points.copy()
+    second = scene.recording.camera == 1
+    mirrored[second, 0] = scene.recording.cameras["c2"].image_size[0] - 1 - mirrored[second, 0]
+    with pytest.raises(StereocalError) as refused:
+        calibrate_rig(replace(scene.asked(), points=mirrored))
+    assert "They do with" not in str(refused.value) and "degrees" not in str(refused.value)
 
 
 def test_a_recording_into_water_is_told_that_it_is() -> None:

@@ -77,6 +77,29 @@ def into_water(recording: Recording) -> str:
     return ""
 
 
+def stated_otherwise(recording: Recording) -> dict[str, tuple[StatedWindow, ...]]:
+    """What else may be meant by stated windows, by what is said of it: the least change first."""
+    free = tuple(
+        StatedWindow(
+            it.cameras,
+            it.thickness_m,
+            it.glass,
+            it.medium,
+            medium_sigma=it.medium_sigma,
+            glass_sigma=it.glass_sigma,
+        )
+        for it in recording.windows
+    )
+    every = tuple(recording.cameras)
+    one = replace(free[0], cameras=every)
+    others = {
+        "with its distance and direction left to be found": free,
+        "with one window for all cameras": (one,),
+        "with one window for each camera": tuple(replace(one, cameras=(name,)) for name in every),
+    }
+    return {said: windows for said, windows in others.items() if windows != recording.windows}
+
+
 class Fit(NamedTuple):
     """The noise of a pair's points, and 95 % of the errors of its lengths."""
 
