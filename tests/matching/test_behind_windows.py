@@ -182,7 +182,8 @@ def rig_file_of(
 class TestThreeCamerasAtOneWall:
     def test_exact_images_give_the_points_and_belong_together(self) -> None:
         truth = three()
-        fitter = ViewFitter(rig_file_of(truth.cameras, truth.poses, np.zeros((64, 64))))
+        fitter = ViewFitter(rig_file_of(truth.cameras, truth.poses, np.zeros((49, 49))))
+        assert fitter.covariance.shape == (64, 64)
         points = truth.ends_m.reshape(-1, 3)
         pixels = self.seen(list(truth.cameras.values()), truth.true_poses, points)
         fitted = fitter.fit(pixels, fitter.rays(pixels))
